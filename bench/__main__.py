@@ -80,8 +80,8 @@ def main() -> int:
         given.write.write_text(text, encoding="utf-8")
     print(text[text.index("## Marks") :])
     failed = [one.failure for one in figures if one.samples]
-    failed += [one.failure for one in many] + [one.failure for one in kept]
-    failed += [one.failure for one in batches if one.costs]
+    failed += [entry.failure for entry in many] + [item.failure for item in kept]
+    failed += [batch.failure for batch in batches if batch.costs]
     return 1 if any(failed) else 0
 
 

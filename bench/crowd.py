@@ -51,11 +51,11 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, pl
         mute = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
         lines = [f"{names.pop(0)}=127.0.0.1:{mute.getsockname()[1]}:{'00' * 32}" for _ in range(silent)]
         for start in range(0, len(names), _PER_PROCESS):
-            part = tuple(_finished(declaration, one) for one in names[start : start + _PER_PROCESS])
+            part = tuple(_finished(declaration, item) for item in names[start : start + _PER_PROCESS])
             home = place / f"twins-{start}"
             home.mkdir()
             twins = stack.enter_context(spawn(SiteSpec(name=f"crowd-{start}", twins=part), home))
-            lines += [f"{one}={at['host']}:{at['api_ssl']}:{at['pin']}" for one, at in twins.ready.items()]
+            lines += [f"{entry}={at['host']}:{at['api_ssl']}:{at['pin']}" for entry, at in twins.ready.items()]
         targets.write_text("\n".join(lines), encoding="utf-8")
         argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
         ran = measure.run_command(Command(argv, {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}), place)
@@ -66,9 +66,9 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, pl
     return Crowd(size, silent, ran.cost, engine_s, failure)
 
 
-def _finished(declaration: Declaration, one: str) -> TwinSpec:
+def _finished(declaration: Declaration, item: str) -> TwinSpec:
     """A router that is as declared already, on a link without delay."""
-    host = declaration.hosts[one]
+    host = declaration.hosts[item]
     (twin,) = site_spec(declaration, [host]).twins
     text = router(declaration, host)
     seed = "\n".join(edits.first_script(text, twin.router.management.local))

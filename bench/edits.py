@@ -49,7 +49,7 @@ def repair_script(declared: Declared) -> Iterator[str]:
     for place, rule in enumerate(rules):
         if _is_missing(rule):
             words = " ".join(f"{name}={quote(value)}" for name, value in rule.items())
-            after = next((one for one in rules[place:] if not _is_missing(one)), None)
+            after = next((row for row in rules[place:] if not _is_missing(row)), None)
             yield f"/ip firewall filter add {words}" + (f" place-before={_find(after)}" if after else "")
 
 

@@ -46,10 +46,15 @@ def run(
     command: Sequence[str], *, log: Path, environment: Mapping[str, str], folder: Path, patience_s: float = 1800.0
 ) -> Ran:
     """Run a command to its end and measure it from outside; it is killed when patience ends."""
-    with log.open("wb") as said:
+    with log.open("wb") as buffered_writer:
         started = time.perf_counter()
         process = subprocess.Popen(  # noqa: S603 - the contenders' own commands
-            command, env=environment, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT
+            command,
+            env=environment,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=buffered_writer,
+            stderr=subprocess.STDOUT,
         )
         guard = threading.Timer(patience_s, process.kill)
         guard.start()

@@ -38,9 +38,9 @@ def easy_rsa_version() -> str | None:
     """Name and version of the package; None if it is not installed."""
     if not os.access(_TOOL, os.X_OK):
         return None
-    asked = ["dpkg-query", "-W", "-f", "${Version}", EASY_RSA]
-    said = subprocess.run(asked, capture_output=True, text=True, check=False)  # noqa: S603 - our own words
-    return f"{EASY_RSA} {said.stdout.strip() or 'of unknown version'}"
+    requested = ["dpkg-query", "-W", "-f", "${Version}", EASY_RSA]
+    process = subprocess.run(requested, capture_output=True, text=True, check=False)  # noqa: S603 - our own words
+    return f"{EASY_RSA} {process.stdout.strip() or 'of unknown version'}"
 
 
 def onboardings(devices: int, runs: int, folder: Path) -> Iterator[Onboarding]:
@@ -144,6 +144,6 @@ def _measured(  # noqa: PLR0913, PLR0917 - a batch, and what must be there after
 
 def _verified(ca: Path, certificates: Sequence[Path]) -> int:
     """How many of them OpenSSL takes for a client's of that authority."""
-    asked = ["openssl", "verify", "-purpose", "sslclient", "-CAfile", str(ca), *map(str, certificates)]
-    said = subprocess.run(asked, capture_output=True, text=True, check=False)  # noqa: S603 - our own words
-    return sum(line.endswith(": OK") for line in said.stdout.splitlines())
+    requested = ["openssl", "verify", "-purpose", "sslclient", "-CAfile", str(ca), *map(str, certificates)]
+    process = subprocess.run(requested, capture_output=True, text=True, check=False)  # noqa: S603 - our own words
+    return sum(line.endswith(": OK") for line in process.stdout.splitlines())

@@ -117,13 +117,19 @@ def _table(figures: Sequence[Figure]) -> Iterator[str]:
 
 def _ours(figures: Sequence[Figure]) -> dict[Shape, Figure]:
     """Ours over each link, where it has succeeded."""
-    return {one.link: one for one in figures if one.contender == OURS and one.samples and not one.failure}
+    return {
+        figure.link: figure for figure in figures if figure.contender == OURS and figure.samples and not figure.failure
+    }
 
 
 def _ahead(figures: Sequence[Figure]) -> Iterator[str]:
     """Name the peers that are quicker than we are, and over which link; and those that need fewer bytes."""
     ours = _ours(figures)
-    peers = [one for one in figures if one.contender != OURS and one.samples and not one.failure and one.link in ours]
+    peers = [
+        entry
+        for entry in figures
+        if entry.contender != OURS and entry.samples and not entry.failure and entry.link in ours
+    ]
     quicker: dict[str, list[str]] = {}
     for peer in peers:
         wall_s = ours[peer.link].wall_s
@@ -134,10 +140,12 @@ def _ahead(figures: Sequence[Figure]) -> Iterator[str]:
     if peers and not quicker:
         yield "* Nobody is quicker than we are."
     last = {peer.contender: peer for peer in peers}
-    fewer = [(one, ours[one.link].bytes) for one in last.values() if one.bytes < ours[one.link].bytes]
+    fewer = [(item, ours[item.link].bytes) for item in last.values() if item.bytes < ours[item.link].bytes]
     if fewer:
-        said = "; ".join(f"{one.contender} ({one.bytes / 1000:.0f} kB, we {size / 1000:.0f} kB)" for one, size in fewer)
-        yield f"* Fewer bytes than ours: {said}."
+        text = "; ".join(
+            f"{figure.contender} ({figure.bytes / 1000:.0f} kB, we {size / 1000:.0f} kB)" for figure, size in fewer
+        )
+        yield f"* Fewer bytes than ours: {text}."
 
 
 def _remarks(figures: Sequence[Figure]) -> Iterator[str]:
@@ -183,25 +191,25 @@ def _kept(kept: Sequence[Runs]) -> Iterator[str]:
     few = _few(kept)
     yield "| Command | Runs | Wall s | Times that of the fewest |"
     yield "|---|---|---|---|"
-    for one in kept:
-        ratio = f"{one.wall_s / few[one.command].wall_s:.1f}"
-        yield f"| {one.command}{' FAILED' if one.failure else ''} | {one.runs} | {one.wall_s:.2f} | {ratio} |"
+    for runs in kept:
+        ratio = f"{runs.wall_s / few[runs.command].wall_s:.1f}"
+        yield f"| {runs.command}{' FAILED' if runs.failure else ''} | {runs.runs} | {runs.wall_s:.2f} | {ratio} |"
 
 
 def _few(kept: Sequence[Runs]) -> dict[str, Runs]:
     """Each command where there are the fewest runs."""
-    return {one.command: one for one in sorted(kept, key=lambda one: -one.runs)}
+    return {runs.command: runs for runs in sorted(kept, key=lambda runs: -runs.runs)}
 
 
 def _kept_marks(kept: Sequence[Runs]) -> Iterator[str]:
     """Compare with what was promised: a thousand runs within 1.5 times of ten."""
     few = _few(kept)
-    for one in kept:
-        if one.runs >= _THOUSAND and not one.failure:
-            base = few[one.command]
-            times = one.wall_s / base.wall_s
+    for runs in kept:
+        if runs.runs >= _THOUSAND and not runs.failure:
+            base = few[runs.command]
+            times = runs.wall_s / base.wall_s
             yield (
-                f"* `{one.command}` with {one.runs} runs takes {times:.1f} times as long as with {base.runs}"
+                f"* `{runs.command}` with {runs.runs} runs takes {times:.1f} times as long as with {base.runs}"
                 f"{_verdict(reached=times <= _KEPT_TIMES)}."
             )
 
@@ -222,28 +230,36 @@ other) for so many devices more. OpenSSL verifies all of them afterwards. No net
 
 
 def _onboarding(onboardings: Sequence[Onboarding]) -> Iterator[str]:
-    ours = {one.devices: one for one in onboardings if one.contender == OURS and one.costs}
+    ours = {
+        onboarding.devices: onboarding
+        for onboarding in onboardings
+        if onboarding.contender == OURS and onboarding.costs
+    }
     yield _measured()
     yield ""
     yield "| Devices | Contender | Wall s (min-max) | CPU s | Wall ms each | Times our wall |"
     yield "|---|---|---|---|---|---|"
-    for one in onboardings:
-        if not one.costs:
-            yield f"| {one.devices} | {one.contender} | not measured: {one.failure} | | | |"
+    for item in onboardings:
+        if not item.costs:
+            yield f"| {item.devices} | {item.contender} | not measured: {item.failure} | | | |"
             continue
-        low, high = one.spread
-        spread = f" ({low:.1f}-{high:.1f})" if len(one.costs) > 1 else ""
-        base = ours.get(one.devices)
-        ratio = f"{one.wall_s / base.wall_s:.1f}" if base is not None else ""
+        low, high = item.spread
+        spread = f" ({low:.1f}-{high:.1f})" if len(item.costs) > 1 else ""
+        base = ours.get(item.devices)
+        ratio = f"{item.wall_s / base.wall_s:.1f}" if base is not None else ""
         yield (
-            f"| {one.devices} | {one.contender}{' FAILED' if one.failure else ''} | {one.wall_s:.1f}{spread} |"
-            f" {one.cpu_s:.1f} | {1000 * one.wall_s / one.devices:.1f} | {ratio} |"
+            f"| {item.devices} | {item.contender}{' FAILED' if item.failure else ''} | {item.wall_s:.1f}{spread} |"
+            f" {item.cpu_s:.1f} | {1000 * item.wall_s / item.devices:.1f} | {ratio} |"
         )
 
 
 def _onboarding_marks(onboardings: Sequence[Onboarding]) -> Iterator[str]:
     """Compare with what was promised: a thousand devices in a fifth of easy-rsa's time."""
-    at = {one.contender: one for one in onboardings if one.devices >= _THOUSAND and one.costs and not one.failure}
+    at = {
+        onboarding.contender: onboarding
+        for onboarding in onboardings
+        if onboarding.devices >= _THOUSAND and onboarding.costs and not onboarding.failure
+    }
     if OURS in at and EASY_RSA in at:
         ratio = at[EASY_RSA].wall_s / at[OURS].wall_s
         yield (

@@ -191,23 +191,23 @@ class Proxy:
         await _pump(source, sink, said)
 
 
-async def _pump(source: asyncio.StreamReader, sink: asyncio.StreamWriter, said: Arrival) -> None:
+async def _pump(source: asyncio.StreamReader, sink: asyncio.StreamWriter, reply: Arrival) -> None:
     """Carry one direction of one connection to its end: read at once, deliver when it is due."""
     queue: deque[tuple[float, bytes]] = deque()
     news = asyncio.Event()
     async with asyncio.TaskGroup() as both:
-        both.create_task(_fill(source, queue, news, said))
+        both.create_task(_fill(source, queue, news, reply))
         both.create_task(_drain(sink, queue, news))
 
 
 async def _fill(
-    source: asyncio.StreamReader, queue: deque[tuple[float, bytes]], news: asyncio.Event, said: Arrival
+    source: asyncio.StreamReader, queue: deque[tuple[float, bytes]], news: asyncio.Event, reply: Arrival
 ) -> None:
     while True:
         data = b""
         with suppress(ConnectionError):
             data = await source.read(_PIECE)
-        queue.append((said(len(data)), data))
+        queue.append((reply(len(data)), data))
         news.set()
         if not data:
             return

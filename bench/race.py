@@ -114,8 +114,8 @@ def _once(world: World, contender: Contender, scenario: Scenario, link: Shape) -
         return Figure(contender.name, scenario, link, (sample,), notes, stage.differences(), failure)
 
 
-def _last_words(said: str) -> str:
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
+def _last_words(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     return lines[-1][:200] if lines else "it said nothing"
 
 

@@ -32,8 +32,8 @@ def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
         ran = [(size, _call(command, state)) for _ in range(calls) for size, state in states.items()]
         for size in sizes:
             mine = [one for of, one in ran if of == size]
-            failure = next((one.said.strip() for one in mine if one.code != code), "")
-            yield Runs(command, size, tuple(one.cost for one in mine), failure)
+            failure = next((entry.said.strip() for entry in mine if entry.code != code), "")
+            yield Runs(command, size, tuple(item.cost for item in mine), failure)
 
 
 def _state(state: Path, size: int) -> Path:

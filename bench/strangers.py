@@ -35,7 +35,7 @@ def version(package: str) -> str:
     """The installed version; empty if there is none."""
     if not Path(python()).exists():
         return ""
-    asked = subprocess.run(  # noqa: S603 - our own program text
+    process = subprocess.run(  # noqa: S603 - our own program text
         [python(), "-c", _VERSION, package], capture_output=True, text=True, check=False
     )
-    return asked.stdout.strip()
+    return process.stdout.strip()

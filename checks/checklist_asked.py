@@ -68,7 +68,7 @@ class Asking:
     def of(cls, declaration: Declaration, how: How, site: str, scope: Scope) -> Asking:
         """Work out the lists. Raises NothingMatched."""
         sites = declaration.sites if site == ALL else [site]
-        return cls(declaration, how, {one: plan(declaration, one, scope) for one in sites})
+        return cls(declaration, how, {item: plan(declaration, item, scope) for item in sites})
 
     def entries(self) -> Iterable[Entry]:
         """In the order of the lists."""
@@ -91,8 +91,8 @@ class Asking:
 
     def _ask(self, site: str) -> tuple[Item, ...]:
         """Ask all that is wanted of a site at once."""
-        wanted = [one for one in self.lists[site].entries if self.name(one) in self.wanted]
-        entries = [one for one in wanted if one.item.kind is Kind.AUTOMATIC and not one.step.unless]
+        expected = [item for item in self.lists[site].entries if self.name(item) in self.wanted]
+        entries = [entry for entry in expected if entry.item.kind is Kind.AUTOMATIC and not entry.step.unless]
         rehearse, listed = self.how.rehearse, replace(self.lists[site], entries=tuple(entries))
         with (
             session(
@@ -109,10 +109,10 @@ class Asking:
         """What people have answered in the latest checklist of the site that is of this declaration."""
         if site not in self._answered:
             folder = folder_of(Store(state_dir(), rehearsed=self.how.rehearse), site)
-            kept = [one.document for one in books(folder) if one.document is not None and one.state in _VALID]
-            mine = [one for one in kept if one.inventory == self.declaration.revision]
+            kept = [book.document for book in books(folder) if book.document is not None and book.state in _VALID]
+            mine = [entry for entry in kept if entry.inventory == self.declaration.revision]
             # The newest answer counts; a later checklist may be narrowed to other vehicles.
-            self._answered[site] = {item.id: item for one in mine for item in one.items if _settled(item)}
+            self._answered[site] = {item.id: item for document in mine for item in document.items if _settled(item)}
         return self._answered[site]
 
 
@@ -131,9 +131,9 @@ def told(item: Item) -> Iterator[tuple[str, str]]:
     if item.counts is Verdict.WARN:
         reason = f" (overridden by {item.override.by}: {item.override.reason})" if item.override is not None else ""
         yield "warning", f"{item.message}{reason}"
-    for one in item.evidence:
-        by = f", {one.by}" if one.by is not None else ""
-        yield "evidence", f"{one.type}: {one.what}: {one.value}{by}"
+    for evidence in item.evidence:
+        by = f", {evidence.by}" if evidence.by is not None else ""
+        yield "evidence", f"{evidence.type}: {evidence.what}: {evidence.value}{by}"
 
 
 def waits(item: Item) -> str:

@@ -84,7 +84,7 @@ def _parametrize(metafunc: pytest.Metafunc, promised: list[Promises]) -> None:
     """One test a gateway, or one for each of its items."""
     kind = next((kind for kind in ITEMS if kind in metafunc.fixturenames), None)
     if kind is None:
-        _repeat(metafunc, "promised", {one.host.name: one for one in promised}, "gateway")
+        _repeat(metafunc, "promised", {entry.host.name: entry for entry in promised}, "gateway")
     else:
         rows = {f"{one.host.name}:{item}": (one, item) for one in promised for item in ITEMS[kind](one)}
         _repeat(metafunc, f"promised,{kind}", rows, f"gateway with a {kind}")
@@ -169,10 +169,10 @@ def found(entry: Entry, request: pytest.FixtureRequest) -> Item:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Warnings of the checklist, which passes with them."""
     reports = terminalreporter.getreports("passed")
-    warned = [told for told in (dict(report.user_properties) for report in reports) if "warning" in told]
+    warned = [result for result in (dict(report.user_properties) for report in reports) if "warning" in result]
     if warned:
         terminalreporter.section("warnings of the checklist")
-        terminalreporter.write("".join(f"{told['item']}: {told['warning']}\n" for told in warned))
+        terminalreporter.write("".join(f"{values['item']}: {values['warning']}\n" for values in warned))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

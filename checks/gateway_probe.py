@@ -46,16 +46,16 @@ def stands(path: str) -> dict[str, Any] | None:
     """What stands at a path: kind, mode, owner, and the SHA-256 of what is in a file."""
     place = Path(path)
     try:
-        told = place.lstat()
+        result = place.lstat()
     except OSError:
         return None
-    owner, group = _named(pwd.getpwuid, told.st_uid), _named(grp.getgrgid, told.st_gid)
-    found = {"kind": "other", "mode": f"{stat.S_IMODE(told.st_mode):04o}", "owner": owner, "group": group}
-    if stat.S_ISDIR(told.st_mode):
+    owner, group = _named(pwd.getpwuid, result.st_uid), _named(grp.getgrgid, result.st_gid)
+    found = {"kind": "other", "mode": f"{stat.S_IMODE(result.st_mode):04o}", "owner": owner, "group": group}
+    if stat.S_ISDIR(result.st_mode):
         found["kind"] = "directory"
-    elif stat.S_ISLNK(told.st_mode):
+    elif stat.S_ISLNK(result.st_mode):
         found.update(kind="link", target=os.readlink(path))
-    elif stat.S_ISREG(told.st_mode):
+    elif stat.S_ISREG(result.st_mode):
         found.update(kind="file", sha256=hashlib.sha256(place.read_bytes()).hexdigest())
     return found
 
@@ -108,11 +108,11 @@ def pairs(lines: list[str]) -> dict[str, str]:
 
 def room(path: str) -> dict[str, float]:
     """What is left for the system's own programs: 10^6 bytes, and shares of all blocks and of all inodes."""
-    told = os.statvfs(path)
+    result = os.statvfs(path)
     return {
-        "free_mb": told.f_bavail * told.f_frsize / 1e6,
-        "free": told.f_bavail / max(told.f_blocks, 1),
-        "free_inodes": told.f_favail / told.f_files if told.f_files else 1.0,
+        "free_mb": result.f_bavail * result.f_frsize / 1e6,
+        "free": result.f_bavail / max(result.f_blocks, 1),
+        "free_inodes": result.f_favail / result.f_files if result.f_files else 1.0,
     }
 
 

@@ -152,9 +152,9 @@ def promises(declaration: Declaration, host: Host) -> Promises:
     return made
 
 
-def _take(made: Promises, told: Mapping[str, Any]) -> None:
-    configure, packages = told.get("configure") or {}, told.get("packages") or {}
-    for file in _files(told):
+def _take(made: Promises, values: Mapping[str, Any]) -> None:
+    configure, packages = values.get("configure") or {}, values.get("packages") or {}
+    for file in _files(values):
         made.files[file.path] = file
     made.links |= {link["path"]: link["target"] for link in configure.get("links") or ()}
     made.absent += [*(configure.get("absent") or ()), *(packages.get("absent") or ())]
@@ -165,16 +165,16 @@ def _take(made: Promises, told: Mapping[str, Any]) -> None:
         if unit.get("enabled") is not None or unit.get("active") is not None:
             made.units[unit["name"]] = UnitThere(unit["name"], unit.get("enabled"), unit.get("active"))
     made.packages |= {package["name"]: package.get("version") for package in packages.get("packages") or ()}
-    made.build = told.get("build") or made.build
-    elsewhere = told.get("elsewhere") or {}
+    made.build = values.get("build") or made.build
+    elsewhere = values.get("elsewhere") or {}
     made.alone = {**made.alone, **elsewhere.get("variables", {})}
     made.ours += elsewhere.get("ours", ())
 
 
-def _files(told: Mapping[str, Any]) -> Iterator[FileThere]:
+def _files(values: Mapping[str, Any]) -> Iterator[FileThere]:
     """Of whatever module lays it down."""
-    packages, network = told.get("packages") or {}, told.get("network") or {}
-    for row in (told.get("configure") or {}).get("files") or ():
+    packages, network = values.get("packages") or {}, values.get("network") or {}
+    for row in (values.get("configure") or {}).get("files") or ():
         kept = {key: row.get(key, usual) for key, usual in (("mode", "0644"), ("owner", "root"), ("group", "root"))}
         yield FileThere(row["path"], row["content"].encode(), **kept)
     for row in (*(packages.get("sources") or ()), *(packages.get("pins") or ())):

@@ -44,12 +44,12 @@ def test_declaration_is_complete(promised: Promises) -> None:
 
 
 def test_file(promised: Promises, path: str, answers: Answers) -> None:
-    found, wanted = answers.told["files"][path], promised.files[path]
+    found, file_there = answers.told["files"][path], promised.files[path]
     assert found is not None, f"{path} is missing; {plan(promised)}"
     assert found["kind"] == "file", f"{path} is a {found['kind']}"
-    assert found["sha256"] == wanted.sha256, f"{path} is not as declared; {plan(promised)}"
+    assert found["sha256"] == file_there.sha256, f"{path} is not as declared; {plan(promised)}"
     for key in ("mode", "owner", "group"):
-        declared = getattr(wanted, key)
+        declared = getattr(file_there, key)
         assert declared in {None, found[key]}, f"{key} of {path} is {found[key]}, declared is {declared}"
 
 
@@ -68,22 +68,24 @@ def test_nothing_else_in(folder: str, promised: Promises, answers: Answers) -> N
 
 
 def test_package(promised: Promises, package: str, answers: Answers) -> None:
-    found, wanted = answers.told["packages"].get(package), promised.packages[package]
+    found, expected = answers.told["packages"].get(package), promised.packages[package]
     assert found is not None, f"{package} is not installed, or only half"
-    assert wanted is None or fnmatchcase(found, wanted), f"{package} {found} is installed, declared is {wanted}"
+    assert expected is None or fnmatchcase(found, expected), f"{package} {found} is installed, declared is {expected}"
 
 
 def test_unit(promised: Promises, unit: str, answers: Answers) -> None:
-    found, wanted = answers.told["units"][unit], promised.units[unit]
+    found, unit_there = answers.told["units"][unit], promised.units[unit]
     state, by = found.get("ActiveState", "unknown"), found.get("UnitFileState", "")
     look = f"on the computer: `systemctl status {unit}`"
     assert state != "failed", f"{unit} has failed; {look}"
-    if wanted.enabled is not None and by not in NOT_BY_INSTALL:
-        assert (by == "enabled") == wanted.enabled, (
-            f"{unit} is {by or 'not there'}, enabled is {wanted.enabled}; {look}"
+    if unit_there.enabled is not None and by not in NOT_BY_INSTALL:
+        assert (by == "enabled") == unit_there.enabled, (
+            f"{unit} is {by or 'not there'}, enabled is {unit_there.enabled}; {look}"
         )
-    if wanted.active is not None:
-        assert (state == "active") == wanted.active, f"{unit} is {state}, declared is active: {wanted.active}; {look}"
+    if unit_there.active is not None:
+        assert (state == "active") == unit_there.active, (
+            f"{unit} is {state}, declared is active: {unit_there.active}; {look}"
+        )
 
 
 def test_clock_is_right(promised: Promises, answers: Answers) -> None:
@@ -101,9 +103,9 @@ def test_clock_follows_a_source(answers: Answers) -> None:
 
 
 def test_locale_is_there(promised: Promises, answers: Answers) -> None:
-    wanted = promised.settings(LOCALE).get("LANG", "C.UTF-8")
+    expected = promised.settings(LOCALE).get("LANG", "C.UTF-8")
     there = {_plain(name) for name in answers.said("locales").splitlines()}
-    assert _plain(wanted) in there, f"the locale {wanted} is not generated; on the computer: `locale-gen`"
+    assert _plain(expected) in there, f"the locale {expected} is not generated; on the computer: `locale-gen`"
 
 
 def _plain(locale: str) -> str:
@@ -113,10 +115,10 @@ def _plain(locale: str) -> str:
 def test_sshd_obeys(promised: Promises, answers: Answers) -> None:
     in_force = dict(line.lower().split(" ", 1) for line in answers.said("sshd").splitlines() if " " in line)
     for key, value in promised.settings(SSHD).items():
-        name, wanted = SAME.get(key.lower(), key.lower()), SAME.get(value.lower(), value.lower())
+        name, expected = SAME.get(key.lower(), key.lower()), SAME.get(value.lower(), value.lower())
         found = in_force.get(name)
-        assert found == wanted, (
-            f"sshd has {name} {found}, declared is {wanted}: another file in {SSHD} comes before ours"
+        assert found == expected, (
+            f"sshd has {name} {found}, declared is {expected}: another file in {SSHD} comes before ours"
         )
 
 
@@ -161,14 +163,14 @@ def test_card_has_room(answers: Answers) -> None:
 
 
 def test_journal_is_bounded(promised: Promises, answers: Answers) -> None:
-    wanted = promised.settings(JOURNAL)
+    expected = promised.settings(JOURNAL)
     lines = [line.partition("=") for line in answers.said("journal").splitlines() if not line.startswith(("#", ";"))]
     in_force = {key.strip(): value.strip() for key, _, value in lines}
-    for key, value in wanted.items():
+    for key, value in expected.items():
         assert in_force.get(key) == value, f"journald has {key}={in_force.get(key)}, declared is {value}"
     used = re.search(r"([\d.]+)([KMGT]?)B? in the file system", answers.said("journal_usage"))
     assert used is not None, "journald does not tell how much room it takes"
-    most = wanted["SystemMaxUse"]
+    most = expected["SystemMaxUse"]
     taken = float(used[1]) * SIZES.get(used[2], 1)
     assert taken <= 1.1 * float(most[:-1]) * SIZES[most[-1]], (
         f"the journal takes {used[1]}{used[2]}, declared is {most}"
@@ -204,7 +206,7 @@ def test_nothing_keeps_ros_at_home(promised: Promises, answers: Answers) -> None
 def test_the_declared_library_is_in_use(promised: Promises, answers: Answers) -> None:
     built = json.loads(answers.told["texts"][BUILT] or "{}")
     for name in ("library", "examples"):
-        wanted = (promised.build or {}).get(name)
-        if wanted is not None:
+        expected = (promised.build or {}).get(name)
+        if expected is not None:
             found = (built.get(name) or {}).get("revision")
-            assert found == wanted["revision"], f"the {name} in use is {found}, declared is {wanted['revision']}"
+            assert found == expected["revision"], f"the {name} in use is {found}, declared is {expected['revision']}"

@@ -18,9 +18,9 @@ PROVISION = str(Path(sys.executable).with_name("provision"))
 
 
 def test_a_router_holds_what_is_declared(router: Host, inventory: Path) -> None:
-    asked = ["drift", f"site={router.site}", f"only={router.name}", f"inventory={inventory}", "--json"]
-    done = subprocess.run([PROVISION, *asked], capture_output=True, text=True, check=False)
-    told = json.loads(done.stdout)
-    assert not told["errors"], told["errors"]
-    found = told["devices"][router.name]
+    requested = ["drift", f"site={router.site}", f"only={router.name}", f"inventory={inventory}", "--json"]
+    done = subprocess.run([PROVISION, *requested], capture_output=True, text=True, check=False)
+    result = json.loads(done.stdout)
+    assert not result["errors"], result["errors"]
+    found = result["devices"][router.name]
     assert done.returncode == ExitCode.DONE, f"{router.name}: {found['message']}\n{drift_lines(found)}"

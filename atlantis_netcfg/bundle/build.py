@@ -90,7 +90,7 @@ def make(order: Order, signer: Signer, tell: Tell, sized: Callable[[Size], None]
         lacking = {each.wish.host: roots[each.wish.host].lacking(_wanted(each)) for each in order.purposes}
         _reuse(work, lacking)
         sized(_size(roots, lacking))
-        libraries = gather((one for each in order.purposes for one in each.wish.libraries), work.work / "git")
+        libraries = gather((library for each in order.purposes for library in each.wish.libraries), work.work / "git")
         for each in order.purposes:
             _fetch(roots[each.wish.host], each, lacking[each.wish.host], tell)
         work.add(KEY, signer.public)
@@ -112,22 +112,22 @@ def _wanted(purpose: Purpose) -> list[Wished]:
     """What the target does not have already, in one order."""
     has = purpose.target.installed
     return sorted(
-        {each for each in purpose.wish.packages if not each.fits(has.get(each.name))}, key=lambda one: one.asked
+        {each for each in purpose.wish.packages if not each.fits(has.get(each.name))}, key=lambda package: package.asked
     )
 
 
 def _root(work: Workshop, purpose: Purpose) -> Root:
-    wish, target = purpose.wish, purpose.target
-    expected = (wish.distribution or target.distribution, wish.codename or target.codename)
+    request, target = purpose.wish, purpose.target
+    expected = (request.distribution or target.distribution, request.codename or target.codename)
     if expected != (target.distribution, target.codename):
         raise BundleRefused(
-            f"{wish.host}: what is declared needs {' '.join(expected)}, and its system is {target.shown}",
+            f"{request.host}: what is declared needs {' '.join(expected)}, and its system is {target.shown}",
             hint="take the image of that release, or declare the `distribution` of ROS 2 that this one has",
         )
     if purpose.archive is not None:
         source, key = purpose.archive
-        wish = replace(wish, sources=(*wish.sources, source), keys=(*wish.keys, key))
-    root = Root.make(work.work / "hosts" / wish.host, work.work, target, wish)
+        request = replace(request, sources=(*request.sources, source), keys=(*request.keys, key))
+    root = Root.make(work.work / "hosts" / request.host, work.work, target, request)
     if _wanted(purpose):
         root.update()
     return root
@@ -141,9 +141,9 @@ def _size(roots: dict[str, Root], lacking: dict[str, tuple[Fetched, ...]]) -> Si
 
 def _packages(work: Workshop, signer: Signer, purpose: Purpose, fetched: Sequence[Fetched]) -> HostPart:
     """Put a host's packages and their index into the bundle."""
-    wish, target = purpose.wish, purpose.target
+    request, target = purpose.wish, purpose.target
     packages = [read_package(_archived(work, file), file.sha256) for file in fetched]
-    held = {}
+    current = {}
     for package, file in zip(packages, fetched, strict=True):
         path = f"pool/{package.file}"
         if path not in work.files:
@@ -153,20 +153,22 @@ def _packages(work: Workshop, signer: Signer, purpose: Purpose, fetched: Sequenc
                 f"two sources have different packages of the same name and version: {package.file}",
                 hint="leave one of the sources out",
             )
-        held[f"repository/{path}"] = path
+        current[f"repository/{path}"] = path
     for name, data in index(packages, target, signer).items():
-        path = f"hosts/{wish.host}/repository/{name}"
+        path = f"hosts/{request.host}/repository/{name}"
         work.add(path, data)
-        held[f"repository/{name}"] = path
-    held["repository/atlantis.gpg"] = KEY
+        current[f"repository/{name}"] = path
+    current["repository/atlantis.gpg"] = KEY
     return HostPart(
         architecture=target.architecture,
         distribution=target.distribution,
         codename=target.codename,
-        wished={each.name: each.version for each in wish.packages},
-        installed={each.name: target.installed[each.name] for each in wish.packages if each.name in target.installed},
+        wished={each.name: each.version for each in request.packages},
+        installed={
+            each.name: target.installed[each.name] for each in request.packages if each.name in target.installed
+        },
         packages={package.name: package.version for package in packages},
-        held=held,
+        held=current,
     )
 
 
@@ -193,16 +195,16 @@ def _reuse(work: Workshop, lacking: dict[str, tuple[Fetched, ...]]) -> None:
 
 def _libraries(work: Workshop, part: HostPart, purpose: Purpose, gathered: Gathered) -> HostPart:
     """Put a host's libraries into the bundle."""
-    held, libraries = dict(part.held), []
+    current, libraries = dict(part.held), []
     for library in purpose.wish.libraries:
         for path, source in gathered.files(library):
             inside = f"sources/{path.replace(':', '-')}"
             if inside not in work.files:
                 work.add(inside, source.read_bytes())
-            held[f"sources/{path}"] = inside
+            current[f"sources/{path}"] = inside
         commit = gathered.commits[library.url, library.revision]
         libraries.append(HeldLibrary(url=library.url, revision=library.revision, commit=commit))
-    return part.model_copy(update={"held": held, "libraries": tuple(libraries)})
+    return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
 
 def _image(work: Workshop, image: Path | None) -> Image | None:

@@ -74,10 +74,10 @@ def _fetch(  # noqa: PLR0913, PLR0917 - a step of a walk
     if not bare.exists():
         _git(bare, _SILENT, "init", "--quiet", "--bare", "--initial-branch=atlantis", str(bare))
         _plain(bare)
-    wanted = [f"+{ref}:{ref}", f"+{ref}:refs/heads/atlantis"]
+    desired = [f"+{ref}:{ref}", f"+{ref}:refs/heads/atlantis"]
     if not _is_commit(revision):
-        wanted.append(f"+refs/tags/{revision}:refs/tags/{revision}")
-    words = ("fetch", "--quiet", "--depth", "1", "--no-tags", f"file://{mirror}", *wanted)
+        desired.append(f"+refs/tags/{revision}:refs/tags/{revision}")
+    words = ("fetch", "--quiet", "--depth", "1", "--no-tags", f"file://{mirror}", *desired)
     _git(bare, _SILENT, *_SMALL, *words)
     (bare / "FETCH_HEAD").unlink(missing_ok=True)
     gathered.of[key].add(place)
@@ -100,22 +100,22 @@ def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -
     else:
         ways = [[f"+refs/tags/{revision}:refs/tags/{revision}"]]
         named = f"refs/tags/{revision}^{{commit}}"
-    said = ""
-    for wanted in ways:
-        shallow = [] if wanted[0].startswith("+refs/heads/") else ["--depth", "1"]
+    text = ""
+    for way in ways:
+        shallow = [] if way[0].startswith("+refs/heads/") else ["--depth", "1"]
         if _is_commit(revision) and _whole(mirror, revision):
             break
         done = run(
-            ["git", "-C", str(mirror), "-c", "protocol.version=2", "fetch", "--quiet", *shallow, url, *wanted],
+            ["git", "-C", str(mirror), "-c", "protocol.version=2", "fetch", "--quiet", *shallow, url, *way],
             environment,
         )
-        said = done.stderr.decode(errors="replace")
+        text = done.stderr.decode(errors="replace")
         if done.returncode == 0:
             break
     found = run(["git", "-C", str(mirror), "rev-parse", "--verify", "--quiet", named], _SILENT)
     commit = found.stdout.decode().strip()
     if found.returncode != 0 or not _whole(mirror, commit):
-        raise _refused(url, revision, said)
+        raise _refused(url, revision, text)
     _git(mirror, _SILENT, "update-ref", f"refs/atlantis/{commit}", commit)
     return commit
 
@@ -129,7 +129,7 @@ def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tupl
     commits = {row.split("\t", 1)[1]: row.split()[2] for row in tree.split("\0") if row.startswith("160000 ")}
     if not commits:
         return
-    said = run(
+    text = run(
         [
             "git",
             "-C",
@@ -143,7 +143,7 @@ def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tupl
         ],
         _SILENT,
     ).stdout.decode(errors="replace")
-    settings = dict(row.split("\n", 1) for row in said.split("\0") if "\n" in row)
+    settings = dict(row.split("\n", 1) for row in text.split("\0") if "\n" in row)
     places = {
         path: settings.get(f"{name.removesuffix('.path')}.url", "")
         for name, path in settings.items()
@@ -198,13 +198,13 @@ def _access(library: Library) -> dict[str, str]:
     if library.token is None:
         return _SILENT
     user, colon, password = library.token.partition(":")
-    told = f"{user}:{password}" if colon else f"{_USER}:{library.token}"
+    text = f"{user}:{password}" if colon else f"{_USER}:{library.token}"
     server = "://".join(urlsplit(library.url)[:2])
     return {
         **_SILENT,
         "GIT_CONFIG_COUNT": "1",
         "GIT_CONFIG_KEY_0": f"http.{server}/.extraHeader",
-        "GIT_CONFIG_VALUE_0": f"Authorization: Basic {base64.b64encode(told.encode()).decode()}",
+        "GIT_CONFIG_VALUE_0": f"Authorization: Basic {base64.b64encode(text.encode()).decode()}",
     }
 
 
@@ -232,18 +232,18 @@ def _git(folder: Path, environment: dict[str, str], *words: str) -> str:
     return done.stdout.decode(errors="replace")
 
 
-def _refused(url: str, revision: str, said: str) -> BundleRefused:
-    if re.search(r"Authentication failed|could not read|terminal prompts|returned error: 40[13]|Access denied", said):
+def _refused(url: str, revision: str, text: str) -> BundleRefused:
+    if re.search(r"Authentication failed|could not read|terminal prompts|returned error: 40[13]|Access denied", text):
         return BundleRefused(
-            f"{url} is not given to us: {_last(said)}",
+            f"{url} is not given to us: {_last(text)}",
             hint="declare a `token` that may read it, or ask whether the one that is declared is still good",
         )
-    if not said or re.search(r"couldn't find remote ref|not our ref|no such remote ref", said):
+    if not text or re.search(r"couldn't find remote ref|not our ref|no such remote ref", text):
         return BundleRefused(f"{url} has no revision {revision}", hint="a tag, or a commit of 40 hex digits")
-    return BundleRefused(f"{url} cannot be fetched: {_last(said)}", hint="type the same again: what came is kept")
+    return BundleRefused(f"{url} cannot be fetched: {_last(text)}", hint="type the same again: what came is kept")
 
 
-def _last(said: str) -> str:
-    lines = [line.strip() for line in said.splitlines() if line.strip()]
-    told = [line for line in lines if line.startswith(("fatal:", "error:", "remote:"))]
-    return (told or lines or ["it says nothing"])[-1]
+def _last(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    messages = [line for line in lines if line.startswith(("fatal:", "error:", "remote:"))]
+    return (messages or lines or ["it says nothing"])[-1]

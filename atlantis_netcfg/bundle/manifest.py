@@ -134,17 +134,17 @@ def content_id(files: tuple[File, ...], hosts: dict[str, HostPart]) -> str:
 def read_manifest(data: bytes, named: str) -> Manifest:
     """Take a manifest from its file. Raises BundleRefused."""
     try:
-        told = json.loads(data)
+        result = json.loads(data)
     except ValueError as error:
         raise _damaged(named) from error
-    made = told.get("format") if isinstance(told, dict) else None
+    made = result.get("format") if isinstance(result, dict) else None
     if isinstance(made, int) and made != FORMAT:
         raise BundleRefused(
             f"{named} is of format {made}, and this toolkit knows format {FORMAT}",
             hint="take the toolkit that made it, or make the bundle anew",
         )
     try:
-        manifest = Manifest.model_validate(told)
+        manifest = Manifest.model_validate(result)
     except ValidationError as error:
         raise _damaged(named) from error
     if not {inside for part in manifest.hosts.values() for inside in part.held.values()} <= {

@@ -32,9 +32,9 @@ class Bundle:
     folder: Path
     manifest: Manifest
 
-    def pack(self, host: str, wanted: Collection[str], archive: Path) -> int:
+    def pack(self, host: str, desired: Collection[str], archive: Path) -> int:
         """Put the files with these SHA-256 into one tar archive, named by it; give the archive's bytes."""
-        files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in wanted}
+        files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in desired}
         with tarfile.open(archive, "w", format=tarfile.USTAR_FORMAT) as tar:
             for sha256, file in sorted(files.items(), key=lambda each: (each[1].size, each[0])):
                 member = tarfile.TarInfo(sha256)
@@ -69,7 +69,7 @@ def open_bundle(
     hint = f"copy the bundle again, or make it anew: `provision bundle site={manifest.site}`"
     found: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
     again = f"on a computer with internet: `provision bundle site={manifest.site}`"
-    found += [(words, again) for wish in wishes or () for words in _uncovered(manifest, wish)]
+    found += [(words, again) for request in wishes or () for words in _uncovered(manifest, request)]
     if found:
         raise refused(found)
     return bundle
@@ -123,27 +123,27 @@ def _wrong(path: Path, file: File) -> str:
         return f"it cannot be read: {error.strerror or error}"
 
 
-def _uncovered(manifest: Manifest, wish: HostWish) -> Iterator[str]:
-    part = manifest.hosts.get(wish.host)
+def _uncovered(manifest: Manifest, request: HostWish) -> Iterator[str]:
+    part = manifest.hosts.get(request.host)
     if part is None:
-        yield f"{wish.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
+        yield f"{request.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
         return
-    expected = (wish.distribution or part.distribution, wish.codename or part.codename)
+    expected = (request.distribution or part.distribution, request.codename or part.codename)
     if expected != (part.distribution, part.codename):
-        yield f"{wish.host}: it is for {part.distribution} {part.codename}, and {' '.join(expected)} is declared"
-    for package in wish.packages:
+        yield f"{request.host}: it is for {part.distribution} {part.codename}, and {' '.join(expected)} is declared"
+    for package in request.packages:
         has = part.packages.get(package.name)
         installed = part.installed.get(package.name)
         if not package.fits(has) and not package.fits(installed):
-            yield f"{wish.host}: package {package.asked}: {_other(has or installed)}"
-    yield from _libraries(part, wish)
+            yield f"{request.host}: package {package.asked}: {_other(has or installed)}"
+    yield from _libraries(part, request)
 
 
-def _libraries(part: HostPart, wish: HostWish) -> Iterator[str]:
-    for library in wish.libraries:
-        held = [each.revision for each in part.libraries if each.url == library.url]
-        if library.revision not in held:
-            yield f"{wish.host}: {library.url} at {library.revision}: {_other(', '.join(held))}"
+def _libraries(part: HostPart, request: HostWish) -> Iterator[str]:
+    for library in request.libraries:
+        current = [each.revision for each in part.libraries if each.url == library.url]
+        if library.revision not in current:
+            yield f"{request.host}: {library.url} at {library.revision}: {_other(', '.join(current))}"
 
 
 def _other(has: str | None) -> str:

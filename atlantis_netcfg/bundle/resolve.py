@@ -49,7 +49,7 @@ class Root:
     archives: Path
 
     @classmethod
-    def make(cls, folder: Path, shared: Path, target: Target, wish: HostWish) -> Root:
+    def make(cls, folder: Path, shared: Path, target: Target, request: HostWish) -> Root:
         """Lay the folder out anew for the wish's sources; `shared` keeps what was fetched before."""
         if re.search(r"[\s\"';]", str(folder)):
             raise BundleRefused(
@@ -62,17 +62,17 @@ class Root:
         for each in (*inside, root.lists / "partial", root.archives / "partial", folder / "state", folder / "cache"):
             each.mkdir(parents=True, exist_ok=True)
         (folder / "status").write_bytes(target.status)
-        moved = {key.path: f"{folder}/keys{key.path}" for key in wish.keys}
-        for key in wish.keys:
+        moved = {key.path: f"{folder}/keys{key.path}" for key in request.keys}
+        for key in request.keys:
             place = folder / "keys" / key.path.lstrip("/")
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_bytes(key.content)
-        for number, source in enumerate(wish.sources):
+        for number, source in enumerate(request.sources):
             suffix = ".sources" if source.path.endswith(".sources") else ".list"
             text = re.sub(r"/[^\s\],]+", lambda found: moved.get(found[0], found[0]), source.content)
             text = re.sub(r"\bfile:(?=/)", "copy:", text)  # of file: nothing would be put into the folder of archives
             (etc / "sources.list.d" / f"{number:03}{suffix}").write_text(text, encoding="utf-8")
-        for number, pin in enumerate(wish.pins):
+        for number, pin in enumerate(request.pins):
             (etc / "preferences.d" / f"{number:03}.pref").write_text(pin.content, encoding="utf-8")
         (folder / "apt.conf").write_text(_settings(root, target) + _proxies(), encoding="utf-8")
         return root
@@ -127,10 +127,10 @@ class Root:
             hint = "type the same again: what was fetched is kept"
             raise refused([(f"{name} did not arrive as its source describes it", hint) for name in missing])
 
-    def _download(self, asked: list[str], tell: Callable[[float], None]) -> None:
-        arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_ALLOWED, *asked]
+    def _download(self, requested: list[str], tell: Callable[[float], None]) -> None:
+        arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_ALLOWED, *requested]
         command = [program("apt-get"), *arguments]
-        said: list[str] = []
+        lines: list[str] = []
         with subprocess.Popen(  # noqa: S603 - a program of the system, and names of packages
             command,
             stdin=subprocess.DEVNULL,
@@ -146,10 +146,10 @@ class Root:
                 if match := _STATUS.match(line):
                     tell(float(match["share"]) / 100)
                 elif line.startswith(("E: ", "W: ", "Err")):
-                    said.append(line.strip())
+                    lines.append(line.strip())
         if process.returncode != 0:
             hint = "type the same again: what was fetched is kept"
-            raise refused([(f"fetching failed: {line}", hint) for line in said or ["apt-get said nothing"]])
+            raise refused([(f"fetching failed: {line}", hint) for line in lines or ["apt-get said nothing"]])
 
     def _apt(self, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return run(["apt-get", *arguments], self._environment())
@@ -194,8 +194,8 @@ def _settings(root: Root, target: Target) -> str:
 
 def _proxies() -> str:
     """How this computer's apt reaches the internet."""
-    said = run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
-    return "".join(f"{line}\n" for line in said if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
+    lines = run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
+    return "".join(f"{line}\n" for line in lines if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
 
 
 def _complaints(done: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:

@@ -127,6 +127,6 @@ def _gpg(home: Path, *arguments: str, stdin: bytes | None = None, at: str = SIGN
     options = ["--homedir", str(home), "--batch", "--no-tty", "--quiet", "--pinentry-mode", "loopback"]
     done = run(["gpg", *options, "--faked-system-time", at, *arguments], stdin=stdin)
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise BundleRefused(f"gpg has refused: {said[-1] if said else 'without a word'}", hint="gpg --version")
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        raise BundleRefused(f"gpg has refused: {lines[-1] if lines else 'without a word'}", hint="gpg --version")
     return done.stdout

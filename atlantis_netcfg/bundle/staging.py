@@ -104,21 +104,21 @@ def _empty(place: Path) -> bool:
 def _alone(folder: Path) -> Iterator[None]:
     """Hold off a second run in the same place. Raises BundleRefused."""
     folder.mkdir(exist_ok=True)
-    held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    current = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _hold_still(folder, held)
+        fcntl.flock(current, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _hold_still(folder, current)
         yield
     except BlockingIOError as error:
         hint = "wait for its end, or name another place with `to=`"
         raise BundleRefused("another run makes this bundle now", hint=hint) from error
     finally:
-        os.close(held)
+        os.close(current)
 
 
-def _hold_still(folder: Path, held: int) -> None:
+def _hold_still(folder: Path, current: int) -> None:
     """Hold that nobody has finished the bundle between opening the folder and locking it."""
-    if not folder.exists() or os.fstat(held).st_ino != folder.stat().st_ino:
+    if not folder.exists() or os.fstat(current).st_ino != folder.stat().st_ino:
         raise BlockingIOError
 
 

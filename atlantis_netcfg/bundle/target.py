@@ -46,15 +46,15 @@ class Target:
 def read_target(status: bytes, named: str) -> Target:
     """Read a status file; `named` is what people call it. Raises BundleRefused."""
     packages = list(paragraphs(status.decode(errors="replace")))
-    own = next((each for each in packages if each.get("Package") == "dpkg"), None)
+    local = next((each for each in packages if each.get("Package") == "dpkg"), None)
     base = next((each for each in packages if each.get("Package") == "base-files"), None)
-    if own is None or base is None:
-        missing = "dpkg" if own is None else "base-files"
+    if local is None or base is None:
+        missing = "dpkg" if local is None else "base-files"
         raise BundleRefused(
             f"{named} does not describe a system: `{missing}` is not in it",
             hint="/var/lib/dpkg/status of the board, or of the image that its card was made of",
         )
-    version, architecture = base["Version"], own["Architecture"]
+    version, architecture = base["Version"], local["Architecture"]
     distribution = "ubuntu" if "ubuntu" in version else "debian"
     codename = _RELEASES.get((distribution, re.split(r"\D", version, maxsplit=1)[0]))
     if codename is None:

@@ -78,7 +78,7 @@ def wrong_with(path: Path) -> tuple[str, str] | None:
 def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
     """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
     data = [(path.name, _picture(path, _bytes(path))) for path in files]
-    return tuple(_copied(book, name, one) for name, one in data)
+    return tuple(_copied(book, name, item) for name, item in data)
 
 
 def _bytes(path: Path) -> bytes:

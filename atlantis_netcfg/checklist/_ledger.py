@@ -99,8 +99,8 @@ def read(path: Path) -> Lines:
         record = _record(line, last)
         if isinstance(record, str):
             tail = number == len(lines) and not rest and number > 1 and not record.startswith("does not follow")
-            told = f"line {number} {record}"
-            return Lines(tuple(records), good, last, torn=told if tail else "", damage="" if tail else told)
+            text = f"line {number} {record}"
+            return Lines(tuple(records), good, last, torn=text if tail else "", damage="" if tail else text)
         records.append(record)
         good, last = good + len(line) + 1, hashlib.sha256(line).hexdigest()
     torn = f"line {len(lines) + 1} is torn: the program was killed while it wrote it" if rest else ""
@@ -120,10 +120,12 @@ def _record(line: bytes, before: str) -> Recorded | str:
 
 def replayed(lines: Lines) -> Document | None:
     """The checklist as the records leave it, unsigned; None where there is not even a list."""
-    begun = [one.record.document for one in lines.records if isinstance(one.record, Begun)]
+    begun = [recorded.record.document for recorded in lines.records if isinstance(recorded.record, Begun)]
     if not begun:
         return None
-    results = {one.record.item.id: one.record.item for one in lines.records if isinstance(one.record, Result)}
+    results = {
+        record.record.item.id: record.record.item for record in lines.records if isinstance(record.record, Result)
+    }
     return begun[-1].model_copy(update={"items": tuple(results.get(item.id, item) for item in begun[-1].items)})
 
 

@@ -88,7 +88,7 @@ def _old(age: timedelta) -> str:
 
 
 def _over(run: Path, lines: _ledger.Lines) -> bool:
-    return (run / MANIFEST).exists() or any(isinstance(one.record, _ledger.Superseded) for one in lines.records)
+    return (run / MANIFEST).exists() or any(isinstance(record.record, _ledger.Superseded) for record in lines.records)
 
 
 def _other(document: Document, head: Head) -> str:

@@ -130,12 +130,12 @@ class Answers:
 
         The probes have to be through: an override is taken only of what has not passed.
         """
-        for name, said in self.said.items():
-            settled(book.confirm(name, said))
+        for name, confirmation in self.said.items():
+            settled(book.confirm(name, confirmation))
         needed = {name for name in self.overrides if book.item(name).verdict in OVERRIDABLE}
-        for name, one in self.overrides.items():
+        for name, overriding in self.overrides.items():
             if name in needed:
-                settled(book.override(name, one.reason, one.by))
+                settled(book.override(name, overriding.reason, overriding.by))
         spare = [name for name in self.overrides if name not in needed]
         return tuple(f"`{name}` is {book.item(name).verdict}: its override is not needed" for name in spare)
 
@@ -145,17 +145,24 @@ def _taken(
 ) -> tuple[dict[str, Confirmation], dict[str, str], dict[str, Overriding], dict[str, str], str | None]:
     name = file.name or ""
     items = {entry.item.id: entry.item for entry in checklist.entries}
-    said = {
+    values = {
         item: Confirmation(
-            Verdict(str(one.verdict)), one.by or name, one.note or "", tuple(folder / each for each in one.files)
+            Verdict(str(answer.verdict)),
+            answer.by or name,
+            answer.note or "",
+            tuple(folder / each for each in answer.files),
         )
-        for item, one in file.answers.items()
+        for item, answer in file.answers.items()
         if item in items
     }
     agreed = {item: f"{name}: {words}" for item, words in _consented(file, items).items()}
-    overrides = {item: Overriding(one.reason, one.by or name) for item, one in file.overrides.items() if item in items}
+    overrides = {
+        item: Overriding(override.reason, override.by or name)
+        for item, override in file.overrides.items()
+        if item in items
+    }
     leave = {item: why for item, why in file.leave.items() if item in items}
-    return said, agreed, overrides, leave, name if file.sign else None
+    return values, agreed, overrides, leave, name if file.sign else None
 
 
 def _consented(file: _File, items: Mapping[str, Item]) -> dict[str, str]:
@@ -164,7 +171,7 @@ def _consented(file: _File, items: Mapping[str, Item]) -> dict[str, str]:
     everything = file.consents.get(ALL)
     words = {} if everything is None else dict.fromkeys(active, everything)
     words = {name: one for name, one in words.items() if name not in file.answers and name not in file.leave}
-    return words | {name: one for name, one in file.consents.items() if name in items}
+    return words | {name: entry for name, entry in file.consents.items() if name in items}
 
 
 class _Check:

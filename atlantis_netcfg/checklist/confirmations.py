@@ -83,30 +83,38 @@ def named(name: str) -> str:
     return spoken(name, "a name", most=_NAME_LENGTH)
 
 
-def confirmed(item: Item, said: Confirmation, files: Sequence[Copied], at: datetime) -> Item:
+def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], at: datetime) -> Item:
     """The item as a person has answered it. Raises Refused for what a person cannot say of it."""
-    by = named(said.by)
+    by = named(confirmation.by)
     if item.kind is Kind.AUTOMATIC:
         hint = "let it be looked at again, or override it with a reason"
         raise Refused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
-    if said.verdict not in SAYABLE:
+    if confirmation.verdict not in SAYABLE:
         words = ", ".join(SAYABLE)
-        raise Refused(f"{said.verdict} is nothing that a person can say", hint=f"there are: {words}")
-    if said.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
+        raise Refused(f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}")
+    if confirmation.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
         raise Refused(wrong[0], hint=wrong[1])
-    note = spoken(said.note, f"the reason for {said.verdict}") if said.note or said.verdict is not Verdict.PASS else ""
-    message = _SAID[said.verdict].format(by=by) + (f": {note}" if note else "")
-    mend = _HINTS.get(said.verdict)
+    note = (
+        spoken(confirmation.note, f"the reason for {confirmation.verdict}")
+        if confirmation.note or confirmation.verdict is not Verdict.PASS
+        else ""
+    )
+    message = _SAID[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
+    mend = _HINTS.get(confirmation.verdict)
     return item.model_copy(
         update={
             "open": False,
-            "verdict": said.verdict,
+            "verdict": confirmation.verdict,
             "message": message,
             "hint": mend,
-            "findings": (Finding(verdict=said.verdict, code=SAYABLE[said.verdict], message=message, hint=mend),),
+            "findings": (
+                Finding(verdict=confirmation.verdict, code=SAYABLE[confirmation.verdict], message=message, hint=mend),
+            ),
             "evidence": (
-                Evidence(type=EvidenceType.CONFIRMED, what=item.title, value=note or said.verdict, at=at, by=by),
-                *(_filed(one, by, at) for one in files),
+                Evidence(
+                    type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
+                ),
+                *(_filed(file, by, at) for file in files),
             ),
             "at": at,
             "seconds": None,
@@ -115,10 +123,10 @@ def confirmed(item: Item, said: Confirmation, files: Sequence[Copied], at: datet
     )
 
 
-def _filed(one: Copied, by: str, at: datetime) -> Evidence:
-    name = one.file.rpartition("/")[2].partition("-")[2]
-    size = f"{one.size} bytes"
-    return Evidence(type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=one.file, sha256=one.sha256)
+def _filed(copied: Copied, by: str, at: datetime) -> Evidence:
+    name = copied.file.rpartition("/")[2].partition("-")[2]
+    size = f"{copied.size} bytes"
+    return Evidence(type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=copied.file, sha256=copied.sha256)
 
 
 def overridden(item: Item, reason: str, by: str, at: datetime) -> Item:

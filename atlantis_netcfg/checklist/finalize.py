@@ -42,7 +42,7 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
 
 def _manifest(folder: Path, document: Document, names: list[str]) -> dict[str, object]:
     data = {name: (folder / name).read_bytes() for name in names}
-    files = {name: {"sha256": hashlib.sha256(one).hexdigest(), "bytes": len(one)} for name, one in data.items()}
+    files = {name: {"sha256": hashlib.sha256(item).hexdigest(), "bytes": len(item)} for name, item in data.items()}
     by = document.signed.by if document.signed is not None else ""
     return {"version": 1, "run": document.run, "site": document.site, "by": by, "files": files}
 
@@ -53,18 +53,18 @@ def listed(folder: Path) -> list[str]:
     return sorted(name for path in every if (name := path.relative_to(folder).as_posix()) != MANIFEST)
 
 
-def _clear(folder: Path, own: set[str]) -> None:
+def _clear(folder: Path, local: set[str]) -> None:
     """Remove what a kill has left of ours; a file that somebody else has put here is not ours to remove or to sign."""
     records = _ledger.read(folder / _ledger.FILE).records
-    results = [one.record.item for one in records if isinstance(one.record, _ledger.Result)]
-    named = {one.file for item in results for one in item.evidence if one.file}
+    results = [record.record.item for record in records if isinstance(record.record, _ledger.Result)]
+    named = {evidence.file for item in results for evidence in item.evidence if evidence.file}
     for name in listed(folder):
         path = folder / name
         if name in named or name == _ledger.FILE:
             continue
         if path.is_dir() and name == _evidence.FOLDER:
             continue  # it is empty
-        if name in own or _SCRATCH.fullmatch(path.name) or _evidence.COPY.fullmatch(name):
+        if name in local or _SCRATCH.fullmatch(path.name) or _evidence.COPY.fullmatch(name):
             path.unlink()
         else:
             hint = f"take it out of {folder}, or give it as evidence of an item; then sign"

@@ -67,7 +67,7 @@ def _kept(run: Path) -> Kept | None:
     if document is None:
         begun = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
         return None if begun else Kept(run, State.DAMAGED, None, f"{_ledger.FILE} is empty")
-    left = [one.record.why for one in lines.records if isinstance(one.record, _ledger.Superseded)]
+    left = [record.record.why for record in lines.records if isinstance(record.record, _ledger.Superseded)]
     return Kept(run, State.UNFINISHED if left else State.OPEN, document, left[-1] if left else "")
 
 
@@ -100,14 +100,14 @@ def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None,
     A vehicle's last green may so be a checklist of the whole site in which another vehicle failed. `but`: a run that
     does not count.
     """
-    wanted = dict(scope or {})
+    expected = dict(scope or {})
     for run in reversed(runs(folder)):
         if run.name == but or not (run / MANIFEST).exists():
             continue
         kept = _signed(run)
-        if kept.state is not State.SIGNED or kept.document is None or not _covers(kept.document.scope, wanted):
+        if kept.state is not State.SIGNED or kept.document is None or not _covers(kept.document.scope, expected):
             continue
-        document = narrowed(kept.document, wanted)
+        document = narrowed(kept.document, expected)
         if document.exit is ExitCode.DONE:
             return document
     return None
@@ -148,7 +148,7 @@ def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[C
 
 def _state(item: Item) -> tuple[object, ...]:
     """What has to be the same: figures differ each time, the reason for a warning is by its code."""
-    reasons = {one.code for one in item.findings if one.verdict not in {Verdict.PASS, Verdict.SKIP}}
+    reasons = {finding.code for finding in item.findings if finding.verdict not in {Verdict.PASS, Verdict.SKIP}}
     return item.verdict, item.open, item.override is not None, reasons
 
 

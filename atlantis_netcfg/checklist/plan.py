@@ -184,7 +184,9 @@ def _inside(entry: Entry, scope: Scope) -> bool:
 def _left_out(entries: Sequence[Entry], scope: Scope) -> Iterator[LeftOut]:
     """Name what the scope takes away, cell by cell."""
     words = " ".join(f"{name}={','.join(chosen)}" for name, chosen in scope.as_dict().items())
-    away = dict.fromkeys((one.cell.name, TITLES[one.item.endpoint]) for one in entries if not _inside(one, scope))
+    away = dict.fromkeys(
+        (entry.cell.name, TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
+    )
     for name, title in away:
         yield LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
 
@@ -194,7 +196,7 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
     reserved = {row.name for row in declaration.sites[site].lan.reservations}
     robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
-        names = ", ".join(f"{one.name} ({one.partner or 'partner not declared'})" for one in robots.values())
+        names = ", ".join(f"{robot.name} ({robot.partner or 'partner not declared'})" for robot in robots.values())
         yield (
             f"neighbours in the LAN of {site} reach each other, whatever the policy says: what goes from port to port"
             f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."

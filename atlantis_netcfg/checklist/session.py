@@ -101,7 +101,7 @@ class Book:
     @property
     def files(self) -> Mapping[str, bytes]:
         """The evidence that the items name, by `Evidence.file`."""
-        names = dict.fromkeys(one.file for item in self.items for one in item.evidence if one.file)
+        names = dict.fromkeys(evidence.file for item in self.items for evidence in item.evidence if evidence.file)
         return {name: (self.folder / name).read_bytes() for name in names}
 
     def entries_open(self, phase: Phase | None = None) -> tuple[Entry, ...]:
@@ -122,11 +122,13 @@ class Book:
         self.item(item.id)
         return self._record("settled", item.model_copy(update={"open": False, "override": None}))
 
-    def confirm(self, name: str, said: Confirmation) -> Item:
+    def confirm(self, name: str, confirmation: Confirmation) -> Item:
         """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
         item = self.item(name)
-        confirmed(item, said, (), self._now())
-        return self._record("confirmed", confirmed(item, said, _evidence.keep(self.folder, said.files), self._now()))
+        confirmed(item, confirmation, (), self._now())
+        return self._record(
+            "confirmed", confirmed(item, confirmation, _evidence.keep(self.folder, confirmation.files), self._now())
+        )
 
     def override(self, name: str, reason: str, by: str) -> Item:
         """Write down that a person takes the responsibility. Raises Refused where there is none to take."""

@@ -95,21 +95,23 @@ class _Drawn:
 
     def _host(self, host: Host) -> DrawnNode:
         named = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
-        own = [one for bearer in self._declared.bearers if bearer.device == host.name for one in self._carrying(bearer)]
+        local = [
+            item for bearer in self._declared.bearers if bearer.device == host.name for item in self._carrying(bearer)
+        ]
         rest = self._unnamed() if host.name == self._middle else ()
         return DrawnNode(
             key=host.name,
             label=host.name,
             kind=host.device.kind,
-            items=tuple(dict.fromkeys((*named, *own, *rest))),
+            items=tuple(dict.fromkeys((*named, *local, *rest))),
             detail=str(getattr(host.device, "address", "")),
         )
 
     def _unnamed(self) -> tuple[str, ...]:
         """The site's own items that speak of no host in particular."""
         names = {host.name for host in (*self._hosts, self._server)}
-        own = (entry for entry in self._entries if entry.item.endpoint == SITE)
-        return tuple(entry.item.id for entry in own if names.isdisjoint(entry.step.concerns))
+        entries = (entry for entry in self._entries if entry.item.endpoint == SITE)
+        return tuple(entry.item.id for entry in entries if names.isdisjoint(entry.step.concerns))
 
     def _vehicles(self) -> Iterator[DrawnNode]:
         for row in self._robots():
@@ -139,7 +141,7 @@ class _Drawn:
 
     def _speaks(self, entry: Entry, bearer: Bearer) -> bool:
         """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
-        others = {one.device for one in self._declared.bearers if one.name != bearer.name} - {bearer.device, None}
+        others = {item.device for item in self._declared.bearers if item.name != bearer.name} - {bearer.device, None}
         return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
 
     def _bearers(self) -> Iterator[DrawnLink]:
@@ -154,8 +156,8 @@ class _Drawn:
         if self._router is None or not isinstance(self._router.device, Router):
             return
         on = {port.link: port for port in self._router.device.ports if port.link is not None}
-        box_of: dict[str, str | None] = {one.name: one.device for one in self._declared.bearers}
-        box_of |= {one.name: one.device for one in self._declared.served_links}
+        box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._declared.bearers}
+        box_of |= {served_link.name: served_link.device for served_link in self._declared.served_links}
         ports = {box_of[link]: port for link, port in on.items() if box_of.get(link) is not None}
         for host in self._hosts:
             port = ports.get(host.name)

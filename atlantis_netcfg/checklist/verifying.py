@@ -37,8 +37,8 @@ def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()
     which one has to have signed, also in the place of that key. Raises KeyDamaged.
     """
     path = folder.absolute()
-    own = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
-    trusted, demanded = _trusted(own, known), bool(known)
+    local = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
+    trusted, demanded = _trusted(local, known), bool(known)
     sealed = (*_manifest(folder, trusted, demanded=demanded), *_report(folder, trusted, demanded=demanded))
     return tuple(dict.fromkeys((*sealed, *_records(folder))))
 
@@ -50,8 +50,8 @@ def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tup
 
 def _trusted(key: Path, known: Collection[str]) -> set[str]:
     """Who names keys asks for one of these, and not for the one of this computer."""
-    own = Key.known(key) if not known else None
-    return {own.fingerprint} if own is not None else set(known)
+    local = Key.known(key) if not known else None
+    return {local.fingerprint} if local is not None else set(known)
 
 
 def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[Trouble]:
@@ -75,7 +75,7 @@ def _read(data: bytes) -> dict[str, Any] | None:
     try:
         manifest = parsed(data)
         files = manifest["files"]
-        shaped = all(isinstance(one["sha256"], str) for one in files.values())
+        shaped = all(isinstance(file["sha256"], str) for file in files.values())
         return manifest if shaped and written(manifest) == data else None
     except (ValueError, TypeError, KeyError, AttributeError):
         return None

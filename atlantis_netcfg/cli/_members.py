@@ -51,11 +51,11 @@ def close(
     from atlantis_netcfg.cli import _vpn
 
     if not arguments.flag("json"):
-        for line in (line for one in handed for line in _lines(declaration, one)):
+        for line in (line for entry in handed for line in _lines(declaration, entry)):
             print(line, flush=True)
     deployed = _deployed(arguments, server, authority)
-    told = {"members": [_row(one) for one in handed], **deployed.as_json()}
-    return _vpn.tell(arguments, deployed.exit, told, deployed.lines, deployed.errors)
+    values = {"members": [_row(item) for item in handed], **deployed.as_json()}
+    return _vpn.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
 
 
 def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
@@ -72,36 +72,36 @@ def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Dep
         return Deployed(errors=(stopped,), deployed=False)
 
 
-def _row(one: Handed) -> dict[str, Any]:
+def _row(handed: Handed) -> dict[str, Any]:
     """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.operations.vpn.records import member_row
 
     return {
-        **member_row(one.issued.member, datetime.now(UTC)),
-        "common_name": one.issued.certificate.common_name,
-        "already": one.issued.already,
-        "replaced": list(one.issued.replaced),
-        "file": str(one.file),
-        "copy": str(one.copy) if one.copy is not None else None,
-        "sha256": one.issued.delivered.sha256,
-        "passphrase": one.passphrase.reveal() if one.passphrase is not None else None,
+        **member_row(handed.issued.member, datetime.now(UTC)),
+        "common_name": handed.issued.certificate.common_name,
+        "already": handed.issued.already,
+        "replaced": list(handed.issued.replaced),
+        "file": str(handed.file),
+        "copy": str(handed.copy) if handed.copy is not None else None,
+        "sha256": handed.issued.delivered.sha256,
+        "passphrase": handed.passphrase.reveal() if handed.passphrase is not None else None,
     }
 
 
-def _lines(declaration: Declaration, one: Handed) -> Iterator[str]:
-    member, certificate = one.issued.member, one.issued.certificate
-    what = "already so" if one.issued.already else certificate.common_name
+def _lines(declaration: Declaration, handed: Handed) -> Iterator[str]:
+    member, certificate = handed.issued.member, handed.issued.certificate
+    what = "already so" if handed.issued.already else certificate.common_name
     yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
-    yield f"  file        {one.copy or one.file}"
-    if one.issued.already:
+    yield f"  file        {handed.copy or handed.file}"
+    if handed.issued.already:
         yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
         return
-    if one.passphrase is not None:
-        yield f"  passphrase  {one.passphrase.reveal()}"
+    if handed.passphrase is not None:
+        yield f"  passphrase  {handed.passphrase.reveal()}"
         yield "              shown this once: tell it by telephone, never in the message that the file goes with"
-    for gone in one.issued.replaced:
+    for gone in handed.issued.replaced:
         yield f"  revoked     {gone}, which was handed out before and never used"
     if member.partner is None:
         yield f"              `{bringing(declaration, member)}` brings it there"
@@ -122,14 +122,14 @@ def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) ->
     """Tell who is out, and by which evidence."""
     from atlantis_netcfg.cli import _vpn
 
-    told = {
+    values = {
         "members": list(revoked.members),
         "common_names": list(revoked.common_names),
         "already": list(revoked.already),
         **deployed.as_json(),
     }
     lines = [f"{name}: {'already so' if name in revoked.already else 'revoked'}" for name in revoked.members]
-    return _vpn.tell(arguments, deployed.exit, told, [*lines, *deployed.lines], deployed.errors)
+    return _vpn.tell(arguments, deployed.exit, values, [*lines, *deployed.lines], deployed.errors)
 
 
 def close_synced(
@@ -141,10 +141,10 @@ def close_synced(
     """
     from atlantis_netcfg.cli import _vpn
 
-    told = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
+    values = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
     lines = (
         [] if taken is None else [f"taken over from the server's list: {', '.join(taken) or 'nobody of the record'}"]
     )
     if site is not None:
         lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
-    return _vpn.tell(arguments, deployed.exit, told, (*lines, *deployed.lines), deployed.errors)
+    return _vpn.tell(arguments, deployed.exit, values, (*lines, *deployed.lines), deployed.errors)

@@ -116,7 +116,7 @@ def _live(out: TextIO) -> Iterator[Subscriber]:
             names.add(event.device)
             latest[event.device] = event, time.monotonic()
             if event.stage in _ENDS and len(names) > _ROOM:
-                for name in [name for name, (one, _) in latest.items() if one.stage in _ENDS]:
+                for name in [name for name, (item, _) in latest.items() if item.stage in _ENDS]:
                     live.console.print(text(*latest.pop(name)))
             live.refresh()
 

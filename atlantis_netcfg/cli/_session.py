@@ -254,9 +254,9 @@ class Session:
         if many and not self.arguments.given(REMOVE_FOREIGN):
             removes(many, ask=not self.as_json)
             self.remove_foreign = True
-        changing = (name for name, one in planned.devices.items() if one["planned"] or one["status"] == "planned")
+        changing = (name for name, item in planned.devices.items() if item["planned"] or item["status"] == "planned")
         agreed(f"Change {', '.join(changing)} now")
-        plans = {name: str(one["plan_hash"]) for name, one in planned.devices.items()}
+        plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
         return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
 
     @staticmethod

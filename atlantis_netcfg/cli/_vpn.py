@@ -115,7 +115,7 @@ def waiting(arguments: Arguments) -> Callable[[str], None]:
 def tell(
     arguments: Arguments,
     code: ExitCode,
-    told: Mapping[str, Any],
+    values: Mapping[str, Any],
     lines: Iterable[str],
     errors: Sequence[NetcfgError] = (),
 ) -> ExitCode:
@@ -127,7 +127,7 @@ def tell(
         error.hint = error.hint and _outcome.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
-        print(json.dumps({"exit": int(code), "errors": rows, **told}, ensure_ascii=False))
+        print(json.dumps({"exit": int(code), "errors": rows, **values}, ensure_ascii=False))
         return code
     for line in lines:
         print(printable.line(_outcome.as_typed(line, typed)))

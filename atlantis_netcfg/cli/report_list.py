@@ -35,33 +35,33 @@ def run(arguments: Arguments) -> ExitCode:
 
     site, vehicle, rehearsed = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
     every = kept.kept_of(kept.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
-    rows = [row for one in every if (row := _row(one, vehicle)) is not None]
+    rows = [row for item in every if (row := _row(item, vehicle)) is not None]
     if not rows:
         raise NothingMatched(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
     since = _since(every, vehicle)
     if arguments.flag("json"):
-        told = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
-        print(json.dumps(told, ensure_ascii=False))
+        values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
+        print(json.dumps(values, ensure_ascii=False))
     else:
         print("\n".join([*map(_line, rows), *_changes(since)]))
     return ExitCode.DONE
 
 
-def _row(one: Kept, vehicle: str | None) -> dict[str, Any] | None:
+def _row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
     """None: nothing of the vehicle is in it."""
     from atlantis_netcfg.checklist import narrowed
 
-    document = one.document
+    document = entry.document
     if document is None:
-        return {"run": one.run, "state": str(one.state), "why": one.why}
+        return {"run": entry.run, "state": str(entry.state), "why": entry.why}
     seen = narrowed(document, {"vehicle": (vehicle,)}) if vehicle is not None else document
     if not seen.items:
         return None
     signed = document.signed
     return {
-        "run": one.run,
-        "state": str(one.state),
-        "why": one.why,
+        "run": entry.run,
+        "state": str(entry.state),
+        "why": entry.why,
         "exit": int(seen.exit),
         "verdict": str(seen.verdict),
         "items": len(seen.items),
@@ -70,7 +70,7 @@ def _row(one: Kept, vehicle: str | None) -> dict[str, Any] | None:
         "scope": {name: list(chosen) for name, chosen in document.scope.items()},
         "signed_by": signed.by if signed is not None else None,
         "signed_at": signed.at.isoformat() if signed is not None else None,
-        "folder": str(one.folder),
+        "folder": str(entry.folder),
     }
 
 
@@ -78,7 +78,7 @@ def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | Non
     """What is otherwise in the newest readable one than in the last green one before it."""
     from atlantis_netcfg.checklist import last_green, narrowed, since
 
-    readable = [one for one in every if one.document is not None]
+    readable = [item for item in every if item.document is not None]
     if not readable or readable[-1].document is None:
         return None
     newest = readable[-1].document
@@ -117,5 +117,7 @@ def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
         yield "there was no green one before the newest"
         return
     yield f"since {since['run']}, which was green:{'' if since['changes'] else ' nothing has changed'}"
-    for one in since["changes"]:
-        yield printable.line(f"  {one['id']}: {one['before'] or 'none'} -> {one['after'] or 'none'}: {one['message']}")
+    for item in since["changes"]:
+        yield printable.line(
+            f"  {item['id']}: {item['before'] or 'none'} -> {item['after'] or 'none'}: {item['message']}"
+        )

@@ -34,13 +34,13 @@ def run(arguments: Arguments) -> ExitCode:
 
     site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
     every = kept.kept_of(kept.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
-    one = kept.run_of(every, arguments.optional("run"))
-    if one.document is None:
+    item = kept.run_of(every, arguments.optional("run"))
+    if item.document is None:
         raise DeviceFailed(
-            f"the checklist {one.run} cannot be read: {one.why}", hint="look at it with `provision report verify`"
+            f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
         )
     if arguments.flag("json"):
-        print(json.dumps({**kept.as_json(one.document), "errors": []}, ensure_ascii=False))
+        print(json.dumps({**kept.as_json(item.document), "errors": []}, ensure_ascii=False))
     else:
-        print("\n".join([lines(one.document), *kept.pages_in(one.folder)]))
-    return one.document.exit
+        print("\n".join([lines(item.document), *kept.pages_in(item.folder)]))
+    return item.document.exit

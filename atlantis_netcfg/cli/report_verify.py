@@ -66,17 +66,17 @@ def _kept(arguments: Arguments) -> Iterator[dict[str, Any]]:
     site, name = arguments.optional("site"), arguments.optional("run")
     for where in (kept.store(rehearsed=False), kept.store(rehearsed=True)):
         for at in kept.sites_with(where):
-            for one in books(folder_of(where, at)) if site in {None, at} else ():
-                if name in {None, one.run} and _was_signed(one):
-                    found = verify(one.folder, known=arguments.many("key"))
-                    yield _row(f"{at} {one.run}", one.folder, one.document, found)
+            for book in books(folder_of(where, at)) if site in {None, at} else ():
+                if name in {None, book.run} and _was_signed(book):
+                    found = verify(book.folder, known=arguments.many("key"))
+                    yield _row(f"{at} {book.run}", book.folder, book.document, found)
 
 
-def _was_signed(one: Kept) -> bool:
+def _was_signed(item: Kept) -> bool:
     """Or is damaged, or has a signed report without the manifest, which comes last."""
     from atlantis_netcfg.checklist import State
 
-    return one.state in {State.SIGNED, State.DAMAGED} or (one.folder / "report.json").exists()
+    return item.state in {State.SIGNED, State.DAMAGED} or (item.folder / "report.json").exists()
 
 
 def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
@@ -100,7 +100,7 @@ def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
     except ValueError:
         document = None
     found = verify_report(data, key=paths.state_dir() / KEY, known=arguments.many("key"))
-    return _row(name, path, document, [replace(one, file=path.name) for one in found])
+    return _row(name, path, document, [replace(trouble, file=path.name) for trouble in found])
 
 
 def _row(name: str, place: Path, document: Document | None, troubles: Sequence[Trouble]) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def _row(name: str, place: Path, document: Document | None, troubles: Sequence[T
         "run": document.run if document is not None else None,
         "rehearsed": document.rehearsed if document is not None else None,
         "signed": signed.model_dump(mode="json") if signed is not None else None,
-        "troubles": [{"file": one.file, "what": one.what, "hint": one.hint} for one in troubles],
+        "troubles": [{"file": trouble.file, "what": trouble.what, "hint": trouble.hint} for trouble in troubles],
     }
 
 
@@ -127,6 +127,6 @@ def _lines(row: Mapping[str, Any]) -> Iterator[str]:
         )
         return
     yield printable.line(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
-    for one in row["troubles"]:
-        yield printable.line(f"  {one['file']}: {one['what']}")
-        yield printable.line(f"    -> {one['hint']}")
+    for item in row["troubles"]:
+        yield printable.line(f"  {item['file']}: {item['what']}")
+        yield printable.line(f"    -> {item['hint']}")

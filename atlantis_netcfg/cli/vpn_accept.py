@@ -45,7 +45,7 @@ def run(arguments: Arguments) -> ExitCode:
     data = _bytes(Path(arguments.word("file")), "the hand-out")
     accepted = accept(declaration, data, _opener(arguments), _vpn.folder(arguments), now=datetime.now(UTC))
     member, certificate = accepted.identity.member, accepted.identity.certificate
-    told = {
+    values = {
         "name": member.name,
         "common_name": certificate.common_name,
         "address": str(member.address),
@@ -58,7 +58,7 @@ def run(arguments: Arguments) -> ExitCode:
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
         f"  kept in {accepted.path}; `{_members.bringing(declaration, member)}` brings it there",
     ]
-    return _vpn.tell(arguments, ExitCode.DONE, told, lines)
+    return _vpn.tell(arguments, ExitCode.DONE, values, lines)
 
 
 def _opener(arguments: Arguments) -> Secret:

@@ -38,16 +38,16 @@ def run(arguments: Arguments) -> ExitCode:
     since = arguments.optional("since")
     start = first_moment(since) if since is not None else None
     found = audited(_vpn.opened(arguments), start, arguments.optional("partner"))
-    rows = [(f"{one.at:%Y-%m-%d %H:%M:%S}", one.who, one.words) for one in found.entries]
+    rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in found.entries]
     checked = found.agreement
-    told = {
+    values = {
         "agrees": not found.broken,
         "lines": checked.lines if checked is not None else None,
         "signed_lines": checked.signed if checked is not None else 0,
         "signed_at": checked.at.isoformat() if checked is not None and checked.at is not None else None,
-        "entries": [one.facts() for one in found.entries],
+        "entries": [entry.facts() for entry in found.entries],
     }
     lines = [*_vpn.table(rows), *found.words]
     return _vpn.tell(
-        arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, told, lines, errors=found.broken
+        arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, values, lines, errors=found.broken
     )

@@ -53,7 +53,7 @@ def run(arguments: Arguments) -> ExitCode:
             folder, passphrase, server_names(declaration), _vpn.who(), "vault" if vault else "age"
         )
     names = authority.server()
-    told = {
+    values = {
         "authority": str(folder),
         "already": there is not None,
         "server": {
@@ -72,4 +72,4 @@ def run(arguments: Arguments) -> ExitCode:
         )
     if there is None and (memory := authority.opening_bytes()):
         lines.append(f"  opening its key takes about a second and {memory >> 20} MiB of memory, wherever that is done")
-    return _vpn.tell(arguments, ExitCode.DONE, told, lines)
+    return _vpn.tell(arguments, ExitCode.DONE, values, lines)

@@ -34,7 +34,9 @@ def run(arguments: Arguments) -> ExitCode:
     rows = [("name", "kind", "address", "until", "last seen", "standing")]
     for member in members:
         until = records.expires(member)
-        seen = max((one.seen for one in member.certificates if one.seen is not None), default=None)
+        seen = max(
+            (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
+        )
         rows.append(
             (
                 member.name,
@@ -45,5 +47,5 @@ def run(arguments: Arguments) -> ExitCode:
                 records.standing_of(member, now),
             )
         )
-    told = {"members": [records.member_row(member, now) for member in members]}
-    return _vpn.tell(arguments, ExitCode.DONE, told, _vpn.table(rows))
+    values = {"members": [records.member_row(member, now) for member in members]}
+    return _vpn.tell(arguments, ExitCode.DONE, values, _vpn.table(rows))

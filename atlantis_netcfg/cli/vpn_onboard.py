@@ -60,7 +60,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     declaration, requested = _vpn.declared(arguments), _asked(arguments)
     wishes = wishes_of(declaration, requested)
-    outlet = _members.outlet(arguments, recipients_of(requested, [wish.name for wish in wishes]))
+    outlet = _members.outlet(arguments, recipients_of(requested, [request.name for request in wishes]))
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)

@@ -55,7 +55,7 @@ def run(arguments: Arguments) -> ExitCode:
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
     members = _chosen(arguments, authority.roll())
-    outlet = _members.outlet(arguments, {} if recipient is None else {one.name: recipient for one in members})
+    outlet = _members.outlet(arguments, {} if recipient is None else {member.name: recipient for member in members})
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
     passphrase = asked(arguments)

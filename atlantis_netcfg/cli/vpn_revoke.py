@@ -76,6 +76,8 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
         return
     if not arguments.flag("json"):
         for member in members:
-            seen = max((one.seen for one in member.certificates if one.seen is not None), default=None)
+            seen = max(
+                (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
+            )
             print(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}", flush=True)
     agreed("Cut them off now, for good" if len(members) > 1 else f"Cut {members[0].name} off now, for good")

@@ -43,14 +43,15 @@ def _lines(member: Member, standing: str) -> Iterator[str]:
     vehicle = f", the vehicle {member.vehicle}" if member.vehicle is not None else ""
     yield f"{member.name}: {member.kind} {whose}{vehicle}, {standing}"
     yield f"  address {member.address}, timers for {member.link}"
-    for one in member.certificates:
-        yield from _certificate(one)
+    for certificate in member.certificates:
+        yield from _certificate(certificate)
 
 
-def _certificate(one: Certificate) -> Iterator[str]:
+def _certificate(certificate: Certificate) -> Iterator[str]:
     from atlantis_netcfg.operations.vpn.records import when
 
-    yield f"  {one.common_name}: {one.standing}, good until {when(one.not_after)}, last seen {when(one.seen)}"
-    yield f"    {one.key} key, {one.wrap}, serial {one.serial:x}"
-    if one.revoked is not None:
-        yield f"    revoked {when(one.revoked)}{f': {one.reason}' if one.reason else ''}"
+    until, seen = when(certificate.not_after), when(certificate.seen)
+    yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {seen}"
+    yield f"    {certificate.key} key, {certificate.wrap}, serial {certificate.serial:x}"
+    if certificate.revoked is not None:
+        yield f"    revoked {when(certificate.revoked)}{f': {certificate.reason}' if certificate.reason else ''}"

@@ -48,28 +48,30 @@ def run(arguments: Arguments) -> ExitCode:
     roll, partner = authority.roll(), arguments.optional("partner")
     members = records.of_partner(roll, partner) if roll.members or partner is not None else ()
     now = datetime.now(UTC)
-    told = {
-        "told": [one.as_json() for one in found.told],
+    values = {
+        "told": [item.as_json() for item in found.told],
         "members": [records.member_row(member, now) for member in members],
         "server": found.server_json(),
         "queued": list(roll.queued),
     }
-    return _vpn.tell(arguments, found.exit, told, _lines(found, members, now))
+    return _vpn.tell(arguments, found.exit, values, _lines(found, members, now))
 
 
 def _lines(found: Standing, members: Sequence[Member], now: datetime) -> Iterator[str]:
     from atlantis_netcfg.cli._vpn import table
     from atlantis_netcfg.operations.vpn.records import expires, standing_of, when
 
-    for one in found.told:
-        yield f"{one.verdict.value:<12} {one.message}"
-        if one.hint:
-            yield from (f"{'':<12} {line}" for line in one.hint.splitlines())
+    for entry in found.told:
+        yield f"{entry.verdict.value:<12} {entry.message}"
+        if entry.hint:
+            yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())
     up = {session.common_name: session for session in found.state.sessions if session.is_up} if found.state else {}
     rows = [("member", "address", "until", "last seen", "session", "standing")] if members else []
     for member in members:
-        until, names = expires(member), [one.common_name for one in member.certificates]
-        seen = max((one.seen for one in member.certificates if one.seen is not None), default=None)
+        until, names = expires(member), [item.common_name for item in member.certificates]
+        seen = max(
+            (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
+        )
         session = next((up[name] for name in names if name in up), None)
         rows.append(
             (

@@ -13,7 +13,7 @@ __all__ = ["homes"]
 
 def homes(package: str, names: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
     """Make the `__getattr__` of a package (PEP 562) from its modules and the names that each is home to."""
-    home = {name: f"{package}.{module}" for module, own in names.items() for name in own}
+    home = {name: f"{package}.{module}" for module, local in names.items() for name in local}
 
     def find(name: str) -> Any:  # noqa: ANN401 - whatever the name stands for
         if name not in home:

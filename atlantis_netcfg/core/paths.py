@@ -94,8 +94,8 @@ def hold_own(folder: Path, hint: str) -> None:
 
 
 def _chosen(environ: Mapping[str, str]) -> Path:
-    if own := environ.get("ATLANTIS_STATE"):
-        return Path(own).absolute()
+    if local := environ.get("ATLANTIS_STATE"):
+        return Path(local).absolute()
     state_home = environ.get("XDG_STATE_HOME", "")
     if Path(state_home).is_absolute():
         return Path(state_home) / "atlantis"

@@ -22,7 +22,7 @@ _BMP = 0xFFFF
 
 def line(text: str) -> str:
     """Text of one line."""
-    return text if text.isprintable() else "".join(one if one.isprintable() else _escaped(one) for one in text)
+    return text if text.isprintable() else "".join(item if item.isprintable() else _escaped(item) for item in text)
 
 
 def lines(text: str) -> str:
@@ -40,8 +40,8 @@ def cleaned(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
     if isinstance(value, str):
         return lines(value)
     if isinstance(value, Mapping):
-        return {line(key) if isinstance(key, str) else key: cleaned(one) for key, one in value.items()}
-    return [cleaned(one) for one in value] if isinstance(value, list | tuple) else value
+        return {line(key) if isinstance(key, str) else key: cleaned(entry) for key, entry in value.items()}
+    return [cleaned(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _escaped(character: str) -> str:

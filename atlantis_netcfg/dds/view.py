@@ -64,12 +64,12 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     """
     dds = _declared(declaration)
     if not isinstance(host.device, Gateway | ControlCentre):
-        there = ", ".join(one.name for one in declaration.hosts.values() if isinstance(one.device, _SPEAKERS))
+        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, _SPEAKERS))
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it talks no DDS", hint=f"those that do: {there}")
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
-    own = next(one for one in all_of_them if one.name == host.name)
-    peers = [one for one in all_of_them if own.everywhere or one.everywhere or one.site in {None, host.site}]
+    local = next(entry for entry in all_of_them if entry.name == host.name)
+    peers = [one for one in all_of_them if local.everywhere or one.everywhere or one.site in {None, host.site}]
     return tuple(
         ProfileView(
             host=host.name,
@@ -77,11 +77,11 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
             release=chosen,
             middleware=dds.middleware,
             domain=dds.domain,
-            address=own.address,
-            peers=tuple((one.name, one.address) for one in peers),
+            address=local.address,
+            peers=tuple((participant.name, participant.address) for participant in peers),
             participants=dds.participants,
             lease_s=dds.lease_s,
-            tuning=_tuning(declaration, bearer.kind, {one.site for one in peers} - {host.site}),
+            tuning=_tuning(declaration, bearer.kind, {peer.site for peer in peers} - {host.site}),
         )
         for bearer in declaration.sites[host.site].bearers
     )
@@ -90,7 +90,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
 def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:
     """Of the slowest link on the way: what a control centre announces, a vessel receives over its satellite."""
     far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
-    return max((TUNING[one] for one in {kind, *far}), key=lambda tuning: tuning.announce_s)
+    return max((TUNING[bearer_kind] for bearer_kind in {kind, *far}), key=lambda tuning: tuning.announce_s)
 
 
 def _declared(declaration: Declaration) -> Dds:
@@ -114,11 +114,11 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_Participant]:
     ]
     found += [_Participant(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:
-        known = {one.address for one in found}
+        known = {participant.address for participant in found}
         found += [
-            _Participant(one.name, str(one.address), name, everywhere=False)
+            _Participant(reservation.name, str(reservation.address), name, everywhere=False)
             for name, site in declaration.sites.items()
-            for one in site.lan.reservations
-            if one.name in declaration.vehicles and str(one.address) not in known
+            for reservation in site.lan.reservations
+            if reservation.name in declaration.vehicles and str(reservation.address) not in known
         ]
     return found

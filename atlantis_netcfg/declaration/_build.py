@@ -36,11 +36,11 @@ def build(node: Node, model: type[_M], name: str) -> tuple[_M | None, Node, list
             return model.model_validate(node.data()), node, findings
         except ValidationError as error:
             errors = error.errors(include_url=False, include_input=False)
-        unknown = [one["loc"] for one in errors if one["type"] == "extra_forbidden"]
+        unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]
         if not unknown:
             break
         node = _fix_keys(unknown, node, model, name, findings)  # each round leaves fewer unknown keys, or deeper ones
-    findings.extend(explain(one, node, model, name) for one in errors if not node.at(*one["loc"]).told)
+    findings.extend(explain(item, node, model, name) for item in errors if not node.at(*item["loc"]).told)
     return None, node, findings
 
 
@@ -55,7 +55,7 @@ def _fix_keys(unknown: Iterable[_Path], node: Node, model: type[BaseModel], name
         findings.append(Finding.at(block[key].place, message, hint))
         secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
         unsure = any(field not in block and field != meant for field in secret)
-        node = _renamed(node, parent, key, meant, told=unsure)
+        node = _renamed(node, parent, key, meant, is_reported=unsure)
     return node
 
 
@@ -71,18 +71,18 @@ def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) 
     return near, message, f"did you mean `{near}`?" if near is not None else instead
 
 
-def _renamed(node: Node, path: _Path, old: str, new: str | None, *, told: bool) -> Node:
+def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
     """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
-        told = told or value.told or (" " in old and value.value is None)
-        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=told)})
+        is_reported = is_reported or value.told or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=is_reported)})
     step, rest = path[0], path[1:]
     if isinstance(node.value, list) and isinstance(step, int):
         items = list(node.value)
-        items[step] = _renamed(items[step], rest, old, new, told=told)
+        items[step] = _renamed(items[step], rest, old, new, is_reported=is_reported)
         return replace(node, value=items)
     keys = dict(node.keys)
-    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, told=told)
+    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, is_reported=is_reported)
     return replace(node, value=keys)

@@ -107,8 +107,8 @@ class _Converter:
         """An alias has lost its own place in the node tree; the event stream still has it."""
         events = yaml.parse(self.text, Loader=_Loader)
         aliases: list[Any] = [event for event in events if isinstance(event, yaml.AliasEvent)]
-        for one in aliases or [node]:
-            finding = Finding.at(self._mark(one), "an alias (`*name`) is not used in an inventory", "write it out")
+        for item in aliases or [node]:
+            finding = Finding.at(self._mark(item), "an alias (`*name`) is not used in an inventory", "write it out")
             if finding not in self.findings:
                 self.findings.append(finding)
 

@@ -62,11 +62,11 @@ def _character(text: str, mark: yaml.Mark) -> str:
     return line[mark.column : mark.column + 1]
 
 
-def _place(error: yaml.YAMLError, said: str) -> yaml.Mark | None:
+def _place(error: yaml.YAMLError, text: str) -> yaml.Mark | None:
     """Where to look: what is not closed is best seen where it was opened."""
     opened: yaml.Mark | None = getattr(error, "context_mark", None)
     noticed: yaml.Mark | None = getattr(error, "problem_mark", None)
-    return opened if any(part in said for part in _UNCLOSED) else noticed or opened
+    return opened if any(part in text for part in _UNCLOSED) else noticed or opened
 
 
 def _inside(text: str, mark: yaml.Mark) -> tuple[int, int]:

@@ -107,8 +107,8 @@ def _option(field: FieldInfo, doc: str | None) -> dict[str, Any]:
     item = _schema.item_of(annotation)
     model = _schema.model_of(annotation if item is None else item)
     plain = _schema.unwrap(annotation if item is None else item)
-    own = plain.__doc__ if model is not None or (isinstance(plain, type) and issubclass(plain, Enum)) else None
-    about = doc or own or _schema.wanted(annotation)
+    local = plain.__doc__ if model is not None or (isinstance(plain, type) and issubclass(plain, Enum)) else None
+    about = doc or local or _schema.wanted(annotation)
     option: dict[str, Any] = {"type": _type(annotation), "description": _sentence(about)}
     if field.is_required():
         option["required"] = True

@@ -104,14 +104,14 @@ def eirp_dbm(country: str, band: str, frequency: int, width: int, *, outdoors: b
     if why_illegal(country, band, frequency, width, outdoors=outdoors) is not None:
         return None
     low = lower_edge(country, band, frequency, width, outdoors=outdoors)
-    return min(one.eirp_dbm for one in RANGES[country][band] if one.low < low + width and low < one.high)
+    return min(item.eirp_dbm for item in RANGES[country][band] if item.low < low + width and low < item.high)
 
 
 def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:
-    touched = [one for one in RANGES[country][band] if one.low < high and low < one.high]
-    for one in touched:
-        if not (one.outdoors if outdoors else one.indoors):
-            return one.rule
+    touched = [item for item in RANGES[country][band] if item.low < high and low < item.high]
+    for entry in touched:
+        if not (entry.outdoors if outdoors else entry.indoors):
+            return entry.rule
     if not touched or low < touched[0].low or high > touched[-1].high:
         return f"the channel reaches from {low:g} to {high:g} MHz, beyond the band's end"
     return None

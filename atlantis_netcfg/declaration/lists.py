@@ -49,8 +49,8 @@ class ListInvalid(UsageError):
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.findings = tuple(sorted(set(findings)))
-        self.errors = tuple(UsageError(_told(one), hint=one.hint) for one in self.findings)
-        super().__init__("\n".join(str(one) for one in self.errors))
+        self.errors = tuple(UsageError(_told(finding), hint=finding.hint) for finding in self.findings)
+        super().__init__("\n".join(str(error) for error in self.errors))
 
 
 def _told(finding: Finding) -> str:

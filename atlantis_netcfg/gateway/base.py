@@ -48,8 +48,8 @@ class GatewayBase:
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        told = {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
-        return told if self.network is None else {**told, "network": self.network.as_dict()}
+        values = {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
+        return values if self.network is None else {**values, "network": self.network.as_dict()}
 
 
 def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:

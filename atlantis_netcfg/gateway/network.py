@@ -62,8 +62,8 @@ class GatewayNetwork:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data; what is left out is the module's default."""
-        told = asdict(self) | {"replaces": list(self.replaces)}
-        return {key: value for key, value in told.items() if value is not None}
+        values = asdict(self) | {"replaces": list(self.replaces)}
+        return {key: value for key, value in values.items() if value is not None}
 
 
 def gateway_network(declaration: Declaration, host: Host) -> GatewayNetwork | None:

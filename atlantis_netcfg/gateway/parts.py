@@ -127,8 +127,8 @@ class Configuration:
         return {key: _plain(value) for key, value in asdict(self).items() if value}
 
 
-def _plain(told: Any) -> Any:  # noqa: ANN401 - JSON
+def _plain(result: Any) -> Any:  # noqa: ANN401 - JSON
     """Lists for tuples, and no keys without a value."""
-    if isinstance(told, dict):
-        return {key: _plain(value) for key, value in told.items() if value is not None}
-    return [_plain(value) for value in told] if isinstance(told, list | tuple) else told
+    if isinstance(result, dict):
+        return {key: _plain(value) for key, value in result.items() if value is not None}
+    return [_plain(value) for value in result] if isinstance(result, list | tuple) else result

@@ -61,8 +61,8 @@ def archive_key(inventory: Path, archive: Archive, declared: str | None, now: da
             f"the key of the archive of ROS 2 expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
             hint=f"{_fetch(archive)}; the same key is renewed now and then, with a later end",
         )
-    told = f"the key of the archive of ROS 2 expires on {expires:%Y-%m-%d}: fetch the renewed one before"
-    return ArchiveKey(packets, key.fingerprint, told if now >= expires - _WARN else None)
+    text = f"the key of the archive of ROS 2 expires on {expires:%Y-%m-%d}: fetch the renewed one before"
+    return ArchiveKey(packets, key.fingerprint, text if now >= expires - _WARN else None)
 
 
 def _read(path: Path, archive: Archive) -> bytes:

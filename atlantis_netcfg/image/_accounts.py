@@ -30,12 +30,12 @@ PubkeyAuthentication yes
 """
 
 
-def accounts(seen: Seen, wish: Wish) -> Iterator[Edit]:
+def accounts(seen: Seen, request: Wish) -> Iterator[Edit]:
     """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
-    account = _account(seen.text(PASSWD), wish.user)
+    account = _account(seen.text(PASSWD), request.user)
     folder = f"{account.home.rstrip('/')}/.ssh"
     yield Directory(folder, 0o700, account.owner)
-    keys = "".join(f"{key}\n" for key in wish.keys)
+    keys = "".join(f"{key}\n" for key in request.keys)
     yield File(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
     yield from passwords(seen)
     if SSHD not in seen.files:
@@ -53,7 +53,7 @@ def _account(passwd: str, name: str) -> Account:
     rows = {row[0]: row for row in (line.split(":") for line in passwd.splitlines()) if len(row) == 7}  # noqa: PLR2004
     row = rows.get(name)
     if row is None:
-        people = ", ".join(one for one, row in rows.items() if row[6].endswith("sh")) or "none"
+        people = ", ".join(item for item, row in rows.items() if row[6].endswith("sh")) or "none"
         raise ImageRefused(f"the image has no account `{name}`", hint=f"declare `user`: the image has {people}")
     if row[6].endswith(("nologin", "false")):
         raise ImageRefused(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
@@ -88,9 +88,9 @@ def passwords(seen: Seen) -> Iterator[Edit]:
     for row in people:
         if len(row) > 1 and row[1] != "x":
             row[1] = "x"  # a password, or none, in the file that everybody reads
-    said = "".join(f"{':'.join(row)}\n" for row in people)
-    if said != passwd:
-        yield File(PASSWD, said.encode())
+    message = "".join(f"{':'.join(row)}\n" for row in people)
+    if message != passwd:
+        yield File(PASSWD, message.encode())
 
 
 def _group(seen: Seen, name: str) -> int:

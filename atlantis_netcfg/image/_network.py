@@ -41,27 +41,27 @@ PATHS = (
 _SAID = "# Written by `provision image`."
 
 
-def network(seen: Seen, wish: Wish) -> Iterator[Edit]:
+def network(seen: Seen, request: Wish) -> Iterator[Edit]:
     """One wired interface, with a fixed address or DHCP. Raises ImageRefused where nothing would configure it."""
     if NETPLAN in seen.present:
         others = (name for name in seen.listed.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
         yield from (Remove(f"{_PLANS}/{name}") for name in others)
         yield from _folder(seen, _PLANS)
-        yield File(f"{_PLANS}/{_PLAN}", _netplan(wish).encode(), 0o600)
+        yield File(f"{_PLANS}/{_PLAN}", _netplan(request).encode(), 0o600)
     elif {IFUPDOWN, _IFUPDOWN_OLD} & seen.present:
-        if not wish.interface:
+        if not request.interface:
             raise ImageRefused(
                 "the image configures its network by ifupdown, which needs the interface's name",
                 hint="declare `interface` of the host's image, like eth0",
             )
-        yield File("/etc/network/interfaces", _interfaces(wish).encode())
+        yield File("/etc/network/interfaces", _interfaces(request).encode())
     elif NETWORK_MANAGER in seen.present:
         yield from _folder(seen, _PROFILES)
-        yield File(f"{_PROFILES}/atlantis.nmconnection", _profile(wish).encode(), 0o600)
+        yield File(f"{_PROFILES}/atlantis.nmconnection", _profile(request).encode(), 0o600)
     elif NETWORKD in seen.present:
         yield from _folder(seen, _PARTS)
         yield from _folder(seen, _WANTS)
-        yield File(f"{_PARTS}/05-atlantis.network", _networkd(wish).encode())
+        yield File(f"{_PARTS}/05-atlantis.network", _networkd(request).encode())
         yield Link(
             f"{_WANTS}/systemd-networkd.service", f"{NETWORKD.rpartition('/')[0]}/system/systemd-networkd.service"
         )
@@ -69,8 +69,8 @@ def network(seen: Seen, wish: Wish) -> Iterator[Edit]:
         raise ImageRefused(
             "nothing in the image would set its address: no netplan, ifupdown, NetworkManager or systemd-networkd"
         )
-    if wish.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
-        yield File(_RESOLV, f"{_SAID}\nsearch {wish.static.domain}\nnameserver {wish.static.gateway}\n".encode())
+    if request.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
+        yield File(_RESOLV, f"{_SAID}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode())
 
 
 def _folder(seen: Seen, path: str) -> Iterator[Edit]:
@@ -78,39 +78,41 @@ def _folder(seen: Seen, path: str) -> Iterator[Edit]:
         yield Directory(path)
 
 
-def _netplan(wish: Wish) -> str:
-    rows = [_SAID, "network:", "  version: 2", "  ethernets:", "    lan:", f"      match: {{name: {_match(wish)}}}"]
-    if wish.static is None:
+def _netplan(request: Wish) -> str:
+    rows = [_SAID, "network:", "  version: 2", "  ethernets:", "    lan:", f"      match: {{name: {_match(request)}}}"]
+    if request.static is None:
         rows.append("      dhcp4: true")
     else:
         rows += [
             "      dhcp4: false",
-            f"      addresses: [{wish.static.address}]",
-            f"      routes: [{{to: 0.0.0.0/0, via: {wish.static.gateway}}}]",
-            f"      nameservers: {{addresses: [{wish.static.gateway}], search: [{wish.static.domain}]}}",
+            f"      addresses: [{request.static.address}]",
+            f"      routes: [{{to: 0.0.0.0/0, via: {request.static.gateway}}}]",
+            f"      nameservers: {{addresses: [{request.static.gateway}], search: [{request.static.domain}]}}",
         ]
     return "".join(f"{row}\n" for row in rows)
 
 
-def _match(wish: Wish) -> str:
-    return wish.interface or '"e*"'
+def _match(request: Wish) -> str:
+    return request.interface or '"e*"'
 
 
-def _interfaces(wish: Wish) -> str:
-    name = wish.interface
+def _interfaces(request: Wish) -> str:
+    name = request.interface
     start = f"{_SAID}\nauto lo\niface lo inet loopback\n\nallow-hotplug {name}\n"
-    if wish.static is None:
+    if request.static is None:
         return f"{start}iface {name} inet dhcp\n"
     return (
         f"{start}iface {name} inet static\n"
-        f"    address {wish.static.address}\n    gateway {wish.static.gateway}\n"
-        f"    dns-nameservers {wish.static.gateway}\n    dns-search {wish.static.domain}\n"
+        f"    address {request.static.address}\n    gateway {request.static.gateway}\n"
+        f"    dns-nameservers {request.static.gateway}\n    dns-search {request.static.domain}\n"
     )
 
 
-def _profile(wish: Wish) -> str:
-    name = f"interface-name={wish.interface}\n" if wish.interface else ""
-    return f"{_SAID}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n{name}\n{_ipv4(wish.static)}"
+def _profile(request: Wish) -> str:
+    name = f"interface-name={request.interface}\n" if request.interface else ""
+    return (
+        f"{_SAID}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n{name}\n{_ipv4(request.static)}"
+    )
 
 
 def _ipv4(static: Static | None) -> str:
@@ -122,9 +124,9 @@ def _ipv4(static: Static | None) -> str:
     )
 
 
-def _networkd(wish: Wish) -> str:
-    start = f"{_SAID}\n[Match]\nName={wish.interface or 'e*'}\n\n[Network]\n"
-    if wish.static is None:
+def _networkd(request: Wish) -> str:
+    start = f"{_SAID}\n[Match]\nName={request.interface or 'e*'}\n\n[Network]\n"
+    if request.static is None:
         return f"{start}DHCP=ipv4\n"
-    address, gateway, domain = wish.static.address, wish.static.gateway, wish.static.domain
+    address, gateway, domain = request.static.address, request.static.gateway, request.static.domain
     return f"{start}Address={address}\nGateway={gateway}\nDNS={gateway}\nDomains={domain}\n"

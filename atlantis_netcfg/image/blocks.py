@@ -167,11 +167,11 @@ class BlockTree:
         found: dict[str, list[str]] = {}
         for line in _text(self.proc / "self" / "mountinfo").splitlines():
             before, _, after = line.partition(" - ")
-            fields, told = before.split(), after.split()
+            fields, lines = before.split(), after.split()
             point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), fields[4])
             found.setdefault(fields[2], []).append(point)
-            if len(told) > 1 and told[1].startswith("/dev/"):
-                found.setdefault(Path(told[1]).resolve().name, []).append(point)
+            if len(lines) > 1 and lines[1].startswith("/dev/"):
+                found.setdefault(Path(lines[1]).resolve().name, []).append(point)
         return found
 
     def _swaps(self) -> set[str]:

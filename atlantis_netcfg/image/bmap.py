@@ -71,7 +71,7 @@ def _understood(text: bytes) -> Bmap:
     block, size = int(root.findtext("BlockSize") or ""), int(root.findtext("ImageSize") or "")
     if root.tag != "bmap" or block <= 0 or size <= 0:
         raise ValueError("it has no sizes")
-    return Bmap(size, algorithm, tuple(_range(one, block, size) for one in root.iterfind("BlockMap/Range")))
+    return Bmap(size, algorithm, tuple(_range(element, block, size) for element in root.iterfind("BlockMap/Range")))
 
 
 def _hold(text: bytes, digest: str, algorithm: str) -> None:

@@ -90,8 +90,8 @@ class Ext4:
 
     def hold_editable(self) -> None:
         """Hold that debugfs can edit the file system. Raises ImageRefused."""
-        told = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
-        if found := sorted(_NOT_EDITED & {*(told[1].split() if told else ())}):
+        result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
+        if found := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
             raise ImageRefused(
                 f"the image's file system has the feature `{found[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
             )
@@ -104,11 +104,11 @@ class Ext4:
 
     def status(self, path: str) -> Status | None:
         """What stands at a path; None: nothing. Links on the way are not followed."""
-        said = self._ask(f"stat {_safe(path)}")
-        head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", said, re.DOTALL)
+        text = self._ask(f"stat {_safe(path)}")
+        head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", text, re.DOTALL)
         if head is None:
             return None
-        target = re.search(r'Fast link dest: "(.*)"', said)
+        target = re.search(r'Fast link dest: "(.*)"', text)
         owner = (int(head[3]), int(head[4]))
         return Status(head[1], int(head[2], 8), owner, target[1] if target else "")
 
@@ -124,8 +124,8 @@ class Ext4:
 
     def names(self, path: str) -> tuple[str, ...]:
         """The names in a directory; empty where there is none."""
-        said = self._ask(f"ls -p {_safe(path)}")
-        found = (line.split("/")[5] for line in said.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
+        text = self._ask(f"ls -p {_safe(path)}")
+        found = (line.split("/")[5] for line in text.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
         return tuple(sorted(name for name in found if name not in {"", ".", ".."}))
 
     def exists(self, path: str) -> bool:
@@ -178,16 +178,16 @@ class Ext4:
     def _held(self, edit: Edit, complaint: str) -> None:
         status = self.status(edit.path)
         if isinstance(edit, Remove):
-            held = status is None
+            current = status is None
         elif status is None:
-            held = False
+            current = False
         elif isinstance(edit, File):
-            held = self.read(edit.path) == edit.content and (status.mode, status.owner) == (edit.mode, edit.owner)
+            current = self.read(edit.path) == edit.content and (status.mode, status.owner) == (edit.mode, edit.owner)
         elif isinstance(edit, Directory):
-            held = status.kind == "directory" and (status.mode, status.owner) == (edit.mode, edit.owner)
+            current = status.kind == "directory" and (status.mode, status.owner) == (edit.mode, edit.owner)
         else:
-            held = status.kind == "symlink" and status.target == edit.target
-        if not held:
+            current = status.kind == "symlink" and status.target == edit.target
+        if not current:
             raise ImageRefused(
                 f"{edit.path} of the image could not be set: {complaint or 'what is read back is something else'}",
                 hint="the image's file system may be full; nothing was written to a card",
@@ -232,9 +232,9 @@ def _above(path: str) -> str:
     return str(PurePosixPath(path).parent)
 
 
-def _complaint(said: str) -> str:
+def _complaint(text: str) -> str:
     """What debugfs says besides repeating its commands and counting inodes; the first line is nearest to the cause."""
-    lines = (line.strip() for line in said.splitlines() if not line.startswith(("debugfs", "Allocated inode")))
+    lines = (line.strip() for line in text.splitlines() if not line.startswith(("debugfs", "Allocated inode")))
     return next(filter(None, lines), "")
 
 

@@ -119,8 +119,8 @@ def _partitions(start: bytes) -> dict[int, int]:
 
 
 def _has(data: bytes | int, magic: tuple[int, bytes]) -> bool:
-    at, wanted = magic
-    return isinstance(data, bytes) and data[at : at + len(wanted)] == wanted
+    at, desired = magic
+    return isinstance(data, bytes) and data[at : at + len(desired)] == desired
 
 
 def _is_fat(sector: bytes | int) -> bool:

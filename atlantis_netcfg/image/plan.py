@@ -41,9 +41,9 @@ BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlin
 """Files that hold the words of the kernel's command line; those of the FAT partition are read besides."""
 
 
-def asked(wish: Wish) -> tuple[str, ...]:
+def asked(request: Wish) -> tuple[str, ...]:
     """The paths of which it needs to know whether they exist."""
-    zone = f"{_ZONES}/{wish.time_zone}"
+    zone = f"{_ZONES}/{request.time_zone}"
     return (
         *_network.PATHS,
         *_FOLDERS,
@@ -58,42 +58,42 @@ def asked(wish: Wish) -> tuple[str, ...]:
     )
 
 
-def plan(seen: Seen, wish: Wish) -> tuple[Edit, ...]:
+def plan(seen: Seen, request: Wish) -> tuple[Edit, ...]:
     """The edits, in the order in which they are carried out. Raises ImageRefused where the image cannot serve."""
     found = [
         *(Directory(path) for path in _FOLDERS if path not in seen.present),
-        *_identity(seen, wish),
-        *accounts(seen, wish),
-        *_network.network(seen, wish),
-        *_time(seen, wish),
-        *_first_boot(wish),
+        *_identity(seen, request),
+        *accounts(seen, request),
+        *_network.network(seen, request),
+        *_time(seen, request),
+        *_first_boot(request),
         *_no_cloud_init(seen),
     ]
     return tuple(dict.fromkeys(found))
 
 
-def notes(seen: Seen, wish: Wish) -> tuple[str, ...]:
+def notes(seen: Seen, request: Wish) -> tuple[str, ...]:
     """What a person should know, although it does not stand in the way."""
-    told = []
-    if f"{_ZONES}/{wish.time_zone}" not in seen.present:
-        told.append(
-            f"the image has no time zone data: its clock shows UTC until tzdata is installed ({wish.time_zone})"
+    result = []
+    if f"{_ZONES}/{request.time_zone}" not in seen.present:
+        result.append(
+            f"the image has no time zone data: its clock shows UTC until tzdata is installed ({request.time_zone})"
         )
     if _cloud_init(seen):
-        told.append(
+        result.append(
             "cloud-init of the image is switched off, and with it what it does at a first start, such as growing the "
             "file system"
         )
-    return tuple(told)
+    return tuple(result)
 
 
-def _identity(seen: Seen, wish: Wish) -> Iterator[Edit]:
+def _identity(seen: Seen, request: Wish) -> Iterator[Edit]:
     """Host name; and no identity that other cards from this image have as well (machine-id(5))."""
-    yield File("/etc/hostname", f"{wish.host}\n".encode())
+    yield File("/etc/hostname", f"{request.host}\n".encode())
     kept = [line for line in seen.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
     if not any(line.split()[:1] == ["127.0.0.1"] for line in kept):
         kept.insert(0, "127.0.0.1\tlocalhost")
-    yield File(_HOSTS, "".join(f"{line}\n" for line in [*kept, f"127.0.1.1\t{wish.host}"]).encode())
+    yield File(_HOSTS, "".join(f"{line}\n" for line in [*kept, f"127.0.1.1\t{request.host}"]).encode())
     yield File(_MACHINE_ID, b"", 0o444)
     for path in (_DBUS_ID, _SEED):
         if path in seen.present:
@@ -101,14 +101,14 @@ def _identity(seen: Seen, wish: Wish) -> Iterator[Edit]:
     yield from (Remove(f"{_SSH}/{name}") for name in seen.listed.get(_SSH, ()) if name.startswith("ssh_host_"))
 
 
-def _time(seen: Seen, wish: Wish) -> Iterator[Edit]:
+def _time(seen: Seen, request: Wish) -> Iterator[Edit]:
     """Zone and servers; by address, because names do not resolve while the clock is wrong."""
-    yield Link("/etc/localtime", f"{_ZONES}/{wish.time_zone}")
-    yield File("/etc/timezone", f"{wish.time_zone}\n".encode())
-    servers = " ".join(map(str, wish.time_servers))
+    yield Link("/etc/localtime", f"{_ZONES}/{request.time_zone}")
+    yield File("/etc/timezone", f"{request.time_zone}\n".encode())
+    servers = " ".join(map(str, request.time_servers))
     yield File(f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision image`.\n[Time]\nNTP={servers}\n".encode())
     if _CHRONY in seen.present:
-        lines = "".join(f"server {server} iburst\n" for server in wish.time_servers)
+        lines = "".join(f"server {server} iburst\n" for server in request.time_servers)
         yield File(f"{_CHRONY}/atlantis.sources", lines.encode())
 
 
@@ -164,9 +164,9 @@ WantedBy=multi-user.target
 """
 
 
-def _first_boot(wish: Wish) -> Iterator[Edit]:
+def _first_boot(request: Wish) -> Iterator[Edit]:
     yield File("/usr/local/sbin/atlantis-first-boot", _SCRIPT.encode(), 0o755)
     yield File(f"{_UNITS}/atlantis-first-boot.service", _UNIT.encode())
     yield Link(f"{_WANTS}/atlantis-first-boot.service", f"{_UNITS}/atlantis-first-boot.service")
-    record = {"host": wish.host, "site": wish.site, "image": wish.source}
+    record = {"host": request.host, "site": request.site, "image": request.source}
     yield File("/etc/atlantis/image.json", f"{json.dumps(record, indent=1)}\n".encode())

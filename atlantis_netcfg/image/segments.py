@@ -48,9 +48,9 @@ def segments(image: Path, size: int, mapped: Iterable[Span] | None = None) -> tu
     what was written there since, by customising, is data nevertheless. Where a file system knows no holes, all is data.
     """
     data = _joined(_data(image, size), size)
-    wanted = [(0, size)] if mapped is None else _joined([*mapped, *data], size)
+    desired = [(0, size)] if mapped is None else _joined([*mapped, *data], size)
     found = [Segment(start, end, Kind.DATA) for start, end in data]
-    found += [Segment(start, end, Kind.ZERO) for start, end in _without(wanted, data)]
+    found += [Segment(start, end, Kind.ZERO) for start, end in _without(desired, data)]
     return tuple(sorted(found, key=lambda each: each.start))
 
 

@@ -77,7 +77,7 @@ def _listed(path: Path, name: str) -> str | None:
     return None
 
 
-def expand(image: Path, copy: Path, wanted: Checksum | None, tell: Callable[[int, int], None]) -> Expanded:
+def expand(image: Path, copy: Path, desired: Checksum | None, tell: Callable[[int, int], None]) -> Expanded:
     """Make the working copy; `tell` hears the bytes read, and of how many. Raises ImageRefused."""
     try:
         with image.open("rb") as file, copy.open("xb") as out:
@@ -92,12 +92,12 @@ def expand(image: Path, copy: Path, wanted: Checksum | None, tell: Callable[[int
             f"{image} cannot be unpacked to {copy.parent}: {error.strerror or error}",
             hint="the unpacked image needs room there; TMPDIR=/some/directory provision … uses another place",
         ) from error
-    if wanted is not None and hashed.hexdigest() != wanted.sha256:
+    if desired is not None and hashed.hexdigest() != desired.sha256:
         raise ImageRefused(
-            f"{image}: its SHA-256 is {hashed.hexdigest()}, and {wanted.told_by} says {wanted.sha256}",
+            f"{image}: its SHA-256 is {hashed.hexdigest()}, and {desired.told_by} says {desired.sha256}",
             hint="the file is damaged, or another one: fetch it again",
         )
-    told_by = wanted.told_by if wanted else ""
+    told_by = desired.told_by if desired else ""
     return Expanded(copy, size, hashed.hexdigest(), told_by, written.mapped)
 
 
@@ -192,23 +192,23 @@ class _Sparse:
     def _put_mapped(self, piece: bytes) -> None:
         end = self._at + len(piece)
         while self._rest and self._rest[0].start < end:
-            wanted = self._rest[0]
-            start, stop = max(wanted.start, self._at), min(wanted.end, end)
+            mapped_range = self._rest[0]
+            start, stop = max(mapped_range.start, self._at), min(mapped_range.end, end)
             part = piece[start - self._at : stop - self._at]
             self._put(start, part)
             if self._digest is not None:
                 self._digest.update(part)
-            if wanted.end > end:
+            if mapped_range.end > end:
                 return
-            self._end_range(wanted)
+            self._end_range(mapped_range)
 
-    def _end_range(self, wanted: bmap.MappedRange) -> None:
+    def _end_range(self, mapped_range: bmap.MappedRange) -> None:
         self._rest.pop(0)
         if self._map is None or self._digest is None:
             return
-        if wanted.digest and self._digest.hexdigest() != wanted.digest:
+        if mapped_range.digest and self._digest.hexdigest() != mapped_range.digest:
             raise ImageRefused(
-                f"bytes {wanted.start} to {wanted.end} of the image are not those of its block map",
+                f"bytes {mapped_range.start} to {mapped_range.end} of the image are not those of its block map",
                 hint="the image or its .bmap file is damaged: fetch both again",
             )
         self._digest = hashlib.new(self._map.algorithm)

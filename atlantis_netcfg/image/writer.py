@@ -187,8 +187,8 @@ class _Job:
         meter, done, total = Meter(Step.COMPARING, self._tell), 0, sum(part.size for part in parts)
         for part in parts:
             for at, size in _chunks(part):
-                wanted = _zeros(size) if part.kind is Kind.ZERO else self._wanted(at, size)
-                if self._read(at, size) != wanted:
+                desired = _zeros(size) if part.kind is Kind.ZERO else self._wanted(at, size)
+                if self._read(at, size) != desired:
                     raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
                 done += size
                 meter(done, total)

@@ -80,17 +80,17 @@ def managers(declaration: Declared, host: DeclaredHost, interface: str | None) -
     by a link. Without a way into the VPN nobody of it is admitted.
     """
     site = declaration.sites[host.site]
-    own = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
-    others = [one for name, one in declaration.sites.items() if name != host.site]
-    behind = [declaration.pilot.vpn.network, *(network for one in others for network in _inner(one))]
+    local = (("", "MGMT", [site.management.network]), (" in the LAN", "LAN", [site.lan.network]))
+    others = [item for name, item in declaration.sites.items() if name != host.site]
+    behind = [declaration.pilot.vpn.network, *(network for other in others for network in _inner(other))]
     way_in = "VPN" if interface is not None else "LAN" if server_in_lan(declaration, host) else ""
     for prefix in site.management.admit:
         found = False
-        for way, interfaces, networks in (*own, (" by the VPN", way_in, behind)):
+        for way, interfaces, networks in (*local, (" by the VPN", way_in, behind)):
             for network in (network for network in networks if network.overlaps(prefix)):
                 found = True
                 if interfaces:
-                    both = max(prefix, network, key=lambda one: one.prefixlen)
+                    both = max(prefix, network, key=lambda entry: entry.prefixlen)
                     yield Managers(way, interfaces, str(both))
         if not found:
             yield Managers(" from outside", "WAN", str(prefix))

@@ -125,7 +125,7 @@ def of_evidence(result: Mapping[str, Any]) -> bool:
 def drift_lines(comparison: Mapping[str, Any]) -> str:
     """Return the differences of one device, menu by menu; empty without any."""
     lines: list[str] = []
-    for menu, differences in groupby(comparison["differences"], key=lambda one: one["menu"]):
+    for menu, differences in groupby(comparison["differences"], key=lambda item: item["menu"]):
         lines.append(f"  {menu}")
         for difference in differences:
             lines += [f"    {line}" for line in difference_lines(difference, comparison["confirmed"])]

@@ -74,7 +74,7 @@ def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed
         kinds = ", ".join(dict.fromkeys(element["kind"] for element in counted))
         add(case, "failure", kinds, _text(counted, confirmed))
     elif hidden:
-        names = ", ".join(f"{field['name']} of {one['subject']}" for one in hidden for field in one["fields"])
+        names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden for field in row["fields"])
         skip(case, f"could not be compared: {names}")
     if beside:
         tell(case, _text(beside, confirmed))

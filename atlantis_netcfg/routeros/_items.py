@@ -56,12 +56,14 @@ class RunTime:
     declared: str
     instead: str
 
-    def covers(self, menu: Menu, name: str, wanted: str | None, found: Row) -> bool:
+    def covers(self, menu: Menu, name: str, desired: str | None, found: Row) -> bool:
         """Tell whether what was found in the row is what the device makes of the wanted value."""
         each = menu.by_name[name]
         mine = (self.menu, self.name) == (menu.path, name)
         return (
-            mine and each.form(self.declared) == each.form(wanted) and each.form(self.instead) == menu.form(name, found)
+            mine
+            and each.form(self.declared) == each.form(desired)
+            and each.form(self.instead) == menu.form(name, found)
         )
 
 

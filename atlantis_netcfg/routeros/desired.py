@@ -136,9 +136,9 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     as they are on the device. A menu with a row that we cannot tell from others is not gone back to entirely: that row
     could be the one that is removed. `notes` says what cannot be restored. Raises RscError if the text is no export.
     """
-    wanted = [known_menu(path) for path in dict.fromkeys(only)]
-    restored = [menu for menu in wanted if menu.exported and not menu.readonly]
-    notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in wanted if menu not in restored]
+    desired = [known_menu(path) for path in dict.fromkeys(only)]
+    restored = [menu for menu in desired if menu.exported and not menu.readonly]
+    notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in desired if menu not in restored]
     items: dict[str, list[Item]] = {menu.path: [] for menu in restored}
     gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
@@ -176,8 +176,8 @@ def _is_a_row(menu: Menu, statement: Statement) -> bool:
 
     `set 0` is about a row of the system, which the device does not let go; what tells it from others is not put back.
     """
-    told = any(name in menu.by_name and name not in menu.keys for name, _ in statement.values)
-    return told or statement.verb == "add" or statement.find is not None or menu.shape is Shape.FIXED
+    is_reported = any(name in menu.by_name and name not in menu.keys for name, _ in statement.values)
+    return is_reported or statement.verb == "add" or statement.find is not None or menu.shape is Shape.FIXED
 
 
 def _understood(menu: Menu, statement: Statement) -> Statement:

@@ -324,18 +324,18 @@ def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
 
 def _script(tally: _Tally, actions: Sequence[Action]) -> None:
     size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
-    said = sum(len(f"ok {action.number}\r\n") for action in actions)
+    reply = sum(len(f"ok {action.number}\r\n") for action in actions)
     trips = max(1, ceil(size / SCRIPT))
-    tally.spend(trips=trips, up=size + 40, down=said + 40, device_s=len(actions) * EXECUTE_S)
+    tally.spend(trips=trips, up=size + 40, down=reply + 40, device_s=len(actions) * EXECUTE_S)
 
 
 def _parse(tally: _Tally, plan: Plan, observed: Observed | None) -> None:
     """Show the commands to the device's parser, beside what is read before a change."""
-    asked = Examination().questions(plan.actions, observed.rows if observed is not None else {})
-    up = sum(_word(word) for command in asked for word in command.words()) + len(asked) * (TAG_BYTES + 1)
-    words = sum(1 for command in asked for query in command.queries if query != "?#|")
-    scripts = sum(1 for command in asked if not command.queries)
-    down = scripts * (CONTROL_DOWN + DONE_BYTES) + words * OFFERED_DOWN + len(asked) * RECORD_BYTES
+    requested = Examination().questions(plan.actions, observed.rows if observed is not None else {})
+    up = sum(_word(word) for command in requested for word in command.words()) + len(requested) * (TAG_BYTES + 1)
+    words = sum(1 for command in requested for query in command.queries if query != "?#|")
+    scripts = sum(1 for command in requested if not command.queries)
+    down = scripts * (CONTROL_DOWN + DONE_BYTES) + words * OFFERED_DOWN + len(requested) * RECORD_BYTES
     tally.spend(trips=0, up=up, down=down, device_s=len(plan.actions) * EXECUTE_S)
 
 

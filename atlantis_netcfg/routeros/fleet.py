@@ -63,9 +63,9 @@ async def run(
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
-async def stream(jobs: Iterable[Waiting], told: Told, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE) -> None:
+async def stream(jobs: Iterable[Waiting], reported: Told, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE) -> None:
     """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
-    await _all([(job, told) for job in jobs], Mode(mode), at_once, None)
+    await _all([(job, reported) for job in jobs], Mode(mode), at_once, None)
 
 
 def _waiting(job: DeviceJob | Pair) -> Waiting:
@@ -82,18 +82,18 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
     over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
-    tasks = [asyncio.create_task(_one(job, mode, room, over, told, done), name=job.name) for job, told in turns]
+    tasks = [asyncio.create_task(_one(job, mode, room, over, reported, done), name=job.name) for job, reported in turns]
     await _finish(tasks)
-    for (job, told), task in zip(turns, tasks, strict=True):
+    for (job, output), task in zip(turns, tasks, strict=True):
         if task.cancelled():
             for name in _names(job):
-                told(_untouched(name))
+                output(_untouched(name))
         else:
             task.result()
 
 
 async def _one(  # noqa: PLR0913, PLR0917 - one call, from one place
-    job: Waiting, mode: Mode, room: _Room, over: Mapping[str, asyncio.Event], told: Told, done: Told | None
+    job: Waiting, mode: Mode, room: _Room, over: Mapping[str, asyncio.Event], reported: Told, done: Told | None
 ) -> None:
     for name in job.after:
         if name in over:
@@ -106,7 +106,7 @@ async def _one(  # noqa: PLR0913, PLR0917 - one call, from one place
             if name in over:
                 over[name].set()
     for result in results:
-        told(result)
+        reported(result)
         if done is not None:
             done(result)
 
@@ -123,9 +123,9 @@ class _Room:
         """Wait for a place and hold it; after PATIENCE_S the next device may come in besides."""
         async with self._all:
             await self._new.acquire()
-            with ExitStack() as held:
-                held.callback(self._new.release)
-                timer = asyncio.get_running_loop().call_later(PATIENCE_S, held.close)
+            with ExitStack() as exit_stack:
+                exit_stack.callback(self._new.release)
+                timer = asyncio.get_running_loop().call_later(PATIENCE_S, exit_stack.close)
                 try:
                     yield
                 finally:

@@ -122,8 +122,8 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
     menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY)))
-    asked = _GROUP in menus
-    about = _PREFLIGHT[:_AGAIN] if known is not None else _PREFLIGHT if asked else _PREFLIGHT[:-1]
+    is_requested = _GROUP in menus
+    about = _PREFLIGHT[:_AGAIN] if known is not None else _PREFLIGHT if is_requested else _PREFLIGHT[:-1]
     counted_menus = [path for path in menus if path in brief]
     reading = [replace(printing(path), queries=_OURS) if path in brief else printing(path) for path in menus]
     commands = [*reading, *map(counting_rows, counted_menus), *about]
@@ -133,7 +133,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
-    told, replies = replies[: len(modem)], replies[len(modem) :]
+    result, replies = replies[: len(modem)], replies[len(modem) :]
     answers = dict(zip(menus, replies, strict=False))
     numbers = dict(zip(counted_menus, replies[len(menus) :], strict=False))
     replies = [*replies[: len(menus)], *replies[len(menus) + len(counted_menus) :]]
@@ -151,13 +151,13 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     found = {path: there for path, there in rows.items() if there is not None}
     found |= await _others(session, {path: found[path] for path in counted_menus if path in found}, numbers)
     counts = (read_counts(reply, seen.resource) for reply in counters)
-    facts = _facts(seen, endpoint, version, found, asked=asked)
+    facts = _facts(seen, endpoint, version, found, is_requested=is_requested)
     if known is not None:
         facts = replace(
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
     found_counts = tuple(each for each in counts if each is not None)
-    modem_now = modem_row(told[0]) if told else None
+    modem_now = modem_row(result[0]) if result else None
     return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows)
 
 
@@ -317,7 +317,7 @@ def _version(resource: Reply) -> Version:
 
 
 def _facts(
-    seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]], *, asked: bool
+    seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]], *, is_requested: bool
 ) -> Facts:
     resource = _first(seen.resource)
     return Facts(
@@ -327,7 +327,7 @@ def _facts(
         architecture=resource.get("architecture-name", ""),
         device_mode=_first(seen.device_mode),
         packages=(),
-        policies=_policies(endpoint.user, rows) if asked else None,
+        policies=_policies(endpoint.user, rows) if is_requested else None,
         has_safe_mode=seen.safe_mode.trap is None,
         safe_mode_owner=_owner(seen.safe_mode),
         session_address=_session_address(seen.active, endpoint),

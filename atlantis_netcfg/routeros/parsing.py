@@ -150,8 +150,8 @@ class Examination:
 
     def _judged(self, lines: Sequence[str], reply: Reply) -> None:
         if reply.trap is not None or reply.ret is None:
-            said = f" ({reply.trap.message})" if reply.trap is not None else ""
-            self.unclear = f"the device does not run a script that only parses{said}"
+            text = f" ({reply.trap.message})" if reply.trap is not None else ""
+            self.unclear = f"the device does not run a script that only parses{text}"
             return
         answers = _answers(reply.ret.replace("\r\n", "\n"))
         if not _refusal(answers.pop(len(lines), "")) or any(number > len(lines) for number in answers):

@@ -63,11 +63,11 @@ def sim_of(monitor: Row | None) -> Sim:
     for pattern, found in ((_PUK, Sim.PUK), (_REFUSED, Sim.REFUSED), (_FREE, Sim.FREE), (_ASKS, Sim.ASKS)):
         if pattern.search(word):
             return found
-    said = " ".join(shown.get(name, "").lower() for name in ("status", "registration-status"))
-    return Sim.FREE if _ON_AIR.search(said) else Sim.UNKNOWN
+    text = " ".join(shown.get(name, "").lower() for name in ("status", "registration-status"))
+    return Sim.FREE if _ON_AIR.search(text) else Sim.UNKNOWN
 
 
-def objection(sim: Sim, held: str, declared: str, spent: str) -> str | None:
+def objection(sim: Sim, current: str, declared: str, spent: str) -> str | None:
     """Say why the declared PIN must not be sent to a SIM that asks; None: nothing speaks against it.
 
     `held` is the PIN that the device has in its configuration, empty if none.
@@ -78,15 +78,15 @@ def objection(sim: Sim, held: str, declared: str, spent: str) -> str | None:
         return "the SIM has refused the PIN, which is not tried again: compare it with the SIM's letter"
     if spent:
         return spent
-    if held == declared:
+    if current == declared:
         return "the device holds the declared PIN, and the SIM still asks for one: it is wrong, and not tried again"
-    if held:
+    if current:
         return "the device holds another PIN, which the SIM has not taken: take it out by hand before one more is tried"
     return None
 
 
 def pending(desired: Desired, observed: Observed) -> bool:
     """Tell whether the declared PIN is on the device and the modem has not yet said what became of it."""
-    wanted = {item.values.get(_FIELD) for item in desired.items.get(LTE, ())} - {None, ""}
-    held = any(row.get(_FIELD) in wanted for row in observed.rows.get(LTE, ()))
-    return held and sim_of(observed.modem) in {Sim.ASKS, Sim.UNKNOWN}
+    expected = {item.values.get(_FIELD) for item in desired.items.get(LTE, ())} - {None, ""}
+    current = any(row.get(_FIELD) in expected for row in observed.rows.get(LTE, ()))
+    return current and sim_of(observed.modem) in {Sim.ASKS, Sim.UNKNOWN}

@@ -40,9 +40,9 @@ def _newer(saved: Desired, declared: Desired) -> tuple[str, ...]:
 
 
 def _own(item: Item) -> Item:
-    own = _OWN.get(item.menu, frozenset())
-    values = {name: value for name, value in item.values.items() if name not in own}
-    return replace(item, values=values, unknown=item.unknown | own)
+    local = _OWN.get(item.menu, frozenset())
+    values = {name: value for name, value in item.values.items() if name not in local}
+    return replace(item, values=values, unknown=item.unknown | local)
 
 
 def _twins(item: Item, declared: Desired) -> list[Item]:

@@ -242,8 +242,8 @@ async def read(endpoint: Endpoint) -> Seen:
     # Both at once, so that the device has two sessions to list.
     async with await Session.open(endpoint) as session, await Session.open(large) as other:
         many = await other.flight([_print("/system/identity", ".id")] * READING_WINDOW)
-        asked = [question for check in CHECKS.values() for question in check.questions]
-        resource, *replies = await session.flight([_RESOURCE, *asked])
+        requested = [question for check in CHECKS.values() for question in check.questions]
+        resource, *replies = await session.flight([_RESOURCE, *requested])
         tls = session.tls_version
     silent = f"silent with {READING_WINDOW} in flight, answered with {WINDOW}"
     found = {
@@ -416,8 +416,11 @@ async def _by_scripts(session: Session, found: dict[str, Judgement]) -> None:
     if wrong.trap is not None:
         found["execute-error-text"] = (Verdict.FAIL, f"`!trap` {wrong.trap.message}")
     else:
-        said = "no such item" in (wrong.ret or "")
-        found["execute-error-text"] = (Verdict.PASS if said else Verdict.FAIL, f"the output is `{wrong.ret or ''}`")
+        is_confirmed = "no such item" in (wrong.ret or "")
+        found["execute-error-text"] = (
+            Verdict.PASS if is_confirmed else Verdict.FAIL,
+            f"the output is `{wrong.ret or ''}`",
+        )
     names = {row.get("name", "").partition(".")[0] for row in (await session.command(_MARKED)).checked().rows}
     if "script-first" not in names:
         found["execute-stops"] = (Verdict.INCONCLUSIVE, "the line before the error was not executed either")

@@ -100,7 +100,12 @@ class Policy:
     @property
     def zones(self) -> tuple[Zone, ...]:
         """Every zone that a permission names, once; the firewall has a set for each."""
-        named = (zone for one in self.permissions for zone in (one.source, one.destination) if zone is not None)
+        named = (
+            zone
+            for permission in self.permissions
+            for zone in (permission.source, permission.destination)
+            if zone is not None
+        )
         return tuple({zone.name: zone for zone in named}.values())
 
     def allows(self, source: Party, destination: Party, flow: Flow) -> bool:
@@ -121,12 +126,17 @@ class Policy:
         return address in self.server_addresses or self.admitted.holds(address) or self.beside.holds(address)
 
     def _is(self, zone: Zone | None, address: IPv4Address) -> bool:
-        own = address in self.server_addresses
-        return own if zone is None else not own and zone.holds(address)
+        local = address in self.server_addresses
+        return local if zone is None else not local and zone.holds(address)
 
 
 def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
     """Sorted, each network once and none inside another: a set of the firewall takes no overlap."""
     found = set(networks)
-    wide = [one for one in found if one.prefixlen < one.max_prefixlen]
-    return Zone(name, tuple(sorted(one for one in found if not any(one != net and one.subnet_of(net) for net in wide))))
+    wide = [item for item in found if item.prefixlen < item.max_prefixlen]
+    return Zone(
+        name,
+        tuple(
+            sorted(network for network in found if not any(network != net and network.subnet_of(net) for net in wide))
+        ),
+    )

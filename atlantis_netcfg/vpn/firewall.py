@@ -41,30 +41,32 @@ def text(matrix: Policy) -> str:
         .get_template("openvpn/vpn.nft.j2")
         .render(
             zones=matrix.zones,
-            forward=[line for one in matrix.permissions for line in _forward(one)],
-            input=[line for one in matrix.permissions for line in _input(one)],
+            forward=[line for item in matrix.permissions for line in _forward(item)],
+            input=[line for permission in matrix.permissions for line in _input(permission)],
         )
     )
 
 
-def _forward(one: Permission) -> Iterator[str]:
+def _forward(permission: Permission) -> Iterator[str]:
     """What passes the server."""
-    if one.source is None or one.destination is None:
+    if permission.source is None or permission.destination is None:
         return
-    source, destination = one.source.name, one.destination.name
-    yield f"ip saddr @{source} ip daddr @{destination} {_match(one.traffic)}accept {_comment(one.why)}"
-    if one.traffic.ports is not None:
-        answer = f"{one.traffic.protocol} sport {_ports(one.traffic.ports)} {_ANSWER}"
+    source, destination = permission.source.name, permission.destination.name
+    yield f"ip saddr @{source} ip daddr @{destination} {_match(permission.traffic)}accept {_comment(permission.why)}"
+    if permission.traffic.ports is not None:
+        answer = f"{permission.traffic.protocol} sport {_ports(permission.traffic.ports)} {_ANSWER}"
         yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {_comment('its answers')}"
-    elif one.traffic == ANYTHING and source != destination:
+    elif permission.traffic == ANYTHING and source != destination:
         yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {_comment('its answers')}"
 
 
-def _input(one: Permission) -> Iterator[str]:
+def _input(permission: Permission) -> Iterator[str]:
     """What the server receives; of pings it has only questions to expect, as answers are known by theirs."""
-    if one.source is not None and one.destination is None:
-        match = "icmp type echo-request " if one.traffic.protocol is Protocol.ICMP else _match(one.traffic)
-        yield f"ip saddr @{one.source.name} {match}accept {_comment(one.why)}"
+    if permission.source is not None and permission.destination is None:
+        match = (
+            "icmp type echo-request " if permission.traffic.protocol is Protocol.ICMP else _match(permission.traffic)
+        )
+        yield f"ip saddr @{permission.source.name} {match}accept {_comment(permission.why)}"
 
 
 def _match(traffic: Traffic) -> str:

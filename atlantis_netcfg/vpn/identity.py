@@ -109,7 +109,7 @@ class Member:
     @property
     def good(self) -> tuple[Certificate, ...]:
         """What the server admits, its dates aside."""
-        return tuple(one for one in self.certificates if one.good)
+        return tuple(certificate for certificate in self.certificates if certificate.good)
 
 
 @dataclass(frozen=True, slots=True)

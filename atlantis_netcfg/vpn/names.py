@@ -105,8 +105,8 @@ def _whose(member: Member) -> str:
 
 def _shown(text: str) -> str:
     """As it may be printed: look-alikes and control characters are told by their numbers."""
-    said = ascii(text)[1:-1]
-    return said if len(said) <= _SHOWN else f"{said[:_SHOWN]}…"
+    message = ascii(text)[1:-1]
+    return message if len(message) <= _SHOWN else f"{message[:_SHOWN]}…"
 
 
 def _why(text: str) -> str:

@@ -54,8 +54,8 @@ class _Draft:
         self._sites = declaration.sites
         self._hosts = declaration.hosts
         self._all_vehicles = declaration.vehicles
-        self._members = [one for one in roll.members.values() if one.good and self._declared(one)]
-        self._behind = {one.name: self._networks(one) for one in self._members}
+        self._members = [item for item in roll.members.values() if item.good and self._declared(item)]
+        self._behind = {member.name: self._networks(member) for member in self._members}
 
     def _declared(self, member: Member) -> bool:
         if member.partner is None and member.kind in _DECLARED:
@@ -64,11 +64,11 @@ class _Draft:
 
     def _networks(self, member: Member) -> tuple[IPv4Network, ...]:
         """The tunnel address, and what a site's router routes."""
-        own = (IPv4Network(member.address),)
+        local = (IPv4Network(member.address),)
         host = self._hosts.get(member.name) if member.partner is None else None
         if host is None or not isinstance(host.device, Router):
-            return own
-        return (*own, *self._of_site(host.site))
+            return local
+        return (*local, *self._of_site(host.site))
 
     def _of_site(self, name: str) -> tuple[IPv4Network, ...]:
         site = self._sites[name]
@@ -91,16 +91,16 @@ class _Draft:
         )
 
     def _of_hosts(self) -> Iterator[Permission]:
-        own = [IPv4Network(one.address) for one in self._members if _ours(one)]
+        local = [IPv4Network(member.address) for member in self._members if _ours(member)]
         declared = [IPv4Network(address) for host in self._hosts.values() for address in self._in_lan(host)]
-        hosts = zone_of("p_site_hosts", (*own, *declared, *self._management()))
+        hosts = zone_of("p_site_hosts", (*local, *declared, *self._management()))
         yield Permission(hosts, hosts, ANYTHING, "our hosts and technicians")
         yield Permission(self._managers(), zone_of("p_site_lans", self._lans()), ANYTHING, "technicians to the LANs")
 
     def _of_guests(self) -> Iterator[Permission]:
         """What others' devices share, in the VPN and in the LANs."""
-        guests = self._among("p_guest_devices", lambda one: not _ours(one), self._lans())
-        robots = self._among("p_all_robots", lambda one: one.kind is Kind.ROBOT, self._vehicles(self._all_vehicles))
+        guests = self._among("p_guest_devices", lambda member: not _ours(member), self._lans())
+        robots = self._among("p_all_robots", lambda item: item.kind is Kind.ROBOT, self._vehicles(self._all_vehicles))
         yield from self._both_ways(guests, self._speaking("p_control_centres", ControlCentre), "control centres")
         yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
         for service in self._pilot.vpn.services:
@@ -109,16 +109,16 @@ class _Draft:
 
     def _of_partners(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
-            own = zone_of(f"p_{name}", (IPv4Network(one.address) for one in self._members if one.partner == name))
-            yield Permission(own, own, ANYTHING, f"{name} among itself")
+            zone = zone_of(f"p_{name}", (IPv4Network(item.address) for item in self._members if item.partner == name))
+            yield Permission(zone, zone, ANYTHING, f"{name} among itself")
             if partner.sees:
-                robots = [IPv4Network(one.address) for one in self._members if one.vehicle in partner.sees]
+                robots = [IPv4Network(member.address) for member in self._members if member.vehicle in partner.sees]
                 seen = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
-                yield from self._both_ways(own, seen, f"what {name} sees")
+                yield from self._both_ways(zone, seen, f"what {name} sees")
             # In a LAN nobody proves who he is: an address there is worth less than one in the VPN.
-            theirs = self._vehicles([key for key, one in self._all_vehicles.items() if one.partner == name])
+            theirs = self._vehicles([key for key, vehicle in self._all_vehicles.items() if vehicle.partner == name])
             if theirs:
-                yield from self._both_ways(own, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
+                yield from self._both_ways(zone, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
 
     def _of_server(self) -> Iterator[Permission]:
         """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
@@ -130,17 +130,19 @@ class _Draft:
         yield Permission(self._managers(), None, ANYTHING, "technicians")
         yield Permission(None, everybody, ANYTHING, "the server's own")
 
-    def _both_ways(self, one: Zone, other: Zone, why: str) -> Iterator[Permission]:
+    def _both_ways(self, zone: Zone, other: Zone, why: str) -> Iterator[Permission]:
         """Pings, and DDS where the pilot has it."""
         for traffic in (PING, *_dds(self._pilot.dds)):
-            yield Permission(one, other, traffic, why)
-            yield Permission(other, one, traffic, why)
+            yield Permission(zone, other, traffic, why)
+            yield Permission(other, zone, traffic, why)
 
     def _among(self, name: str, chosen: Callable[[Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
-        return zone_of(name, (*(IPv4Network(one.address) for one in self._members if chosen(one)), *more))
+        return zone_of(name, (*(IPv4Network(member.address) for member in self._members if chosen(member)), *more))
 
     def _managers(self) -> Zone:
-        return self._among("p_all_managers", lambda one: _ours(one) and one.kind is Kind.LAPTOP, self._management())
+        return self._among(
+            "p_all_managers", lambda member: _ours(member) and member.kind is Kind.LAPTOP, self._management()
+        )
 
     def _management(self) -> tuple[IPv4Network, ...]:
         return tuple(site.management.network for site in self._sites.values())
@@ -188,5 +190,5 @@ def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
         return () if device.vpn_client is None else (device.vpn_client.address,)
     if not isinstance(device, LanBox):
         return ()
-    own = () if device.vpn_address is None else (device.vpn_address,)
-    return (*own, device.address) if lan else own
+    local = () if device.vpn_address is None else (device.vpn_address,)
+    return (*local, device.address) if lan else local

@@ -171,15 +171,15 @@ def mark(identity: Identity) -> str:
 
     In mode `ip` no packet ever carries it, every router makes one up, and who makes the interface anew gets another.
     """
-    told = f"{identity.certificate.sha256} {identity.wrap_key.reveal()}"
-    digest = hashlib.sha256(told.encode()).digest()[:5]
+    text = f"{identity.certificate.sha256} {identity.wrap_key.reveal()}"
+    digest = hashlib.sha256(text.encode()).digest()[:5]
     return ":".join(f"{byte:02X}" for byte in (0x02, *digest))
 
 
 def _blocks(identity: Identity) -> Secret:
     wrap = str(identity.certificate.wrap)
-    told = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
-    blocks = (*told, (wrap, identity.wrap_key.reveal()))
+    result = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
+    blocks = (*result, (wrap, identity.wrap_key.reveal()))
     return Secret("\n".join(f"<{name}>\n{text.strip()}\n</{name}>" for name, text in blocks))
 
 

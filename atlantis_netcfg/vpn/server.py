@@ -150,9 +150,9 @@ def live_files(declaration: Declaration, roll: Roll, crl: bytes, *, ca: str = ""
     signed = ("sh", "-c", _SIGNED, "sh", "%s", ca, _LIST) if ca else ()
     return (
         *(
-            File(f"{CCD}/{one.common_name}", ccd(member, one, declaration), mode="0640")
-            for member, one in sorted(roll.certificates(), key=lambda pair: pair[1].common_name)
-            if one.good
+            File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
+            for member, certificate in sorted(roll.certificates(), key=lambda pair: pair[1].common_name)
+            if certificate.good
         ),
         File(_LIST, crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
         File(FIREWALL, firewall(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
@@ -166,14 +166,14 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
     udp = vpn.transport.value == "udp"
     ping_s, ping_restart_s = TIMERS[Link.FIBRE]
-    own = tunnel_address(declaration, host)
+    local = tunnel_address(declaration, host)
     view = {
         "proto": "udp4" if udp else "tcp4-server",
         "local": device.address,
         "port": vpn.port,
         "interface": INTERFACE,
-        "address": own,
-        "next_hop": next(one for one in vpn.network.hosts() if one != own),
+        "address": local,
+        "next_hop": next(address for address in vpn.network.hosts() if address != local),
         "netmask": vpn.network.netmask,
         "folder": FOLDER,
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),

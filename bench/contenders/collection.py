@@ -66,11 +66,11 @@ class Collection:
         (job.folder / "ansible.cfg").write_text("[defaults]\n", encoding="utf-8")
         return Command((strangers.python(), *words), {"ANSIBLE_CONFIG": "ansible.cfg"}, tuple(notes))
 
-    def heard(self, scenario: Scenario, said: str) -> tuple[str, ...]:
+    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:
         """Tasks that call themselves changed although there was nothing to do."""
         if scenario is not Scenario.NOTHING:
             return ()
-        tasks = re.findall(r"TASK \[(.*?)\] \*+\nchanged:", said)
+        tasks = re.findall(r"TASK \[(.*?)\] \*+\nchanged:", text)
         return (f"still reports as changed: {', '.join(tasks)}",) if tasks else ()
 
 

@@ -43,10 +43,10 @@ def main() -> None:
     print(f"changes: {changes}")
 
 
-def _settings(path: Any, wanted: list[Row]) -> int:  # noqa: ANN401 - librouteros has no types here
+def _settings(path: Any, expected: list[Row]) -> int:  # noqa: ANN401 - librouteros has no types here
     (found,) = list(path)
     changes = 0
-    for row in wanted:
+    for row in expected:
         if different := _different(row, found):
             path.update(**different)
             changes += 1
@@ -57,7 +57,7 @@ def _keyed(path: Any, menu: dict[str, Any]) -> int:  # noqa: ANN401
     found = [row for row in path if not row.get("dynamic")]
     changes, kept = 0, set()
     for row in menu["rows"]:
-        match = _match(row, [one for one in found if one[".id"] not in kept], menu["keys"])
+        match = _match(row, [item for item in found if item[".id"] not in kept], menu["keys"])
         if match is None:
             path.add(**_given(row))
             changes += 1
@@ -66,9 +66,9 @@ def _keyed(path: Any, menu: dict[str, Any]) -> int:  # noqa: ANN401
         if different := _different(row, match):
             path.update(**{".id": match[".id"]}, **different)
             changes += 1
-    for one in found if menu["entire"] else ():
-        if one[".id"] not in kept:
-            path.remove(one[".id"])
+    for entry in found if menu["entire"] else ():
+        if entry[".id"] not in kept:
+            path.remove(entry[".id"])
             changes += 1
     return changes
 
@@ -78,7 +78,7 @@ def _match(row: Row, found: list[Row], keys: list[str]) -> Row | None:
     given = [key for key in keys if row.get(key)]
     same = [one for one in found if all(_same(row[key], one.get(key)) for key in given)]
     exact = [one for one in same if _same(row.get("comment"), one.get("comment"))]
-    unmarked = [one for one in same if not one.get("comment")]
+    unmarked = [item for item in same if not item.get("comment")]
     return next(iter(exact or unmarked), None)
 
 
@@ -86,35 +86,35 @@ def _ordered(path: Any, menu: dict[str, Any]) -> int:  # noqa: ANN401
     """First match: rows are recognised by their comment within a chain, and stand where the list says."""
     found = [row for row in path if not row.get("dynamic")]
     matched = [_claim(row, found) for row in menu["rows"]]
-    used = {one[".id"] for one in matched if one is not None}
+    used = {entry[".id"] for entry in matched if entry is not None}
     changes = 0
-    for one in found if menu["entire"] else ():
-        if one[".id"] not in used:
-            path.remove(one[".id"])
+    for entry in found if menu["entire"] else ():
+        if entry[".id"] not in used:
+            path.remove(entry[".id"])
             changes += 1
-    order = [one[".id"] for one in found if one[".id"] in used]
-    for place, (row, one) in enumerate(zip(menu["rows"], matched, strict=True)):
+    order = [item[".id"] for item in found if item[".id"] in used]
+    for place, (row, entry) in enumerate(zip(menu["rows"], matched, strict=True)):
         before = {"place-before": order[place]} if place < len(order) else {}
-        if one is None:
+        if entry is None:
             order.insert(place, path.add(**_given(row), **before))
             changes += 1
             continue
-        if different := _different(row, one):
-            path.update(**{".id": one[".id"]}, **different)
+        if different := _different(row, entry):
+            path.update(**{".id": entry[".id"]}, **different)
             changes += 1
-        if order[place] != one[".id"]:
-            tuple(path("move", numbers=one[".id"], destination=order[place]))
-            order.remove(one[".id"])
-            order.insert(place, one[".id"])
+        if order[place] != entry[".id"]:
+            tuple(path("move", numbers=entry[".id"], destination=order[place]))
+            order.remove(entry[".id"])
+            order.insert(place, entry[".id"])
             changes += 1
     return changes
 
 
 def _claim(row: Row, found: list[Row]) -> Row | None:
-    for one in found:
-        if "claimed" not in one and all(_same(row.get(key), one.get(key)) for key in ("chain", "comment")):
-            one["claimed"] = True
-            return one
+    for item in found:
+        if "claimed" not in item and all(_same(row.get(key), item.get(key)) for key in ("chain", "comment")):
+            item["claimed"] = True
+            return item
     return None
 
 
@@ -126,11 +126,11 @@ def _given(row: Row) -> Row:
     return {name: "yes" if value is None else value for name, value in row.items()}
 
 
-def _same(wanted: Any, found: Any) -> bool:  # noqa: ANN401
+def _same(expected: Any, found: Any) -> bool:  # noqa: ANN401
     """Compare a word of ours with what librouteros made of the device's: it casts numbers and truth values."""
     if isinstance(found, bool):
-        return wanted in (("yes", "true") if found else ("no", "false", "", None))
-    return str("" if wanted is None else wanted) == str("" if found is None else found)
+        return expected in (("yes", "true") if found else ("no", "false", "", None))
+    return str("" if expected is None else expected) == str("" if found is None else found)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,13 @@ _SCREEN = 400
 
 def _typed(device: Any, lines: list[str]) -> str:  # noqa: ANN401 - netmiko's own class, which ships no types
     """Type the lines in their order: those that fit the screen as a set, longer ones without waiting for their echo."""
-    said = ""
+    text = ""
     for fits, some in groupby(lines, key=lambda line: len(line) < _SCREEN):
         if fits:
-            said += str(device.send_config_set(list(some)))
+            text += str(device.send_config_set(list(some)))
         else:
-            said += "".join(str(device.send_command_timing(line, cmd_verify=False)) for line in some)
-    return said
+            text += "".join(str(device.send_command_timing(line, cmd_verify=False)) for line in some)
+    return text
 
 
 def main() -> None:
@@ -39,12 +39,12 @@ def main() -> None:
         banner_timeout=120,
         read_timeout_override=120,
     )
-    said = _typed(device, job["commands"]) if job["commands"] else str(device.send_command("/export"))
+    text = _typed(device, job["commands"]) if job["commands"] else str(device.send_command("/export"))
     for line in job["last"]:
-        said += str(device.send_command_timing(line))
+        text += str(device.send_command_timing(line))
     device.disconnect()
-    failures = [line for line in said.splitlines() if "failure:" in line or "expected" in line or "bad command" in line]
-    print(f"{len(said)} characters came back; {len(failures)} lines tell a failure")
+    failures = [line for line in text.splitlines() if "failure:" in line or "expected" in line or "bad command" in line]
+    print(f"{len(text)} characters came back; {len(failures)} lines tell a failure")
     for line in failures[:5]:
         print(line)
 

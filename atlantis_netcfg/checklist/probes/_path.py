@@ -112,7 +112,7 @@ def _rows(answer: Answer | None) -> list[dict[str, Any]]:
     if not isinstance(answer, Ran) or answer.trouble is not None or answer.rc:
         return []
     try:
-        told = json.loads(answer.out or "[]")
+        result = json.loads(answer.out or "[]")
     except (ValueError, RecursionError):
         return []
-    return [row for row in told if isinstance(row, dict)] if isinstance(told, list) else []
+    return [row for row in result if isinstance(row, dict)] if isinstance(result, list) else []

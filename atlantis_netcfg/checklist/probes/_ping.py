@@ -89,11 +89,11 @@ def read(out: str, address: str) -> Echoes | None:
     if sums is None or not int(sums[1]) or head is None or head[1] != address:
         return None
     answers = _ANSWER.findall(out)
-    own = {number for who, number in answers if who == address}
-    repeated = sum(who == address for who, _ in answers) - len(own)
+    local = {number for who, number in answers if who == address}
+    repeated = sum(who == address for who, _ in answers) - len(local)
     return Echoes(
         sent=int(sums[1]),
-        received=min(int(sums[2]), int(sums[1]), len(own)),
+        received=min(int(sums[2]), int(sums[1]), len(local)),
         twice=max(int(sums[3] or 0), repeated),
         others=tuple(dict.fromkeys(who for who, _ in answers if who != address)),
         damaged=any(word in out for word in _DAMAGED),
@@ -103,32 +103,32 @@ def read(out: str, address: str) -> Echoes | None:
     )
 
 
-def judge(wanted: Pinged, answer: Answer | None) -> Judged:
+def judge(expected: Pinged, answer: Answer | None) -> Judged:
     """Judge loss and time; what was not carried out proves nothing."""
-    if troubles := tuple(not_run(wanted.place, "ping", answer)):
+    if troubles := tuple(not_run(expected.place, "ping", answer)):
         return Judged(troubles)
     assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
-    echoes = read(answer.out, wanted.address)
+    echoes = read(answer.out, expected.address)
     if echoes is None:
-        said = (answer.err or answer.out).strip().splitlines()
-        why = f": {said[0][:120]}" if said else ""
-        message = f"no ping was sent to {wanted.name} ({wanted.address}) from {PLACES[wanted.place]}{why}"
-        hint = f"type it by hand there: ping {wanted.address}"
+        lines = (answer.err or answer.out).strip().splitlines()
+        why = f": {lines[0][:120]}" if lines else ""
+        message = f"no ping was sent to {expected.name} ({expected.address}) from {PLACES[expected.place]}{why}"
+        hint = f"type it by hand there: ping {expected.address}"
         return Judged((Finding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
-    where = f"{wanted.name} from {PLACES[wanted.place]}"
+    where = f"{expected.name} from {PLACES[expected.place]}"
     evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
         evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
         evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
-    who = f"{wanted.name} ({wanted.address})"
+    who = f"{expected.name} ({expected.address})"
     strange = tuple(odd(who, echoes))
     if echoes.sent < COUNT:
         message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
-        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[wanted.place]}"
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[expected.place]}"
         cut = Finding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return Judged((cut, *strange), tuple(evidence))
-    found = (_loss(wanted, echoes), *_times(wanted, echoes))
-    kept = tuple(one for one in found if not strange or one.verdict is not Verdict.PASS)
+    found = (_loss(expected, echoes), *_times(expected, echoes))
+    kept = tuple(finding for finding in found if not strange or finding.verdict is not Verdict.PASS)
     return Judged((*strange, *kept), tuple(evidence))
 
 
@@ -149,25 +149,25 @@ def odd(who: str, echoes: Echoes) -> Iterator[Finding]:
         yield Finding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
-def _loss(wanted: Pinged, echoes: Echoes) -> Finding:
-    who = f"{wanted.name} ({wanted.address})"
+def _loss(expected: Pinged, echoes: Echoes) -> Finding:
+    who = f"{expected.name} ({expected.address})"
     if not echoes.received:
         refused = f"; {echoes.refusal}" if echoes.refusal else ""
         hint = "is it switched on, with this address, and does it answer pings at all?"
         return Finding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
     message = f"{who} answers {echoes.received} of {echoes.sent} pings"
     loss = echoes.loss_percent
-    if loss <= wanted.loss_percent:
+    if loss <= expected.loss_percent:
         after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
         return Finding(Verdict.PASS, "answers", message + after)
-    verdict = Verdict.FAIL if loss >= wanted.fail_percent else Verdict.WARN
+    verdict = Verdict.FAIL if loss >= expected.fail_percent else Verdict.WARN
     hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
-    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {wanted.loss_percent:g} %", hint)
+    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {expected.loss_percent:g} %", hint)
 
 
-def _times(wanted: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
+def _times(expected: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
-    message = f"{wanted.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
+    message = f"{expected.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
     hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
     return (Finding(Verdict.WARN, "slow", message, hint),)

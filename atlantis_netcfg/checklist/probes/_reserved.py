@@ -14,5 +14,5 @@ def reserved_mac(cell: Cell, declared: object) -> str | None:
     """Give the declared MAC address, else that of the row's DHCP reservation, in upper case; None: nobody says."""
     if declared is not None:
         return str(declared).upper()
-    own = (one for one in cell.declared.lan.reservations if one.name == cell.vehicle)
-    return next((str(one.mac).upper() for one in own), None)
+    reservations = (item for item in cell.declared.lan.reservations if item.name == cell.vehicle)
+    return next((str(reservation.mac).upper() for reservation in reservations), None)

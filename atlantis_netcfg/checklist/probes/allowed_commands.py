@@ -29,4 +29,4 @@ def allowed(argv: tuple[str, ...]) -> bool:
     """Whether a command line is on the list."""
     if any(not argument or re.search(r"\s", argument) for argument in argv):
         return False
-    return any(one.fullmatch(" ".join(argv)) for one in _COMPILED)
+    return any(pattern.fullmatch(" ".join(argv)) for pattern in _COMPILED)

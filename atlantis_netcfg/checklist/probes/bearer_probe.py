@@ -38,7 +38,7 @@ _HINT = "look at the box of this link, then ask again"
 
 def bearers(cell: Cell, kind: BearerKind) -> tuple[Bearer, ...]:
     """Give the links of a kind that the row has: a location has those of its site, a vehicle none."""
-    return () if cell.vehicle is not None else tuple(one for one in cell.declared.bearers if one.kind is kind)
+    return () if cell.vehicle is not None else tuple(bearer for bearer in cell.declared.bearers if bearer.kind is kind)
 
 
 def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
@@ -48,11 +48,11 @@ def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
     return tuple(name for name in (bearer.device, peer) if name is not None)
 
 
-def well(told: Mapping[str, Any]) -> Finding | None:
+def well(values: Mapping[str, Any]) -> Finding | None:
     """Say that a link carries traffic, if it was seen to: that its own box calls itself connected is not enough."""
-    if told.get("state") != LinkState.UP:
+    if values.get("state") != LinkState.UP:
         return None
-    quality = told.get("quality") or {}
+    quality = values.get("quality") or {}
     loss = quality.get("loss_percent")
     if not isinstance(loss, int | float) or loss >= _ALL:
         hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
@@ -76,15 +76,17 @@ class BearerProbe:
         """One look at the site's links serves all who ask."""
         return (Look("look", self.bearer),)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Take over what was found of the link."""
-        answer = heard.get("look")
+        answer = results.get("look")
         if not isinstance(answer, Looked) or answer.trouble is not None or answer.bearer is None:
             return Judged((unasked(f"the boxes of {self.bearer}", answer),))
-        told = answer.bearer
-        found = tuple(_findings(told))
-        said = self.good(told)
-        return Judged((*((said,) if said is not None else ()), *found) or (_unseen(self.bearer),), _evidence(told))
+        values = answer.bearer
+        found = tuple(_findings(values))
+        finding = self.good(values)
+        return Judged(
+            (*((finding,) if finding is not None else ()), *found) or (_unseen(self.bearer),), _evidence(values)
+        )
 
 
 def link_steps(
@@ -112,20 +114,20 @@ def _unseen(bearer: str) -> Finding:
     return Finding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {bearer} works", hint)
 
 
-def _findings(told: Mapping[str, Any]) -> Iterator[Finding]:
-    for one in told.get("findings") or ():
-        verdict = Verdict(one["verdict"])
-        hint = one.get("hint") or (_HINT if verdict is not Verdict.PASS else None)
-        yield Finding(verdict, one["code"], one["message"], hint)
+def _findings(values: Mapping[str, Any]) -> Iterator[Finding]:
+    for item in values.get("findings") or ():
+        verdict = Verdict(item["verdict"])
+        hint = item.get("hint") or (_HINT if verdict is not Verdict.PASS else None)
+        yield Finding(verdict, item["code"], item["message"], hint)
 
 
-def _evidence(told: Mapping[str, Any]) -> tuple[Evidence, ...]:
-    quality = (told.get("quality") or {}).items()
-    of = f"of {told['box']}" if told.get("box") else "of the link"
+def _evidence(values: Mapping[str, Any]) -> tuple[Evidence, ...]:
+    quality = (values.get("quality") or {}).items()
+    of = f"of {values['box']}" if values.get("box") else "of the link"
     shown = [
         read(f"{name} {of}", value, unit) for key, value in quality if value is not None for name, unit in [_named(key)]
     ]
-    return (read(f"state {of}", told.get("state", "unknown")), *shown)
+    return (read(f"state {of}", values.get("state", "unknown")), *shown)
 
 
 def _named(key: str) -> tuple[str, str]:

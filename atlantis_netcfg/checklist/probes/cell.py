@@ -71,5 +71,5 @@ class Cell:
         """The declared address, else that of the row's DHCP reservation at this site; None: nobody says."""
         if declared is not None:
             return str(declared)
-        own = (one for one in self.declared.lan.reservations if one.name == self.vehicle)
-        return next((str(one.address) for one in own), None)
+        reservations = (item for item in self.declared.lan.reservations if item.name == self.vehicle)
+        return next((str(reservation.address) for reservation in reservations), None)

@@ -35,10 +35,10 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return links or (_by_a_person(cell),)
 
 
-def _registered(told: Mapping[str, Any]) -> Finding | None:
+def _registered(values: Mapping[str, Any]) -> Finding | None:
     """Say in which network a unit is that carries traffic."""
-    up = well(told)
-    quality = told.get("quality") or {}
+    up = well(values)
+    quality = values.get("quality") or {}
     if up is None or up.verdict is not Verdict.PASS or not quality.get("registration"):
         return up
     words = f"{quality['registration']}".replace("_", " ")

@@ -39,7 +39,7 @@ class Probe(Protocol):
         """Every question, with names that are unlike each other."""
         ...
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the answers, one for each question by its name."""
         ...
 

@@ -92,12 +92,12 @@ def _line(name: str, marks: list[str]) -> str:
 
 def _legend(document: Document) -> Iterator[str]:
     cells = [cell for row in grid(document).rows for cell in row.cells if not cell.empty]
-    told = []
+    result = []
     if any(not cell.table3 for cell in cells):
-        told.append("( ) not part of Table 3")
-    told += [text for one, text in _WORDS.items() if any(cell.state is one for cell in cells)]
-    if told:
-        yield from _wrapped("", ", ".join(told))
+        result.append("( ) not part of Table 3")
+    result += [text for item, text in _WORDS.items() if any(cell.state is item for cell in cells)]
+    if result:
+        yield from _wrapped("", ", ".join(result))
     for row in document.rows:
         if row.deviation is not None:
             yield from _wrapped("", f"{row.name} differs from the report: {row.deviation}")
@@ -117,26 +117,26 @@ def _item(item: Item) -> Iterator[str]:
 
 def _brief(document: Document) -> Iterator[str]:
     """What is open or was skipped with the reason, what passed by name alone."""
-    for one in (State.OPEN, State.SKIP):
+    for entry in (State.OPEN, State.SKIP):
         for item in document.items:
-            if state(item) is one:
-                yield from _wrapped(f"{ASCII[one]} {one}", f"{item.id}: {item.title} ({item.message})")
+            if state(item) is entry:
+                yield from _wrapped(f"{ASCII[entry]} {entry}", f"{item.id}: {item.title} ({item.message})")
     passed = [item.id for item in document.items if state(item) is State.PASS]
     if passed:
         yield from _wrapped(f"{ASCII[State.PASS]} PASS", ", ".join(passed))
 
 
 def _beside(document: Document) -> Iterator[str]:
-    reasons = dict.fromkeys(one.why for one in document.left_out)
+    reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
-        what = ", ".join(one.what for one in document.left_out if one.why == why)
+        what = ", ".join(item.what for item in document.left_out if item.why == why)
         yield from _listed("not checked: ", [f"{what} ({why})"])
     yield from _listed("note: ", document.notes)
     if document.since_green is not None:
         green = document.since_green
         yield from _wrapped("", f"since run {green.run} of {clock(green.at)}, which was green:")
-        for one in green.changes:
-            words = f"{one.id}: {one.before or 'none'} -> {one.after or 'none'}: {one.message}"
+        for change in green.changes:
+            words = f"{change.id}: {change.before or 'none'} -> {change.after or 'none'}: {change.message}"
             yield from _wrapped("", words, indent=2)
         if not green.changes:
             yield "  nothing has changed"
@@ -144,8 +144,8 @@ def _beside(document: Document) -> Iterator[str]:
 
 
 def _listed(what: str, every: tuple[str, ...] | list[str]) -> Iterator[str]:
-    for one in every:
-        yield from _wrapped("", f"{what}{one}")
+    for item in every:
+        yield from _wrapped("", f"{what}{item}")
 
 
 def _wrapped(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:

@@ -88,7 +88,11 @@ def _undeclared(document: Document) -> list[Row]:
 
 def _row(document: Document, row: Row, columns: tuple[str, ...]) -> GridRow:
     place = row.kind == "location"
-    here = [one for one in document.items if (one.vehicle or one.location, one.vehicle is None) == (row.key, place)]
+    here = [
+        entry
+        for entry in document.items
+        if (entry.vehicle or entry.location, entry.vehicle is None) == (row.key, place)
+    ]
     cells = []
     for column in columns:
         items = tuple(item for item in here if item.endpoint == column)

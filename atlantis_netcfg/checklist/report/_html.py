@@ -30,7 +30,7 @@ __all__ = ["html"]
 def html(document: Document, files: Mapping[str, bytes]) -> bytes:
     """The page, the same for the same document and files."""
     style = _style()
-    told = (
+    text = (
         _environment()
         .get_template("page.html.j2")
         .render(
@@ -49,7 +49,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
             attached=attached(document, files),
         )
     )
-    return told.encode()  # `visible` leaves no half of a surrogate pair
+    return text.encode()  # `visible` leaves no half of a surrogate pair
 
 
 @cache
@@ -58,7 +58,7 @@ def _style() -> str:
 
 
 def _classes(tints: Mapping[State | None, Any]) -> dict[str, Any]:
-    return {css_class(one): tint for one, tint in tints.items()}
+    return {css_class(item): tint for item, tint in tints.items()}
 
 
 @cache

@@ -81,8 +81,8 @@ def _told(item: Item) -> Iterator[str]:
 
 def _left_out(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="left out", time="0")
-    for one in document.left_out:
-        case = ET.SubElement(suite, "testcase", name=clean(one.what), classname="left out", time="0")
-        skip(case, one.why)
+    for item in document.left_out:
+        case = ET.SubElement(suite, "testcase", name=clean(item.what), classname="left out", time="0")
+        skip(case, item.why)
     count(suite)
     return suite

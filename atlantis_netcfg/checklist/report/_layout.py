@@ -94,7 +94,7 @@ def layout(document: Document) -> Layout:
     vehicles = [node for node in nodes.values() if node.kind == _VEHICLE]
     devices = [node for node in nodes.values() if node.kind != _VEHICLE]
     links = document.drawing.links
-    inner = [link for link in links if link.a != link.b and {link.a, link.b} <= {one.key for one in devices}]
+    inner = [link for link in links if link.a != link.b and {link.a, link.b} <= {device.key for device in devices}]
     bottom = _devices(sheet, devices, inner)
     height = _vehicles(sheet, vehicles, links, bottom)
     height = max([height, *(badge.y + BADGE_HEIGHT + 4 for badge in sheet.badges)])
@@ -181,7 +181,7 @@ def _ends(link: DrawnLink, row_of: dict[str, int]) -> tuple[str, str]:
 
 def _fan(links: Sequence[DrawnLink], key: str, row_of: dict[str, int], row: int) -> int:
     """How many nodes of a row a node is linked to."""
-    others = {one.b if one.a == key else one.a for one in links if key in {one.a, one.b}}
+    others = {link.b if link.a == key else link.a for link in links if key in {link.a, link.b}}
     return len([other for other in others if row_of[other] == row])
 
 
@@ -219,12 +219,12 @@ def _badge(link: DrawnLink, state: State | None, middle: float, y: float) -> Bad
 
 
 def _route(sheet: _Sheet, upper: str, lower: str, badge: float) -> tuple[tuple[float, float], ...]:
-    one, other = sheet.places[upper], sheet.places[lower]
-    a, b = one.box, other.box
-    if one.row == other.row:
+    place, other = sheet.places[upper], sheet.places[lower]
+    a, b = place.box, other.box
+    if place.row == other.row:
         return ((a.middle, a.y), (a.middle, badge), (b.middle, badge), (b.middle, b.y))
-    if other.row - one.row == 1:
-        y = sheet.buses[one.row]
+    if other.row - place.row == 1:
+        y = sheet.buses[place.row]
         return ((a.middle, a.y + a.height), (a.middle, y), (b.middle, y), (b.middle, b.y))
     x, start = _LEFT / 2, a.y + a.height / 2
     end = badge if b.y < badge < b.y + b.height else b.y + b.height / 2
@@ -236,16 +236,16 @@ def _vehicles(sheet: _Sheet, vehicles: Sequence[DrawnNode], links: Sequence[Draw
     lanes: dict[str, float] = {}
     for node in vehicles:
         y += 6
-        own = [link for link in links if node.key in {link.a, link.b}]
+        local = [link for link in links if node.key in {link.a, link.b}]
         box = _box(sheet, node, 4, y, _VEHICLE_WIDTH)
         sheet.places[node.key] = _Place(-1, box)
-        low = _flow(sheet, [link for link in own if link.label.strip()], y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
+        low = _flow(sheet, [link for link in local if link.label.strip()], y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
         middle = y + _BOX_HEIGHT / 2
-        ends = dict.fromkeys(link.b if link.a == node.key else link.a for link in own)
+        ends = dict.fromkeys(link.b if link.a == node.key else link.a for link in local)
         for end in ends:
             if end in sheet.places and sheet.places[end].row >= 0:
                 lane = lanes.setdefault(end, _WIDTH - 8 - 5 * (len(lanes) % 3))
-                both = [one for link in own if end in {link.a, link.b} for one in link.items]
+                both = [item for link in local if end in {link.a, link.b} for item in link.items]
                 sheet.wires.append(Wire(((box.x + box.width, middle), (lane, middle)), sheet.state(both)))
                 sheet.wires.append(Wire(_down(sheet.places[end].box, lane, middle), None))
         y = max(y + _BOX_HEIGHT, low)

@@ -60,14 +60,14 @@ class Attached:
 
 def attached(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attached]:
     """Every file that the document names, by its name and SHA-256, in the order of the document."""
-    told: dict[tuple[str, str | None], Attached] = {}
+    values: dict[tuple[str, str | None], Attached] = {}
     left = ALL_BYTES
-    for evidence in (one for item in document.items for one in item.evidence):
-        if evidence.file is not None and (evidence.file, evidence.sha256) not in told:
+    for evidence in (entry for item in document.items for entry in item.evidence):
+        if evidence.file is not None and (evidence.file, evidence.sha256) not in values:
             one = _attached(evidence.file, evidence, files.get(evidence.file), left)
             left -= len(one.photo.data) if one.photo is not None else 0
-            told[evidence.file, evidence.sha256] = one
-    return told
+            values[evidence.file, evidence.sha256] = one
+    return values
 
 
 def _attached(name: str, evidence: Evidence, data: bytes | None, left: int) -> Attached:

@@ -61,14 +61,14 @@ def described(document: Document) -> list[str]:
     """What the drawing shows, in sentences."""
     nodes, links = states(document)
     labels = {node.key: node.label for node in document.drawing.nodes}
-    told = []
+    result = []
     for node in document.drawing.nodes:
         found = nodes[node.key]
-        told.append(f"{node.label}{_beside(node.detail)}{_beside(str(found) if found is not None else '')}.")
+        result.append(f"{node.label}{_beside(node.detail)}{_beside(str(found) if found is not None else '')}.")
     for link, found in links:
         ends = f"{labels.get(link.a, link.a)} to {labels.get(link.b, link.b)}"
-        told.append(f"{ends}: {link.label}{_beside(str(found) if found is not None else '')}.")
-    return told or ["Nothing is declared."]
+        result.append(f"{ends}: {link.label}{_beside(str(found) if found is not None else '')}.")
+    return result or ["Nothing is declared."]
 
 
 def _beside(words: str) -> str:

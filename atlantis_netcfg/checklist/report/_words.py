@@ -56,7 +56,7 @@ def clock(at: datetime) -> str:
 def counts(items: Iterable[Item]) -> dict[State, int]:
     """How many there are of each state, the worst first, without those that there are none of."""
     states = [state(item) for item in items]
-    return {one: states.count(one) for one in reversed(State) if one in states}
+    return {entry: states.count(entry) for entry in reversed(State) if entry in states}
 
 
 def by_state(items: Iterable[Item]) -> list[Item]:
@@ -77,13 +77,13 @@ _SETTLED = frozenset({State.PASS, State.SKIP, State.OVERRIDDEN})
 
 def headline(document: Document) -> tuple[State, str]:
     """The verdict of the whole in one word and one sentence."""
-    told = counts(document.items)
+    values = counts(document.items)
     narrowed = f", for {scope(document)} alone" if document.scope else ""
     if document.exit is ExitCode.NOTHING:
         return State.NOT_CHECKED, "Nothing was checked"
     if document.exit is not ExitCode.DONE:
-        return next(iter(told)), f"The checklist has not passed{narrowed}"
-    unpleasant = State.OVERRIDDEN if State.OVERRIDDEN in told else State.WARN if State.WARN in told else State.PASS
+        return next(iter(values)), f"The checklist has not passed{narrowed}"
+    unpleasant = State.OVERRIDDEN if State.OVERRIDDEN in values else State.WARN if State.WARN in values else State.PASS
     return unpleasant, f"The checklist has passed{narrowed}{_AND[unpleasant]}"
 
 
@@ -101,7 +101,7 @@ def scope(document: Document) -> str:
 
 def closing(document: Document) -> str:
     """The exit in words."""
-    words = ", ".join(f"{number} {one}" for one, number in counts(document.items).items())
+    words = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
     return f"{headline(document)[1]} (exit {int(document.exit)}): {words or 'no items'}"
 
 
@@ -130,14 +130,14 @@ def evidence_type(evidence: Evidence) -> str:
 
 def evidence_groups(item: Item) -> list[tuple[str, list[Evidence]]]:
     """Evidence that lies side by side and is of one kind, person and time, under its words; a file is on its own."""
-    told: list[tuple[str, list[Evidence]]] = []
-    for one in item.evidence:
-        words = evidence_type(one)
-        if told and told[-1][0] == words and one.file is None and told[-1][1][-1].file is None:
-            told[-1][1].append(one)
+    result: list[tuple[str, list[Evidence]]] = []
+    for evidence in item.evidence:
+        words = evidence_type(evidence)
+        if result and result[-1][0] == words and evidence.file is None and result[-1][1][-1].file is None:
+            result[-1][1].append(evidence)
         else:
-            told.append((words, [one]))
-    return told
+            result.append((words, [evidence]))
+    return result
 
 
 def evidence_words(evidence: Evidence) -> str:

@@ -19,7 +19,7 @@ Heard = Callable[[str, "Answer"], None]
 class Ears(Protocol):
     """The seam between the checklist and the site: real devices behind one side, twins behind the other."""
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn, and give one answer for each key.
 
         `host`: the RouterOS device of questions `Ask`; None for all others. `heard` is called as the answers come;

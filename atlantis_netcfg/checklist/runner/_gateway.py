@@ -33,7 +33,7 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     host: Host,
     request: Request,
     questions: Asked,
-    heard: Heard,
+    result: Heard,
     ssh_config: str | None = None,
 ) -> Mapping[str, Answer]:
     """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""
@@ -45,7 +45,7 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     if carrier.metered and not request.rehearsed:
         questions = within_budget(questions)
         refuse_unpaid(declaration, host.site, carrier, questions, request)
-    return await Listener(questions, heard, way.connect_s + way.grace_s).hear(lambda one: _there(way, one))
+    return await Listener(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
 
 
 def _there(way: WayIn, carrier: Carrier) -> str:

@@ -20,12 +20,12 @@ __all__ = ["ask_here"]
 _GRACE_S = 15.0
 
 
-async def ask_here(questions: Asked, heard: Heard, before: Sequence[str] = ()) -> Mapping[str, Answer]:
+async def ask_here(questions: Asked, result: Heard, before: Sequence[str] = ()) -> Mapping[str, Answer]:
     """Ask this computer by the program that listens; `before`: words of a program that starts it.
 
     What cannot be asked answers NO_PLACE.
     """
-    return await Listener(questions, heard, _GRACE_S).hear(lambda carrier: _here(carrier, before))
+    return await Listener(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
 
 
 def _here(carrier: Carrier, before: Sequence[str]) -> str:
@@ -36,6 +36,6 @@ def _here(carrier: Carrier, before: Sequence[str]) -> str:
     return f"the program that listens has ended on this computer: {last_line(ended.err) or f'exit {ended.rc}'}"
 
 
-def last_line(said: bytes) -> str:
+def last_line(data: bytes) -> str:
     """What a program said last."""
-    return next((line.strip() for line in reversed(said.decode(errors="replace").splitlines()) if line.strip()), "")
+    return next((line.strip() for line in reversed(data.decode(errors="replace").splitlines()) if line.strip()), "")

@@ -57,13 +57,13 @@ class Listener:
         """Take a line; a broken one says nothing, and its question counts as not answered."""
         by_key = dict(self.questions)
         try:
-            told = json.loads(text)
-            question = by_key[told["key"]]
-            answer = heard(told, question, self._asked, now)
+            result = json.loads(text)
+            question = by_key[result["key"]]
+            answer = heard(result, question, self._asked, now)
         except RuntimeError as fault:
             self._faults.append(fault)
             return
         except (ValueError, LookupError, TypeError, RecursionError):
             return
-        self.answers[told["key"]] = answer
-        self.tell(told["key"], answer)
+        self.answers[result["key"]] = answer
+        self.tell(result["key"], answer)

@@ -38,12 +38,12 @@ class RealEars:
     ssh_config: str | None = None
     """File of OpenSSH that says how the gateway's name is reached, in place of the declared address."""
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
         self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions, which only read"))
         try:
-            answers = await self._ask(place, host, questions, heard)
+            answers = await self._ask(place, host, questions, result)
         except NetcfgError as why:
             self.notify(Event(name, Stage.FAILED, str(why)))
             return all_unanswered(questions, in_words(why))
@@ -53,17 +53,17 @@ class RealEars:
             self.notify(Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
         return answers
 
-    async def _ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def _ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         if place is Place.LAPTOP:
-            return await ask_here(questions, heard)
+            return await ask_here(questions, result)
         if place is Place.GATEWAY:
             gateway = next(filter(is_gateway, self.declaration.site_hosts(self.site)), None)
             if gateway is None:
                 return all_unanswered(questions, f"{self.site} has no gateway computer")
-            return await ask_gateway(self.declaration, gateway, self.request, questions, heard, self.ssh_config)
+            return await ask_gateway(self.declaration, gateway, self.request, questions, result, self.ssh_config)
         refuse_examples(self.declaration, rehearsed=self.request.rehearsed)
         routers = Routers(self.declaration, self.site, self.request, self.notify)
-        return await (routers.links(questions, heard) if host is None else routers.ask(host, questions))
+        return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     def _name(self, place: Place, host: str | None) -> str:
         names = {

@@ -52,22 +52,22 @@ class Routers:
         except KeyError:
             return all_unanswered(questions, f"the inventory has no host `{name}`")
 
-    async def links(self, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def links(self, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
         looks = [(key, one) for key, one in questions if isinstance(one, Look)]
-        proofs = [(key, one) for key, one in questions if isinstance(one, Prove)]
+        proofs = [(key, request) for key, request in questions if isinstance(request, Prove)]
         work = [
-            self._told(self._look(looks), heard),
-            *(self._told(self._prove(key, one), heard) for key, one in proofs),
+            self._told(self._look(looks), result),
+            *(self._told(self._prove(key, prove), result) for key, prove in proofs),
         ]
         found = await asyncio.gather(*work)
         return {key: answer for answers in found for key, answer in answers.items()}
 
     @staticmethod
-    async def _told(work: Awaitable[Mapping[str, Answer]], heard: Heard) -> Mapping[str, Answer]:
+    async def _told(work: Awaitable[Mapping[str, Answer]], result: Heard) -> Mapping[str, Answer]:
         answers = await work
         for key, answer in answers.items():
-            heard(key, answer)
+            result(key, answer)
         return answers
 
     @property
@@ -77,13 +77,15 @@ class Routers:
     async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
         gate(self.declaration, [host], self._reading)
         door = session_to(self.declaration, self.site, host, self.request)
-        asked = time.time()
+        requested = time.time()
         async with door.opened() as session:
-            replies = await session.flight([command(one.query) for _, one in questions if isinstance(one, Ask)])
+            replies = await session.flight(
+                [command(request.query) for _, request in questions if isinstance(request, Ask)]
+            )
         now = time.time()
         spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
         self.notify(Event(host.name, Stage.DONE, spent))
-        return {key: _rows(reply, asked, now) for (key, _), reply in zip(questions, replies, strict=True)}
+        return {key: _rows(reply, requested, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
     async def _look(self, questions: Sequence[tuple[str, Look]]) -> Mapping[str, Answer]:
         if not questions:
@@ -94,8 +96,8 @@ class Routers:
             seen = await look(self.declaration, self.site, hosts, self._reading, self.notify)
         except NetcfgError as error:
             return all_unanswered(questions, in_words(error))
-        told = seen.as_dict()
-        return {key: _looked(told, one) for key, one in questions}
+        values = seen.as_dict()
+        return {key: _looked(values, item) for key, item in questions}
 
     async def _prove(self, key: str, question: Prove) -> Mapping[str, Answer]:
         try:
@@ -120,20 +122,20 @@ class Routers:
         """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
         if self.request.rehearsed:
             return
-        dear = [one for one in previews(self.declaration, proving) if one.link.metered]
-        for one in dear:
-            if one.over_cap:
-                raise one.refusal()
+        dear = [item for item in previews(self.declaration, proving) if item.link.metered]
+        for entry in dear:
+            if entry.over_cap:
+                raise entry.refusal()
         if dear and not self.request.accept_cost:
-            raise unpaid([one.words for one in dear], self.request.command)
+            raise unpaid([preview.words for preview in dear], self.request.command)
 
 
-def _rows(reply: Reply, asked: float, now: float) -> Rows:
+def _rows(reply: Reply, requested: float, now: float) -> Rows:
     words = "" if reply.trap is None else str(reply.trap.message)
-    return Rows(None, words, rows(reply), asked, now)
+    return Rows(None, words, rows(reply), requested, now)
 
 
-def _looked(told: Mapping[str, Mapping[str, object]], question: Look) -> Answer:
-    if question.bearer not in told:
+def _looked(values: Mapping[str, Mapping[str, object]], question: Look) -> Answer:
+    if question.bearer not in values:
         return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
-    return Looked(None, "", told[question.bearer])
+    return Looked(None, "", values[question.bearer])

@@ -64,11 +64,11 @@ class _Batch:
     wait: dict[str, list[tuple[_Open, str]]] = field(default_factory=dict)
     """Key to who wants the answer, and under which name."""
 
-    def add(self, one: _Open, question: Question) -> None:
+    def add(self, item: _Open, question: Question) -> None:
         """Take a question in; the same one is not asked twice."""
         plain = replace(question, name="")
-        key = self.asked.setdefault(plain, f"{one.entry.item.id}#{question.name}")
-        self.wait.setdefault(key, []).append((one, question.name))
+        key = self.asked.setdefault(plain, f"{item.entry.item.id}#{question.name}")
+        self.wait.setdefault(key, []).append((item, question.name))
 
     @property
     def questions(self) -> list[tuple[str, Question]]:
@@ -102,8 +102,8 @@ async def examine(
             found[item.id] = item
             settled(item)
     finally:
-        for one in work:
-            one.cancel()
+        for task in work:
+            task.cancel()
         await asyncio.gather(*work, return_exceptions=True)
     return tuple(found.get(entry.item.id, entry.item) for entry in entries)
 
@@ -111,10 +111,10 @@ async def examine(
 def _batches(todo: Iterable[_Open]) -> list[_Batch]:
     """One for each place: the gateway, this computer, each router, and what all routers together tell of the links."""
     batches: dict[tuple[Place, str | None], _Batch] = {}
-    for one in todo:
-        for question in one.questions if one.waits else ():
+    for item in todo:
+        for question in item.questions if item.waits else ():
             host = question.host if isinstance(question, Ask) else None
-            batches.setdefault((question.place, host), _Batch(question.place, host)).add(one, question)
+            batches.setdefault((question.place, host), _Batch(question.place, host)).add(item, question)
     return list(batches.values())
 
 
@@ -130,17 +130,17 @@ class _Turn:
 
     def opened(self, entry: Entry) -> _Open:
         """Ask a probe for its questions, and look at them before the wire."""
-        one = _Open(entry)
+        item = _Open(entry)
         assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
         try:
-            one.questions = tuple(entry.step.probe.asks())
-            hash(one.questions)  # identical ones are found by it
-            one.unfit = unfit(entry, one.questions)
+            item.questions = tuple(entry.step.probe.asks())
+            hash(item.questions)  # identical ones are found by it
+            item.unfit = unfit(entry, item.questions)
         except Exception as fault:  # noqa: BLE001 - the other items go on
-            one.fault = fault
-        if not one.waits:
-            self.ready.put_nowait(one)
-        return one
+            item.fault = fault
+        if not item.waits:
+            self.ready.put_nowait(item)
+        return item
 
     async def ask(self, batch: _Batch) -> None:
         """Have a place answer; at the end every question of it has an answer, or its item a fault."""
@@ -154,27 +154,27 @@ class _Turn:
             if limit.expired():
                 late = f"nothing came back within {LIMIT_S:g} s"
                 self._take(batch, {key: unanswered(question, late) for key, question in questions})
-            for one, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
-                self._fail(one, fault)
+            for item, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
+                self._fail(item, fault)
             return
         rest = {key: unanswered(question, "nothing came back") for key, question in questions if key not in answers}
         self._take(batch, {**rest, **answers})
 
-    def judged(self, one: _Open) -> Item:
+    def judged(self, item: _Open) -> Item:
         """Judge an item that has all its answers."""
         try:
-            if one.fault is not None:
-                raise one.fault  # noqa: TRY301 - it is told as any fault is
-            if one.unfit is not None:
-                return self._wrong(one, "not-allowed", f"this probe asks what it may not: {one.unfit}", _OURS)
-            assert one.entry.step.probe is not None  # noqa: S101 - `examine` has looked
-            judged = one.entry.step.probe.judge(one.answers)
+            if item.fault is not None:
+                raise item.fault  # noqa: TRY301 - it is told as any fault is
+            if item.unfit is not None:
+                return self._wrong(item, "not-allowed", f"this probe asks what it may not: {item.unfit}", _OURS)
+            assert item.entry.step.probe is not None  # noqa: S101 - `examine` has looked
+            judged = item.entry.step.probe.judge(item.answers)
         except Exception as fault:  # noqa: BLE001 - the other items go on
-            crash = self._crashed(fault, one.entry.item.id)
-            return self._wrong(one, "crashed", str(crash), crash.hint)
+            crash = self._crashed(fault, item.entry.item.id)
+            return self._wrong(item, "crashed", str(crash), crash.hint)
         if not judged.findings:
-            return self._wrong(one, "no-verdict", "this probe came to no verdict", _OURS)
-        return self._settled(one, judged)
+            return self._wrong(item, "no-verdict", "this probe came to no verdict", _OURS)
+        return self._settled(item, judged)
 
     def _crashed(self, fault: BaseException, name: str) -> Crashed:
         """One log file for a fault, however many items it takes down."""
@@ -184,29 +184,29 @@ class _Turn:
 
     def _take(self, batch: _Batch, answers: Mapping[str, Answer]) -> None:
         for key, answer in answers.items():
-            for one, name in batch.wait.get(key, ()):
-                if one.waits and name not in one.answers:
-                    one.answers[name] = answer
-                    if not one.waits:
-                        self.ready.put_nowait(one)
+            for item, name in batch.wait.get(key, ()):
+                if item.waits and name not in item.answers:
+                    item.answers[name] = answer
+                    if not item.waits:
+                        self.ready.put_nowait(item)
 
-    def _fail(self, one: _Open, fault: BaseException) -> None:
-        if one.waits:
-            one.fault = fault
-            self.ready.put_nowait(one)
+    def _fail(self, item: _Open, fault: BaseException) -> None:
+        if item.waits:
+            item.fault = fault
+            self.ready.put_nowait(item)
 
-    def _wrong(self, one: _Open, code: str, message: str, hint: str | None) -> Item:
+    def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> Item:
         found = Finding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
-        return self._item(one, Verdict.ERROR, (found,))
+        return self._item(item, Verdict.ERROR, (found,))
 
-    def _settled(self, one: _Open, judged: Judged) -> Item:
+    def _settled(self, item: _Open, judged: Judged) -> Item:
         found = tuple(Finding(**each.as_dict()) for each in judged.findings)
-        return self._item(one, judged.verdict, found).model_copy(update={"evidence": tuple(judged.evidence)})
+        return self._item(item, judged.verdict, found).model_copy(update={"evidence": tuple(judged.evidence)})
 
-    def _item(self, one: _Open, verdict: Verdict, findings: tuple[Finding, ...]) -> Item:
+    def _item(self, item: _Open, verdict: Verdict, findings: tuple[Finding, ...]) -> Item:
         """The item with its verdict; its words are those of the first of its worst findings."""
         worst = next(finding for finding in findings if finding.verdict is verdict)
-        return one.entry.item.model_copy(
+        return item.entry.item.model_copy(
             update={
                 "open": False,
                 "verdict": verdict,

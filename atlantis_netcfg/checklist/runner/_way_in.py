@@ -53,7 +53,7 @@ class _Ssh(SshBackend):  # type: ignore[misc] # testinfra ships no types
         argv = shlex.split(self.quote(command, *args))
         self.ended = self.carrier.run(argv)
         # Text, as testinfra would otherwise ask the computer for its encoding, which is one more connection.
-        out, err = (said.decode(errors="replace") for said in (self.ended.out, self.ended.err))
+        out, err = (data.decode(errors="replace") for data in (self.ended.out, self.ended.err))
         return self.result(self.ended.rc, command.encode(), out, err)
 
 
@@ -92,14 +92,14 @@ class WayIn:
         assert backend.ended is not None  # noqa: S101 - it has just run
         return backend.ended
 
-    def _not_reached(self, said: str, ended: Ended | None) -> NotReached:
+    def _not_reached(self, text: str, ended: Ended | None) -> NotReached:
         hint = "look at its power and its cable, then type the same again"
-        if "Permission denied" in said:
+        if "Permission denied" in text:
             hint = f"bring your key there: `ssh-copy-id {self.login}`"
-        elif (trouble := key_trouble(self.name, said)) is not None:
-            said, hint = trouble
+        elif (trouble := key_trouble(self.name, text)) is not None:
+            text, hint = trouble
         silent = "it did not answer in time" if ended is not None and ended.overdue else "ssh said nothing"
-        return NotReached(f"{self.name} was not reached: {said.splitlines()[-1] if said else silent}", hint=hint)
+        return NotReached(f"{self.name} was not reached: {text.splitlines()[-1] if text else silent}", hint=hint)
 
 
 def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> WayIn:

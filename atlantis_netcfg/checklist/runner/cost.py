@@ -45,7 +45,10 @@ _PACKED: Final = 1.4
 
 def within_budget(questions: Asked) -> Asked:
     """The same questions, with no stream longer than what is told before: what comes beyond it is not carried."""
-    return [(key, replace(one, max_bytes=_most(one)) if isinstance(one, Listen) else one) for key, one in questions]
+    return [
+        (key, replace(request, max_bytes=_most(request)) if isinstance(request, Listen) else request)
+        for key, request in questions
+    ]
 
 
 def previews(declaration: Declaration, site: str, entries: Sequence[Entry], request: Request) -> tuple[Preview, ...]:
@@ -60,14 +63,14 @@ def previews(declaration: Declaration, site: str, entries: Sequence[Entry], requ
         *_of_routers(declaration, site, questions, request),
         *_of_proofs(declaration, site, questions, request),
     )
-    return tuple(one for one in found if one.link.metered)
+    return tuple(item for item in found if item.link.metered)
 
 
 def _of_gateway(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
     host = next(filter(is_gateway, declaration.site_hosts(site)), None)
-    alike = dict.fromkeys(replace(one, name="") for one in questions if one.place is Place.GATEWAY)
+    alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
     asked = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
     if host is not None and asked:
         carrier = bearer_of(declaration, host, request.via.get(host.name))
@@ -79,7 +82,7 @@ def _of_routers(
 ) -> Iterator[Preview]:
     names = {one.host for one in questions if isinstance(one, Ask)}
     hosts = [declaration.hosts[name] for name in sorted(names) if name in declaration.hosts]
-    if any(isinstance(one, Look) for one in questions):
+    if any(isinstance(question, Look) for question in questions):
         hosts += [host for host in declaration.site_hosts(site) if host not in hosts]
     reading = request.model_copy(update={"mode": Mode.DRIFT})
     computers = [host for host in hosts if not is_computer(host)]
@@ -89,7 +92,7 @@ def _of_routers(
 def _of_proofs(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
-    for name in dict.fromkeys(one.bearer for one in questions if isinstance(one, Prove)):
+    for name in dict.fromkeys(question.bearer for question in questions if isinstance(question, Prove)):
         found = satellite_of(declaration, site, name)
         via = request.via.get(found.router.name)
         yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
@@ -98,7 +101,7 @@ def _of_proofs(
 def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Asked) -> Preview:
     """What one turn of questions costs at most over the way to a gateway."""
     made = batch(questions)
-    nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(one) for _, one in questions))
+    nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(request) for _, request in questions))
     seconds = made.within_s + _ROUND_TRIPS * carrier.rtt_s
     return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
 

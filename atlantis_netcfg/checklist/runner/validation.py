@@ -31,7 +31,7 @@ def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         return f"two questions are called `{twice}`"
-    return next((reason for one in questions if (reason := _unfit(entry, one)) is not None), None)
+    return next((reason for request in questions if (reason := _unfit(entry, request)) is not None), None)
 
 
 def _unfit(entry: Entry, question: Question) -> str | None:
@@ -55,9 +55,11 @@ def _reads(query: Query) -> bool:
 
 def _elsewhere(cell: Cell, listen: Listen) -> str | None:
     """Nobody's port is opened that the declaration does not name."""
-    if listen.transport == "tcp" and listen.address not in {str(one) for one in _addresses(cell)}:
+    if listen.transport == "tcp" and listen.address not in {str(address) for address in _addresses(cell)}:
         return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
-    if listen.transport == "serial" and listen.device not in {str(one) for one in _of_endpoints(cell, "device")}:
+    if listen.transport == "serial" and listen.device not in {
+        str(of_endpoint) for of_endpoint in _of_endpoints(cell, "device")
+    }:
         return f"the serial port {listen.device} is not declared"
     if listen.transport == "udp" and listen.port not in set(_of_endpoints(cell, "port")):
         return f"the UDP port {listen.port} is not declared"
@@ -66,15 +68,15 @@ def _elsewhere(cell: Cell, listen: Listen) -> str | None:
 
 def _foreign(cell: Cell, question: Discover) -> str | None:
     """Participants are looked for at an address of the asking computer itself, in the declared domain."""
-    own = cell.gateway.device if cell.gateway is not None else None
-    if question.address not in {str(getattr(own, name, None)) for name in ("address", "vpn_address")}:
+    local = cell.gateway.device if cell.gateway is not None else None
+    if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
         return f"the address {question.address} is not that of the gateway computer of {cell.site}"
     dds = cell.declaration.pilot.dds
     return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
 
 
 def _addresses(cell: Cell) -> Iterator[object]:
-    yield from (one.address for one in cell.declared.lan.reservations)
+    yield from (reservation.address for reservation in cell.declared.lan.reservations)
     yield from _of_endpoints(cell, "address")
     for vehicle in cell.declaration.vehicles:
         place = type(cell)(cell.declaration, cell.site, vehicle, cell.endpoint)
@@ -85,7 +87,7 @@ def _addresses(cell: Cell) -> Iterator[object]:
 
 def _of_endpoints(cell: Cell, field: str) -> Iterator[object]:
     """This field of all endpoints of the row's own site, and of its vehicles."""
-    rows = (*(one.endpoints for one in cell.declaration.vehicles.values()), cell.declared.location.endpoints)
+    rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.declared.location.endpoints)
     for row in rows:
         for column in type(row).model_fields:
             found = getattr(getattr(row, column), field, None)

@@ -34,14 +34,14 @@ def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     return shlex.join(["provision", arguments.command.name, *words, *flags])
 
 
-def greet(desk: Desk, book: Book) -> None:
+def greet(prompt: Desk, book: Book) -> None:
     """Say what is settled already, and what is open; and how it is left for another time."""
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
     if book.words:
-        desk.say(book.words)
-    desk.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
-    desk.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+        prompt.say(book.words)
+    prompt.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
+    prompt.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
 
 
 def note(words: str) -> None:
@@ -49,17 +49,17 @@ def note(words: str) -> None:
     print(f"note: {words}", file=sys.stderr)
 
 
-def signer(book: Book, answers: Answers | None, typed: str | None, desk: Desk | None) -> str | None:
+def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Desk | None) -> str | None:
     """Who signs; None: nobody, or something is open."""
     if typed is not None:
         return typed
     if answers is not None:
         return answers.sign_by
-    if desk is None or any(item.open and item.override is None for item in book.items):
+    if prompt is None or any(item.open and item.override is None for item in book.items):
         return None
-    desk.say(f"\n{lines(book.document())}\n")
+    prompt.say(f"\n{lines(book.document())}\n")
     try:
-        return desk.name if desk.agrees("Nothing is open. Sign it as it stands?") else None
+        return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
     except Later:
         return None
 
@@ -75,8 +75,8 @@ def close(
     if document.signed is None:
         _draft(book, document)
     if arguments.flag("json"):
-        told = [{"message": str(error), "hint": error.hint} for error in errors]
-        print(json.dumps({**as_json(document), "errors": told}, ensure_ascii=False))
+        result = [{"message": str(error), "hint": error.hint} for error in errors]
+        print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
     else:
         told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
         print("\n".join([told_again, *_where(arguments, book, document)]))

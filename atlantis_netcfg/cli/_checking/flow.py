@@ -46,60 +46,60 @@ class Round:
         Gives what of the answers was not needed, in words.
         """
         agreed = self._consented(answers) if answers is not None else {}
-        self._examine([one for one in self.entries if self._by_itself(one) or one.item.id in agreed], agreed)
+        self._examine([entry for entry in self.entries if self._by_itself(entry) or entry.item.id in agreed], agreed)
         return answers.write_down(self.book, self.told) if answers is not None else ()
 
-    def with_a_person(self, desk: Desk) -> None:
+    def with_a_person(self, prompt: Desk) -> None:
         """Go through what is not green, phase by phase. Raises Later."""
         if self.at_once:
             self._examine(self._unseen(self.entries), {})
         before = None
         for phase in Phase:
-            entries = [one for one in self.entries if one.item.phase is phase and not self._green(one)]
+            entries = [entry for entry in self.entries if entry.item.phase is phase and not self._green(entry)]
             if not entries:
                 continue
-            desk.say(f"\n{str(phase).upper()}")
-            if before is None or not self._unseen(entries) or people.ready(desk, phase):
-                self._phase(desk, entries)
+            prompt.say(f"\n{str(phase).upper()}")
+            if before is None or not self._unseen(entries) or people.ready(prompt, phase):
+                self._phase(prompt, entries)
             before = phase
 
-    def _phase(self, desk: Desk, entries: Sequence[Entry]) -> None:
+    def _phase(self, prompt: Desk, entries: Sequence[Entry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
-            asked = self._open(entry)
+            is_requested = self._open(entry)
             if entry.item.kind is Kind.PERSON and self._open(entry):
-                people.confirm(self.book, desk, entry)
+                people.confirm(self.book, prompt, entry)
             elif entry.item.kind is Kind.ACTIVE and self._open(entry):
-                self._act(desk, entry)
+                self._act(prompt, entry)
             if not self._open(entry):
-                people.mend(self.book, desk, entry, lambda one: self._again(desk, one), read=asked)
+                people.mend(self.book, prompt, entry, lambda item: self._again(prompt, item), read=is_requested)
 
     def _unseen(self, entries: Sequence[Entry]) -> list[Entry]:
-        return [one for one in entries if one.item.kind is Kind.AUTOMATIC and self._open(one)]
+        return [entry for entry in entries if entry.item.kind is Kind.AUTOMATIC and self._open(entry)]
 
-    def _again(self, desk: Desk, entry: Entry) -> None:
+    def _again(self, prompt: Desk, entry: Entry) -> None:
         if entry.item.kind is Kind.ACTIVE:
-            self._act(desk, entry)
+            self._act(prompt, entry)
         else:
             self._examine([entry], {})
 
-    def _act(self, desk: Desk, entry: Entry) -> None:
+    def _act(self, prompt: Desk, entry: Entry) -> None:
         """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
         sick = self._sick(entry)
         if sick is not None:
-            desk.say(f"\n{entry.item.id}: {entry.item.title}\n  not now: {sick.message} ({sick.id})")
-            people.otherwise(self.book, desk, entry)
+            prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  not now: {sick.message} ({sick.id})")
+            people.otherwise(self.book, prompt, entry)
             return
         try:
-            by = people.consent(desk, entry, self.price(entry))
+            by = people.consent(prompt, entry, self.price(entry))
         except CostRefused as refused:
-            desk.say(f"\n{entry.item.id}: {entry.item.title}\n  {refused}\n  {refused.hint or ''}".rstrip())
+            prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  {refused}\n  {refused.hint or ''}".rstrip())
             by = None
         if by is None:
-            people.otherwise(self.book, desk, entry)
+            people.otherwise(self.book, prompt, entry)
             return
         if entry.step.consent is not None and entry.step.consent.prompt:
-            desk.say(f"  Now: {entry.step.consent.prompt}.")
+            prompt.say(f"  Now: {entry.step.consent.prompt}.")
         self._examine([entry], {entry.item.id: by}, paid=True)
 
     def _sick(self, entry: Entry) -> Item | None:
@@ -121,9 +121,9 @@ class Round:
 
     def _consented(self, answers: Answers) -> dict[str, str]:
         """The active items that the answers consent to, and that are paid for or cost nothing."""
-        wanted = [one for one in self.entries if one.item.kind is Kind.ACTIVE and not self._green(one)]
-        said = {one.item.id: answers.consents(one.item.id) for one in wanted if not self._due(one)}
-        return {item_id: by for item_id, by in said.items() if by is not None}
+        desired = [item for item in self.entries if item.item.kind is Kind.ACTIVE and not self._green(item)]
+        values = {entry.item.id: answers.consents(entry.item.id) for entry in desired if not self._due(entry)}
+        return {item_id: by for item_id, by in values.items() if by is not None}
 
     def _due(self, entry: Entry) -> bool:
         """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
@@ -149,6 +149,6 @@ def _with_consent(item: Item, entry: Entry, by: str) -> Item:
     """Put the person's word among the evidence of an active item; `by`: who, and behind a colon in which words."""
     assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
     name, _, words = by.partition(": ")
-    said = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
-    word = Evidence(type=EvidenceType.CONFIRMED, what="consent", value=said, at=item.at, by=name)
+    text = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
+    word = Evidence(type=EvidenceType.CONFIRMED, what="consent", value=text, at=item.at, by=name)
     return item.model_copy(update={"evidence": (*item.evidence, word)})

@@ -51,10 +51,12 @@ def run_of(kept: Sequence[Kept], run: str | None) -> Kept:
     """One by its name, else the newest. Raises NothingMatched."""
     if run is None:
         return kept[-1]
-    for one in kept:
-        if one.run == run:
-            return one
-    raise NothingMatched(f"there is no checklist {run}", hint=_meant(run, [one.run for one in kept[-5:]], "the latest"))
+    for entry in kept:
+        if entry.run == run:
+            return entry
+    raise NothingMatched(
+        f"there is no checklist {run}", hint=_meant(run, [item.run for item in kept[-5:]], "the latest")
+    )
 
 
 def _meant(word: str, known: Iterable[str], what: str) -> str:

@@ -52,7 +52,7 @@ def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
     for fault in faults:
         if fault not in FAULTS:
             near = nearest(fault, FAULTS)
-            known = "\n".join(["it takes:", *(f"{name:<20} {one.words}" for name, one in FAULTS.items())])
+            known = "\n".join(["it takes:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
             raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
 
 
@@ -101,9 +101,9 @@ def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
         return ()
     from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
-    asked = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
-    said = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
-    beside = [line for endpoint, twin in said.items() if endpoint in asked for line in twin.NOT_REHEARSED]
+    requested = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
+    values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
+    beside = [line for endpoint, twin in values.items() if endpoint in requested for line in twin.NOT_REHEARSED]
     return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
 
 

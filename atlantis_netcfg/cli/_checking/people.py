@@ -42,9 +42,9 @@ def shown(item: Item) -> str:
     return f"  {item.verdict:<12} {item.id}: {item.message}{hint}"
 
 
-def ready(desk: Desk, phase: Phase) -> bool:
+def ready(prompt: Desk, phase: Phase) -> bool:
     """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
-    return desk.choose(f"Is everything {_WHERE[phase]} and switched on?", {"yes": True, "skip": False})
+    return prompt.choose(f"Is everything {_WHERE[phase]} and switched on?", {"yes": True, "skip": False})
 
 
 _WHERE: Mapping[Phase, str] = {
@@ -54,78 +54,78 @@ _WHERE: Mapping[Phase, str] = {
 }
 
 
-def confirm(book: Book, desk: Desk, entry: Entry) -> None:
+def confirm(book: Book, prompt: Desk, entry: Entry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
-    desk.say(f"\n{entry.item.id}: {entry.item.title}")
-    desk.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
-    _confirm(book, desk, entry)
+    prompt.say(f"\n{entry.item.id}: {entry.item.title}")
+    prompt.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
+    _confirm(book, prompt, entry)
 
 
-def _confirm(book: Book, desk: Desk, entry: Entry) -> None:
+def _confirm(book: Book, prompt: Desk, entry: Entry) -> None:
     while True:
         try:
-            desk.say(shown(book.confirm(entry.item.id, _answer(desk))))
+            prompt.say(shown(book.confirm(entry.item.id, _answer(prompt))))
         except Refused as refused:
-            desk.say(f"  {refused}: {refused.hint}")
+            prompt.say(f"  {refused}: {refused.hint}")
         else:
             return
 
 
-def _answer(desk: Desk) -> Confirmation:
-    verdict = desk.choose("Does it hold?", _WORDS)
-    note = desk.needs(_NOTES[verdict]) if verdict in _NOTES else desk.ask("Note (may be empty):")
-    return Confirmation(verdict=verdict, by=desk.name, note=note, files=desk.files())
+def _answer(prompt: Desk) -> Confirmation:
+    verdict = prompt.choose("Does it hold?", _WORDS)
+    note = prompt.needs(_NOTES[verdict]) if verdict in _NOTES else prompt.ask("Note (may be empty):")
+    return Confirmation(verdict=verdict, by=prompt.name, note=note, files=prompt.files())
 
 
-def consent(desk: Desk, entry: Entry, price: Price | None) -> str | None:
+def consent(prompt: Desk, entry: Entry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
     needed = entry.step.consent
     assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
-    desk.say(f"\n{entry.item.id}: {entry.item.title}\n  It is done only on your word: {needed.question}.")
-    if not desk.agrees("Is that so, and shall it be done now?"):
+    prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  It is done only on your word: {needed.question}.")
+    if not prompt.agrees("Is that so, and shall it be done now?"):
         return None
     if price is not None:
-        desk.say(f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}")
-        if price.due and desk.ask(f"Pay for it? Type {_PAY} to go on:").lower() != _PAY:
+        prompt.say(f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}")
+        if price.due and prompt.ask(f"Pay for it? Type {_PAY} to go on:").lower() != _PAY:
             return None
-    return desk.name
+    return prompt.name
 
 
-def otherwise(book: Book, desk: Desk, entry: Entry) -> None:
+def otherwise(book: Book, prompt: Desk, entry: Entry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
-    match desk.choose("Leave it `open`, answer it as `seen` otherwise, or `override` it on your word?", _ELSE):
+    match prompt.choose("Leave it `open`, answer it as `seen` otherwise, or `override` it on your word?", _ELSE):
         case "seen":
-            _confirm(book, desk, entry)
+            _confirm(book, prompt, entry)
         case "override":
-            _override(book, desk, book.item(entry.item.id))
+            _override(book, prompt, book.item(entry.item.id))
 
 
-def mend(book: Book, desk: Desk, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
+def mend(book: Book, prompt: Desk, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
     """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
 
     `read`: its result is the line above.
     """
     if not read and book.item(entry.item.id).counts not in GREEN:
-        desk.say(shown(book.item(entry.item.id)))
+        prompt.say(shown(book.item(entry.item.id)))
     while (item := book.item(entry.item.id)).counts not in GREEN:
-        match desk.choose("Look `again`, `override` it on your word, or go `on`?", _AFTER):
+        match prompt.choose("Look `again`, `override` it on your word, or go `on`?", _AFTER):
             case "on":
                 return
             case "override":
-                _override(book, desk, item)
+                _override(book, prompt, item)
             case _ if entry.item.kind is Kind.PERSON:
-                confirm(book, desk, entry)
+                confirm(book, prompt, entry)
             case _:
                 probe(entry)
 
 
-def _override(book: Book, desk: Desk, item: Item) -> None:
+def _override(book: Book, prompt: Desk, item: Item) -> None:
     try:
-        book.override(item.id, desk.needs("The reason, which stands in the report:"), desk.name)
+        book.override(item.id, prompt.needs("The reason, which stands in the report:"), prompt.name)
     except Refused as refused:
-        desk.say(f"  {refused}: {refused.hint}")
+        prompt.say(f"  {refused}: {refused.hint}")
 
 
 _AFTER = {word: word for word in ("again", "override", "on")}

@@ -30,15 +30,15 @@ def price_of(opened: Session, entry: Entry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
-    proofs = [one for one in entry.step.probe.asks() if isinstance(one, Prove)]
-    metered = [each for one in proofs for each in _previews(opened, one.bearer) if each.link.metered]
-    for one in metered:
-        if one.over_cap and not opened.rehearsed:
-            raise one.refusal()
+    proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, Prove)]
+    metered = [each for proof in proofs for each in _previews(opened, proof.bearer) if each.link.metered]
+    for item in metered:
+        if item.over_cap and not opened.rehearsed:
+            raise item.refusal()
     if not metered:
         return None
     due = not opened.rehearsed and not opened.arguments.flag(ACCEPT_COST.name)
-    return Price("; ".join(one.words for one in metered), due)
+    return Price("; ".join(preview.words for preview in metered), due)
 
 
 def _previews(opened: Session, bearer: str) -> tuple[Preview, ...]:

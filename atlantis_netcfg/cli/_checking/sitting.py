@@ -90,14 +90,14 @@ def taking_part(
     return tuple(host for host in hosts if routers and not is_computer(host))
 
 
-def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
+def sit(arguments: Arguments, prompt: Desk | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None:
         named(name)
     prepared = Prepared(arguments)
-    if desk is None and _somebody_is_here(arguments):
-        desk = Desk()
+    if prompt is None and _somebody_is_here(arguments):
+        prompt = Desk()
     try:
         with session(
             arguments,
@@ -105,7 +105,7 @@ def sit(arguments: Arguments, desk: Desk | None = None) -> ExitCode:
             via=arguments.optional("via"),
             chosen=prepared.hosts,
         ) as opened:
-            return _sit(opened, prepared, desk)
+            return _sit(opened, prepared, prompt)
     except KeyboardInterrupt:
         hint = f"go on with `{closing.again(arguments)}`"
         raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
@@ -116,53 +116,55 @@ def _somebody_is_here(arguments: Arguments) -> bool:
 
 
 def _scope(arguments: Arguments) -> Scope:
-    phases = tuple(Phase(one.replace("-", " ")) for one in arguments.many("phase"))
+    phases = tuple(Phase(item.replace("-", " ")) for item in arguments.many("phase"))
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
 
 
-def _sit(opened: Session, prepared: Prepared, desk: Desk | None) -> ExitCode:
+def _sit(opened: Session, prepared: Prepared, prompt: Desk | None) -> ExitCode:
     faults = opened.arguments.many("break")
-    with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, desk)) as book:
-        _look(opened, prepared, book, desk)
-        by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), desk)
+    with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
+        _look(opened, prepared, book, prompt)
+        by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
         leave = prepared.answers.leave if prepared.answers is not None else {}
-        read = desk is not None and by is not None and not opened.arguments.value("sign-as")
+        read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
         return closing.close(opened.arguments, book, by, leave, read=read)
 
 
-def _look(opened: Session, prepared: Prepared, book: Book, desk: Desk | None) -> None:
+def _look(opened: Session, prepared: Prepared, book: Book, prompt: Desk | None) -> None:
     entries, faults = prepared.checklist.entries, opened.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
-        progress(quiet=opened.as_json) if desk is None else nullcontext(ignore) as notify,
+        progress(quiet=opened.as_json) if prompt is None else nullcontext(ignore) as notify,
         listening(opened, faults, notify) as ears,
     ):
-        turn = Round(book, entries, ears, _told(notify, desk), lambda entry: price_of(opened, entry), opened.rehearsed)
-        if desk is None:
+        turn = Round(
+            book, entries, ears, _told(notify, prompt), lambda entry: price_of(opened, entry), opened.rehearsed
+        )
+        if prompt is None:
             for words in turn.alone(prepared.answers):
                 closing.note(words)
         else:
-            _with(desk, turn, book)
+            _with(prompt, turn, book)
 
 
-def _told(notify: Subscriber, desk: Desk | None) -> Callable[[Item], None]:
+def _told(notify: Subscriber, prompt: Desk | None) -> Callable[[Item], None]:
     def told(item: Item) -> None:
-        if desk is not None:
-            desk.say(shown(item))
+        if prompt is not None:
+            prompt.say(shown(item))
         else:
             notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
 
     return told
 
 
-def _anew(opened: Session, desk: Desk | None) -> bool:
+def _anew(opened: Session, prompt: Desk | None) -> bool:
     """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
-    return opened.arguments.flag("anew") or (opened.rehearsed and desk is None)
+    return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 
 
-def _with(desk: Desk, turn: Round, book: Book) -> None:
-    closing.greet(desk, book)
+def _with(prompt: Desk, turn: Round, book: Book) -> None:
+    closing.greet(prompt, book)
     try:
-        turn.with_a_person(desk)
+        turn.with_a_person(prompt)
     except Later:
-        desk.say("left for later")
+        prompt.say("left for later")

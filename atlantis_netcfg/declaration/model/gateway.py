@@ -47,11 +47,11 @@ def _ssh_key(value: object) -> str:
     if kind not in _KINDS or not text.isprintable():
         raise wrong("this is no public SSH key that a server takes", like)
     try:
-        told = base64.b64decode(body, validate=True)
+        data = base64.b64decode(body, validate=True)
     except ValueError:
         raise wrong("this public SSH key is damaged", like) from None
-    size = int.from_bytes(told[:4], "big")
-    if told[4 : 4 + size] != kind.encode() or len(told) < 4 + size + 4:
+    size = int.from_bytes(data[:4], "big")
+    if data[4 : 4 + size] != kind.encode() or len(data) < 4 + size + 4:
         raise wrong("this public SSH key is damaged", like)
     return text
 

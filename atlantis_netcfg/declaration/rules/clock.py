@@ -41,11 +41,11 @@ def servers(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None:
         return
     seen: dict[IPv4Address, str] = {}
-    for index, one in enumerate(draft.pilot.time_servers):
-        if one.address in seen:
-            message = f"{one.address} is already the address of {seen[one.address]}"
+    for index, time_server in enumerate(draft.pilot.time_servers):
+        if time_server.address in seen:
+            message = f"{time_server.address} is already the address of {seen[time_server.address]}"
             yield draft.wrong(Part("pilot"), ("time_servers", index, "address"), message, "name another server")
-        seen.setdefault(one.address, one.name)
+        seen.setdefault(time_server.address, time_server.name)
 
 
 RULES: tuple[Rule, ...] = (zone, servers)

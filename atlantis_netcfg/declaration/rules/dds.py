@@ -56,9 +56,9 @@ def peers_once(draft: Draft) -> Iterator[Finding]:
     seen: dict[IPv4Address, str] = {}
     for host, device in draft.devices.items():
         if isinstance(device, Gateway | ControlCentre):
-            own = device.vpn_address if dds.over is DdsPath.VPN else device.address
-            if own is not None:
-                seen[own] = f"`{host}`, a peer by itself"
+            address = device.vpn_address if dds.over is DdsPath.VPN else device.address
+            if address is not None:
+                seen[address] = f"`{host}`, a peer by itself"
     for index, peer in enumerate(dds.peers):
         if peer.address in seen:
             message = f"{peer.address} is already {seen[peer.address]}"

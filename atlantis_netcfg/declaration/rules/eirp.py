@@ -92,18 +92,18 @@ def level(draft: Draft) -> Iterator[Finding]:
         gains = (ptp.antenna_gain_dbi, other.ptp.antenna_gain_dbi)
         if ptp.tx_power_dbm is None or gains[0] is None or gains[1] is None:
             continue
-        heard = ptp.tx_power_dbm + gains[0] + gains[1] - _lost_db(ptp, distance_m)
+        received = ptp.tx_power_dbm + gains[0] + gains[1] - _lost_db(ptp, distance_m)
         signal = other.ptp.signal
         if signal.weakest_dbm >= signal.strongest_dbm:
             continue  # told by `bounds`
-        if heard > signal.strongest_dbm:
+        if received > signal.strongest_dbm:
             what, bound = "above the strongest level", signal.strongest_dbm
-        elif heard < signal.weakest_dbm:
+        elif received < signal.weakest_dbm:
             what, bound = "below the weakest level", signal.weakest_dbm
         else:
             continue
         where = draft.where(Part("device", ptp.peer), "ptp", "signal")
-        message = f"`{ptp.peer}` would hear {heard:.0f} dBm over {distance_m} m, {what} that it declares"
+        message = f"`{ptp.peer}` would hear {received:.0f} dBm over {distance_m} m, {what} that it declares"
         yield draft.wrong(part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m))
 
 

@@ -98,7 +98,11 @@ def seen_by(draft: Draft) -> Iterator[Finding]:
             if host is None:
                 continue
             path = (*row.path, "endpoints", name, "seen_by")
-            able = [one for one in _routeros(draft) if row.part.sort == "vehicle" or _at(draft, one) == row.part.name]
+            able = [
+                routero
+                for routero in _routeros(draft)
+                if row.part.sort == "vehicle" or _at(draft, routero) == row.part.name
+            ]
             if host not in draft.layout.hosts:
                 hint = meant(host, able, none="add it to hosts.yml")
                 yield draft.wrong(row.part, path, f"there is no host `{host}`", hint)
@@ -129,27 +133,27 @@ def another_modem(draft: Draft) -> Iterator[Finding]:
         part, acoustic, usbl = Part("vehicle", key), vehicle.endpoints.acoustic, vehicle.endpoints.usbl
         if acoustic is None or acoustic.acoustic_address is None:
             continue
-        own = acoustic.acoustic_address
-        for path in _to_itself(own, acoustic, usbl):
-            message = f"`{key}` has the acoustic address {own} itself"
+        local = acoustic.acoustic_address
+        for path in _to_itself(local, acoustic, usbl):
+            message = f"`{key}` has the acoustic address {local} itself"
             yield draft.wrong(part, ("endpoints", *path), message, "write the address of the modem at the other end")
-        other = first.setdefault((str(acoustic.driver), own), key)
+        other = first.setdefault((str(acoustic.driver), local), key)
         if other != key:
             where = draft.where(Part("vehicle", other), "endpoints", "acoustic", "acoustic_address")
-            message = f"{own} is already the acoustic address of `{other}` ({where})"
+            message = f"{local} is already the acoustic address of `{other}` ({where})"
             path = ("endpoints", "acoustic", "acoustic_address")
             yield draft.wrong(part, path, message, f"give each {acoustic.driver} modem its own, on the modem as well")
 
 
-def _to_itself(own: int, acoustic: AcousticEndpoint, usbl: UsblEndpoint | None) -> Iterator[_Path]:
-    if acoustic.partner == own:
+def _to_itself(local: int, acoustic: AcousticEndpoint, usbl: UsblEndpoint | None) -> Iterator[_Path]:
+    if acoustic.partner == local:
         yield "acoustic", "partner"
     if usbl is None or usbl.driver is not acoustic.driver:
         return
     for index, address in enumerate(usbl.hears):
-        if address == own:
+        if address == local:
             yield "usbl", "hears", index
-    if usbl.ping == own:
+    if usbl.ping == local:
         yield "usbl", "ping"
 
 
@@ -157,7 +161,7 @@ def addresses(draft: Draft) -> Iterator[Finding]:
     """Where a vehicle is tested, it has an address at which it can be asked."""
     gateways = {place for _, place, _ in draft.boxes(Gateway)}
     for name, site in draft.sites.items():
-        reserved = {one.name for one in site.lan.reservations}
+        reserved = {reservation.name for reservation in site.lan.reservations}
         listed = site.checklist.vehicles
         if listed is None and name not in gateways:
             continue  # nobody says that anything is tested there
@@ -179,8 +183,8 @@ def _wanting(vehicle: Vehicle) -> list[str]:
     wanting |= {"wifi": all_of_it.wifi is not None, "ethernet": all_of_it.ethernet is not None}
     gps = all_of_it.gps
     wanting["gps"] = gps is not None and gps.driver in {GpsDriver.GPSD, GpsDriver.NMEA_TCP}
-    asked = [name for name in Endpoints.model_fields if wanting.get(name)]
-    return [name for name in asked if getattr(all_of_it, name).address is None]
+    requested = [name for name in Endpoints.model_fields if wanting.get(name)]
+    return [name for name in requested if getattr(all_of_it, name).address is None]
 
 
 def streams(draft: Draft) -> Iterator[Finding]:

@@ -56,7 +56,7 @@ def reserved(draft: Draft) -> Iterator[Finding]:
         site = draft.sites.get(name)
         if device.image is None or device.image.address_by is not AddressBy.DHCP or site is None:
             continue
-        if all(one.address != device.address for one in site.lan.reservations):
+        if all(reservation.address != device.address for reservation in site.lan.reservations):
             message = f"`{host}` gets its address by DHCP, and the LAN of `{name}` reserves {device.address} for nobody"
             hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
             yield draft.wrong(Part("device", host), ("image", "address_by"), message, hint)

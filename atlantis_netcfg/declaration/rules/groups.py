@@ -19,16 +19,18 @@ _GROUP_OF = {kind: group for group, kind in KIND_GROUPS.items()}
 def grouped(draft: Draft) -> Iterator[Finding]:
     """A host stands in the group of its kind: playbooks go by the group."""
     for host, mark in draft.layout.marks.items():
-        kind, told = draft.layout.kinds.get(host), draft.kind_of(host)
+        kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
         if kind is None and host not in draft.layout.misspelt:
             hint = (
-                f"add `{host}:` below `{_GROUP_OF[told]}:`" if told is not None else "add it below its kind of device"
+                f"add `{host}:` below `{_GROUP_OF[result]}:`"
+                if result is not None
+                else "add it below its kind of device"
             )
             yield Finding.at(mark, f"`{host}` is in no group of devices", hint)
-        elif kind is not None and told is not None and kind != told:
+        elif kind is not None and result is not None and kind != result:
             group = draft.layout.kind_marks[host]
-            message = f"`{host}` is a {told}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
-            hint = f"move it to `{_GROUP_OF[told]}`, or write `kind: {kind}`"
+            message = f"`{host}` is a {result}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
+            hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
             yield draft.wrong(Part("device", host), ("kind",), message, hint)
 
 

@@ -62,13 +62,13 @@ def reservations_in_network(draft: Draft) -> Iterator[Finding]:
     """A reserved address is in the LAN and outside the range that goes to anybody."""
     for name, site in draft.sites.items():
         dhcp = site.lan.dhcp
-        for index, one in enumerate(site.lan.reservations):
+        for index, reservation in enumerate(site.lan.reservations):
             path = ("lan", "reservations", index, "address")
-            if why := why_unusable(one.address, site.lan.network):
-                message = f"the reserved address {one.address} of `{one.name}` {why}"
+            if why := why_unusable(reservation.address, site.lan.network):
+                message = f"the reserved address {reservation.address} of `{reservation.name}` {why}"
                 yield draft.wrong(Part("site", name), path, message, example_in(site.lan.network))
-            elif dhcp.first <= one.address <= dhcp.last:
-                message = f"the reserved address {one.address} of `{one.name}` is inside the DHCP range"
+            elif dhcp.first <= reservation.address <= dhcp.last:
+                message = f"the reserved address {reservation.address} of `{reservation.name}` is inside the DHCP range"
                 hint = f"choose one outside {dhcp.first} to {dhcp.last}"
                 yield draft.wrong(Part("site", name), path, message, hint)
 
@@ -77,28 +77,31 @@ def reservation_names(draft: Draft) -> Iterator[Finding]:
     """A name stands once in a site's reservations."""
     for name, site in draft.sites.items():
         seen: dict[str, int] = {}
-        for index, one in enumerate(site.lan.reservations):
-            first = seen.setdefault(one.name, index)
+        for index, reservation in enumerate(site.lan.reservations):
+            first = seen.setdefault(reservation.name, index)
             if first != index:
                 part = Part("site", name)
                 line = draft.mark(part, "lan", "reservations", first, "name").line
-                message = f"`{one.name}` is reserved twice, first in line {line}"
+                message = f"`{reservation.name}` is reserved twice, first in line {line}"
                 yield draft.wrong(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
 
 
 def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
     """A reservation with a host's name says the same as the host."""
     for name, site in draft.sites.items():
-        for index, one in enumerate(site.lan.reservations):
-            device = draft.devices.get(one.name)
-            if draft.layout.hosts.get(one.name) != name or not isinstance(device, _LAN_HOSTS):
+        for index, reservation in enumerate(site.lan.reservations):
+            device = draft.devices.get(reservation.name)
+            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, _LAN_HOSTS):
                 continue
-            part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", one.name)
-            if device.address != one.address:
-                message = f"`{one.name}` is reserved {one.address}, but {draft.where(of_host, 'address')} says"
-                yield draft.wrong(part, (*path, "address"), f"{message} {device.address}", "make both the same")
-            if device.mac is not None and device.mac != one.mac:
-                message = f"`{one.name}` is reserved for {one.mac}, but {draft.where(of_host, 'mac')} says"
+            part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", reservation.name)
+            if device.address != reservation.address:
+                reserved = f"`{reservation.name}` is reserved {reservation.address}"
+                message = f"{reserved}, but {draft.where(of_host, 'address')} says {device.address}"
+                yield draft.wrong(part, (*path, "address"), message, "make both the same")
+            if device.mac is not None and device.mac != reservation.mac:
+                message = (
+                    f"`{reservation.name}` is reserved for {reservation.mac}, but {draft.where(of_host, 'mac')} says"
+                )
                 yield draft.wrong(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
 
 
@@ -113,7 +116,9 @@ def hosts_in_network(draft: Draft) -> Iterator[Finding]:
             if why := why_unusable(device.address, site.lan.network):
                 message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
                 yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
-            elif dhcp.first <= device.address <= dhcp.last and all(one.name != host for one in site.lan.reservations):
+            elif dhcp.first <= device.address <= dhcp.last and all(
+                reservation.name != host for reservation in site.lan.reservations
+            ):
                 message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
                 hint = f"choose one outside {dhcp.first} to {dhcp.last}"
                 yield draft.wrong(part, ("address",), message, hint)

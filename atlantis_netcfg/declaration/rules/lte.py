@@ -77,17 +77,17 @@ def fields(draft: Draft) -> Iterator[Finding]:
     """Each driver has what it needs, and nothing that it would leave unused."""
     for host, _, device in draft.boxes(LteRouter):
         part, driver = Part("device", host), device.driver
-        for one in FIELDS:
-            given = _value(device, one.path) not in {None, ()}
-            name = ".".join(one.path)
-            if given and driver not in one.of:
-                drivers = " and ".join(one.of)
+        for field in FIELDS:
+            given = _value(device, field.path) not in {None, ()}
+            name = ".".join(field.path)
+            if given and driver not in field.of:
+                drivers = " and ".join(field.of)
                 message = f"`{name}` has no effect with driver `{driver}`"
-                yield draft.wrong(part, one.path, message, f"remove it: it is for driver {drivers}")
-            elif not given and driver in one.needed_by:
+                yield draft.wrong(part, field.path, message, f"remove it: it is for driver {drivers}")
+            elif not given and driver in field.needed_by:
                 message = f"driver `{driver}` needs `{name}`"
                 path = ("driver",)
-                yield draft.wrong(part, path, message, one.hint)
+                yield draft.wrong(part, path, message, field.hint)
 
 
 def apn(draft: Draft) -> Iterator[Finding]:
@@ -152,7 +152,7 @@ def is_the_gateway(draft: Draft) -> Iterator[Finding]:
             continue
         for index, bearer in enumerate(site.bearers):
             both = {bearer.gateway, device.address}
-            if bearer.device == host and len(both) > 1 and all(one in bearer.network for one in both):
+            if bearer.device == host and len(both) > 1 and all(address in bearer.network for address in both):
                 where = draft.where(Part("site", name), "bearers", index, "gateway")
                 message = f"the address {device.address} is not the gateway of link `{bearer.name}` ({where})"
                 yield draft.wrong(Part("device", host), ("address",), message, f"write {bearer.gateway}")

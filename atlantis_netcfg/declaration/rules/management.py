@@ -33,7 +33,7 @@ def technician_admitted(draft: Draft) -> Iterator[Finding]:
     """The firewall of the devices admits the laptop."""
     for name, site in draft.sites.items():
         outside = why_unusable(site.management.technician, site.management.network)
-        if outside is None and not any(site.management.technician in one for one in site.management.admit):
+        if outside is None and not any(site.management.technician in network for network in site.management.admit):
             message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
             hint = f"add {site.management.network}"
             yield draft.wrong(Part("site", name), ("management", "admit"), message, hint)
@@ -68,11 +68,13 @@ def partners_kept_out(draft: Draft) -> Iterator[Finding]:
     """No prefix lets a partner's robots manage our routers."""
     if draft.pilot is None:
         return
-    own = draft.pilot.vpn.infrastructure
+    network = draft.pilot.vpn.infrastructure
     for name, site in draft.sites.items():
         for index, prefix in enumerate(site.management.admit):
-            pools = {partner: one.vpn_pool for partner, one in draft.partners.items()}
-            inside = [partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(own)]
+            pools = {partner: item.vpn_pool for partner, item in draft.partners.items()}
+            inside = [
+                partner for partner, pool in pools.items() if pool.overlaps(prefix) and not pool.overlaps(network)
+            ]
             if inside:
                 message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
                 hint = "admit the management network and the VPN's infrastructure pool only"

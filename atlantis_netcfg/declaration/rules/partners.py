@@ -64,14 +64,14 @@ def services(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None:
         return
     inside = [name for name, device in draft.devices.items() if _tunnel_address(device) is not None]
-    for index, one in enumerate(draft.pilot.vpn.services):
+    for index, service in enumerate(draft.pilot.vpn.services):
         path = ("vpn", "services", index, "host")
-        device = draft.devices.get(one.host)
-        if one.host not in draft.layout.hosts:
-            hint = meant(one.host, inside, none="add it to hosts.yml")
-            yield draft.wrong(_PILOT, path, f"there is no host `{one.host}`", hint)
-        elif device is not None and _tunnel_address(device) is None and one.host != draft.pilot.vpn.server:
-            message = f"partners reach services through the VPN, and `{one.host}` has no address in it"
+        device = draft.devices.get(service.host)
+        if service.host not in draft.layout.hosts:
+            hint = meant(service.host, inside, none="add it to hosts.yml")
+            yield draft.wrong(_PILOT, path, f"there is no host `{service.host}`", hint)
+        elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
+            message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
             yield draft.wrong(_PILOT, path, message, f"hosts that have one: {choices(inside) or 'none'}")
 
 
@@ -80,16 +80,18 @@ def services_once(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None:
         return
     ports, called = dict[tuple[str, str, int], int](), dict[str, int]()
-    for index, one in enumerate(draft.pilot.vpn.services):
+    for index, service in enumerate(draft.pilot.vpn.services):
         path = ("vpn", "services", index)
-        first = ports.setdefault((one.host, one.transport, one.port), index)
+        first = ports.setdefault((service.host, service.transport, service.port), index)
         if first != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "port").line
-            message = f"{one.transport} port {one.port} of `{one.host}` is already a service, in line {line}"
+            message = (
+                f"{service.transport} port {service.port} of `{service.host}` is already a service, in line {line}"
+            )
             yield draft.wrong(_PILOT, (*path, "port"), message, "remove one")
-        elif (first := called.setdefault(one.name.casefold(), index)) != index:
+        elif (first := called.setdefault(service.name.casefold(), index)) != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "name").line
-            message = f"`{one.name}` is already the name of a service, in line {line}"
+            message = f"`{service.name}` is already the name of a service, in line {line}"
             yield draft.wrong(_PILOT, (*path, "name"), message, "give each its own name")
 
 

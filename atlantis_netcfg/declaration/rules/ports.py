@@ -78,7 +78,7 @@ def known_links(draft: Draft) -> Iterator[Finding]:
         for index, port in enumerate(router.ports):
             if port.link is None or port.use is not PortUse.LINK or port.link in links_of(site):
                 continue
-            elsewhere = [other for other, one in draft.sites.items() if port.link in links_of(one)]
+            elsewhere = [other for other, item in draft.sites.items() if port.link in links_of(item)]
             message = f"`{name}` has no link `{port.link}`" + (
                 f": that is one of `{elsewhere[0]}`" if elsewhere else ""
             )
@@ -96,7 +96,7 @@ def one_port_a_link(draft: Draft) -> Iterator[Finding]:
         part = Part("device", host)
         unclear = any(_unclear(port.use, port.link, site) for port in router.ports)
         links = links_of(site)
-        for link in (one for one in links if links.count(one) == 1):
+        for link in (item for item in links if links.count(item) == 1):
             used = [index for index, port in enumerate(router.ports) if port.use is PortUse.LINK and port.link == link]
             if not used and not unclear:
                 message = f"no port of `{host}` leads to link `{link}` of `{name}`"

@@ -74,7 +74,7 @@ def _wrong_port(
     draft: Draft, host: str, source: PowerSource, router: Router, *, shared: bool
 ) -> tuple[str, str] | None:
     port = next((port for port in router.ports if port.name == source.port), None)
-    feeding = ", ".join(one.name for one in router.ports if one.poe is not None and one.poe.out is not PoeMode.OFF)
+    feeding = ", ".join(item.name for item in router.ports if item.poe is not None and item.poe.out is not PoeMode.OFF)
     hint = f"ports of `{source.device}` that feed: {feeding or 'none'}"
     if port is None:
         return f"`{source.device}` has no port {source.port}", hint

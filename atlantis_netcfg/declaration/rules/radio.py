@@ -46,7 +46,7 @@ def standard_and_band(draft: Draft) -> Iterator[Finding]:
 def width(draft: Draft) -> Iterator[Finding]:
     """The standard and the band know the width."""
     for _, part, ptp in _radios(draft):
-        widths = [one for one in channels.WIDTHS[ptp.standard] if one <= _WIDEST[ptp.band]]
+        widths = [item for item in channels.WIDTHS[ptp.standard] if item <= _WIDEST[ptp.band]]
         if ptp.width_mhz not in widths:
             message = f"{ptp.standard} at {ptp.band} has no channels of {ptp.width_mhz} MHz"
             yield draft.wrong(part, ("ptp", "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
@@ -175,13 +175,13 @@ def agree(draft: Draft) -> Iterator[Finding]:
             continue
         first = Part("device", ptp.peer)
         shared = (
-            _SHARED if draft.pilot is None else [one for one in _SHARED if one != "country"]
+            _SHARED if draft.pilot is None else [item for item in _SHARED if item != "country"]
         )  # else told by `country`
         for name in shared:
             here, there = getattr(ptp, name), getattr(other.ptp, name)
             if here != there:
-                said = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
-                message = f"{said} ({draft.where(first, 'ptp', name)})"
+                text = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
+                message = f"{text} ({draft.where(first, 'ptp', name)})"
                 yield draft.wrong(part, ("ptp", name), message, "make both ends the same")
         sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
         if not sealed and ptp.key != other.ptp.key:
@@ -217,7 +217,7 @@ def bridged_peers(draft: Draft) -> Iterator[Finding]:
                 message = (
                     f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
                 )
-                hint = f"its peer is {choices(str(one) for one in carried)}: correct `peer` or `carries`"
+                hint = f"its peer is {choices(str(item) for item in carried)}: correct `peer` or `carries`"
                 yield draft.wrong(Part("site", name), ("served_links", index, "device"), message, hint)
 
 

@@ -40,7 +40,7 @@ def additions_only(draft: Draft) -> Iterator[Finding]:
     known = derived(draft.pilot)
     for name, index, bearer in _satellites(draft):
         for place, target in enumerate(bearer.allow):
-            same = next((one for one in known if _key(one) == _key(target)), None)
+            same = next((allowed_target for allowed_target in known if _key(allowed_target) == _key(target)), None)
             if same is not None:
                 what = "the VPN" if same.name == VPN_TARGET else f"the time server {same.name}"
                 message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"

@@ -55,7 +55,7 @@ def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tup
     for name in type(model).model_fields:
         value = getattr(model, name)
         for step, inner in (
-            [((name, index), one) for index, one in enumerate(value)]
+            [((name, index), item) for index, item in enumerate(value)]
             if isinstance(value, tuple)
             else [((name,), value)]
         ):

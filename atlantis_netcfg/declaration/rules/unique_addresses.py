@@ -48,11 +48,11 @@ def macs(draft: Draft) -> Iterator[Finding]:
 
 def _twice(draft: Draft, uses: Iterator[_Use], what: str) -> Iterator[Finding]:
     first: dict[str, _Use] = {}
-    told: set[tuple[str, str]] = set()
+    result: set[tuple[str, str]] = set()
     for use in uses:
         known = first.setdefault(use.value, use)
-        if known.owner != use.owner and (use.value, use.owner) not in told:
-            told.add((use.value, use.owner))
+        if known.owner != use.owner and (use.value, use.owner) not in result:
+            result.add((use.value, use.owner))
             where = draft.where(known.part, *known.path)
             message = f"{use.value} of {use.owner} is already the {what} of {known.owner} ({where})"
             yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
@@ -75,14 +75,16 @@ def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_Use]:
     for index, link in enumerate(site.served_links):
         yield _Use(str(link.address), router, part, ("served_links", index, "address"))
     yield _Use(str(site.management.technician), f"the technician at `{name}`", part, ("management", "technician"))
-    for index, one in enumerate(site.lan.reservations):
-        here = draft.layout.hosts.get(one.name) == name
-        owner = f"`{one.name}`" if here else f"reservation `{one.name}`"
+    for index, reservation in enumerate(site.lan.reservations):
+        here = draft.layout.hosts.get(reservation.name) == name
+        owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
         path = ("lan", "reservations", index, "address")
-        device = draft.devices.get(one.name)
-        told = here and isinstance(device, Gateway | VpnServer | ControlCentre) and device.address != one.address
-        if not told:  # what contradicts its own host is told by the rules of the LAN
-            yield _Use(str(one.address), owner, part, path)
+        device = draft.devices.get(reservation.name)
+        is_reported = (
+            here and isinstance(device, Gateway | VpnServer | ControlCentre) and device.address != reservation.address
+        )
+        if not is_reported:  # what contradicts its own host is told by the rules of the LAN
+            yield _Use(str(reservation.address), owner, part, path)
 
 
 def _router(draft: Draft, site: str) -> str:
@@ -125,10 +127,14 @@ def _macs(draft: Draft) -> Iterator[_Use]:
         if device.mac is not None:
             yield _Use(device.mac, f"`{host}`", Part("device", host), ("mac",))
     for name, site in draft.sites.items():
-        for index, one in enumerate(site.lan.reservations):
-            device_here = draft.devices.get(one.name) if draft.layout.hosts.get(one.name) == name else None
-            if device_here is None or device_here.mac in {None, one.mac}:  # else told by the rules of the LAN
-                yield _Use(one.mac, f"`{one.name}`", Part("site", name), ("lan", "reservations", index, "mac"))
+        for index, reservation in enumerate(site.lan.reservations):
+            device_here = (
+                draft.devices.get(reservation.name) if draft.layout.hosts.get(reservation.name) == name else None
+            )
+            if device_here is None or device_here.mac in {None, reservation.mac}:  # else told by the rules of the LAN
+                yield _Use(
+                    reservation.mac, f"`{reservation.name}`", Part("site", name), ("lan", "reservations", index, "mac")
+                )
 
 
 RULES: tuple[Rule, ...] = (addresses, macs)

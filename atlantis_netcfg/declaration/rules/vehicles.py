@@ -43,9 +43,9 @@ def names(draft: Draft) -> Iterator[Finding]:
     seen: dict[str, tuple[str, str]] = {}
     for key, vehicle in draft.vehicles.items():
         part = Part("vehicle", key)
-        own: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
-        own += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
-        for word, path in own:
+        local: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
+        local += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
+        for word, path in local:
             owner, where = seen.setdefault(_plain(word), (key, draft.where(part, *path)))
             if owner != key:
                 message = f"`{word}` is already a name of `{owner}` ({where})"
@@ -120,8 +120,8 @@ def _differences(vehicle: Vehicle, row: Row) -> Iterator[str]:
 
 
 def _listed(some: Iterable[Column]) -> str:
-    wanted = set(some)
-    return ", ".join(column for column in Column if column in wanted)
+    desired = set(some)
+    return ", ".join(column for column in Column if column in desired)
 
 
 def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, Row]) -> Iterator[Finding]:

@@ -57,14 +57,14 @@ def way_in(draft: Draft) -> Iterator[Finding]:
     if found is None:
         return
     host, router = found
-    wanted = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
-    same = [one for one in router.forwards if (one.transport, one.port) == (vpn.transport, vpn.port)]
-    if any(one.to == vpn.server for one in same):
+    desired = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
+    same = [entry for entry in router.forwards if (entry.transport, entry.port) == (vpn.transport, vpn.port)]
+    if any(forward.to == vpn.server for forward in same):
         return
-    unknown = [index for index, one in enumerate(router.forwards) if one.to not in draft.layout.hosts]
+    unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
         message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {wanted}")
+        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired}")
 
 
 def forwards(draft: Draft) -> Iterator[Finding]:
@@ -72,18 +72,18 @@ def forwards(draft: Draft) -> Iterator[Finding]:
     for host, site, router in draft.boxes(Router):
         part, seen = Part("device", host), dict[tuple[str, int], int]()
         here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
-        for index, one in enumerate(router.forwards):
-            if one.to not in draft.layout.hosts:
-                message, hint = f"there is no host `{one.to}`", meant(one.to, here, none="add it to hosts.yml")
+        for index, forward in enumerate(router.forwards):
+            if forward.to not in draft.layout.hosts:
+                message, hint = f"there is no host `{forward.to}`", meant(forward.to, here, none="add it to hosts.yml")
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
-            elif one.to not in here and draft.kind_of(one.to) is not None:
-                message = f"`{one.to}` is not in the LAN of `{site}`"
+            elif forward.to not in here and draft.kind_of(forward.to) is not None:
+                message = f"`{forward.to}` is not in the LAN of `{site}`"
                 hint = f"hosts of that LAN: {choices(here) or 'none'}"
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
-            first = seen.setdefault((one.transport, one.port), index)
+            first = seen.setdefault((forward.transport, forward.port), index)
             if first != index:
                 line = draft.mark(part, "forwards", first, "port").line
-                message = f"{one.transport} port {one.port} is forwarded twice, first in line {line}"
+                message = f"{forward.transport} port {forward.port} is forwarded twice, first in line {line}"
                 yield draft.wrong(part, ("forwards", index, "port"), message, "a port leads to one host")
 
 

@@ -196,8 +196,8 @@ class _Talk:
         if not self.spec.in_water:
             self.modem.transmitted_in_air.append((to, text))
         report = "DELIVEREDIM" if to in self.spec.reaches else "FAILEDIM"
-        told = _frame("AT", f"{report},{to}".encode()) if self.spec.reports else b""
-        return _frame("AT*SENDIM", b"OK") + _frame("AT", b"SENDSTART,%d,im,182272,0" % to) + told
+        data = _frame("AT", f"{report},{to}".encode()) if self.spec.reports else b""
+        return _frame("AT*SENDIM", b"OK") + _frame("AT", b"SENDSTART,%d,im,182272,0" % to) + data
 
     def tell(self, now_s: float) -> tuple[bytes, float | None]:
         spec = self.spec
@@ -207,8 +207,8 @@ class _Talk:
             return b"", (self.rounds + 1) * spec.fix_every_s
         self.rounds += 1
         clock_s = self.clock_s + (spec.fix_every_s if spec.frozen else now_s)
-        told = b"".join(spec.fix(remote, clock_s) for remote in spec.hears)
-        return told, (self.rounds + 1) * spec.fix_every_s
+        data = b"".join(spec.fix(remote, clock_s) for remote in spec.hears)
+        return data, (self.rounds + 1) * spec.fix_every_s
 
 
 class RunningEvologics(Line):

@@ -129,7 +129,7 @@ class Line:
             if self._stop in ready:
                 return
             # Who leaves makes room for who comes at the same moment.
-            for handle in [one for one in self._clients if one in ready]:
+            for handle in [client for client in self._clients if client in ready]:
                 self._read(handle)
             if not self._line.serial and self._listener.fileno() in ready:
                 self._accept()
@@ -189,9 +189,9 @@ class Line:
             if client.since is None:
                 continue
             now_s = time.monotonic() - client.since
-            told, then_s = client.talker.tell(now_s)
-            if told and not self._line.silent:
-                self._write(handle, told)
+            data, then_s = client.talker.tell(now_s)
+            if data and not self._line.silent:
+                self._write(handle, data)
             if then_s is not None:
                 pauses.append(max(0.0, then_s - now_s))
         return min(pauses, default=None)

@@ -192,19 +192,19 @@ class _Talk:
         return b"$" + (payload + check).hex().upper().encode() + b"\r\n"
 
     def tell(self, now_s: float) -> tuple[bytes, float | None]:
-        told, due = b"", []
+        data, due = b"", []
         spec = self.spec
         if spec.hears and spec.fixes != self.rounds:
             if now_s >= (self.rounds + 1) * spec.fix_every_s:
                 self.rounds += 1
-                told += b"".join(self._told(remote) for remote in spec.hears)
+                data += b"".join(self._told(remote) for remote in spec.hears)
             due.append((self.rounds + 1) * spec.fix_every_s)
         if spec.status_every_s is not None:
             if now_s >= (self.statuses + 1) * spec.status_every_s:
                 self.statuses += 1
-                told += self._frame(0x10, spec.records()[0x10])
+                data += self._frame(0x10, spec.records()[0x10])
             due.append((self.statuses + 1) * spec.status_every_s)
-        return told, min(due, default=None)
+        return data, min(due, default=None)
 
 
 def _payload(line: bytes) -> bytes | None:

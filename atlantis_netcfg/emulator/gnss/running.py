@@ -39,7 +39,7 @@ _INDICATOR = {None: "A", 2: "D", 3: "R", 4: "F", 5: "E", 6: "A", 7: "M", 8: "S"}
 
 def said(*objects: dict[str, Any]) -> bytes:
     """Objects as gpsd ends them."""
-    return b"".join(json.dumps(one, separators=(",", ":")).encode() + b"\r\n" for one in objects)
+    return b"".join(json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in objects)
 
 
 def line(body: str) -> bytes:
@@ -111,7 +111,7 @@ class Source:
     def _sky(self) -> bytes:
         spec = self.spec
         used = spec.satellites if self._fixed else 0
-        seen = [{"PRN": one, "el": 40.0, "az": 30.0, "ss": 41.0, "used": one <= used} for one in range(1, used + 3)]
+        seen = [{"PRN": item, "el": 40.0, "az": 30.0, "ss": 41.0, "used": item <= used} for item in range(1, used + 3)]
         dop = {"hdop": spec.hdop} if self._fixed else {}
         return said({"class": "SKY", "device": PATH, **dop, "nSat": len(seen), "uSat": used, "satellites": seen})
 
@@ -126,7 +126,7 @@ class Source:
         height = "5.0,M,54.0,M,," if spec.mode > 2 else ",M,,M,,"  # noqa: PLR2004 - 3D
         gga = f"GPGGA,{of_day},{place},{_QUALITY[spec.status]},{spec.satellites:02},{spec.hdop:.1f},{height}"
         rmc = f"GPRMC,{of_day},A,{place},0.05,10.0,{date},,,{_INDICATOR[spec.status]}"
-        used = ",".join([f"{one:02}" for one in range(1, min(spec.satellites, 12) + 1)])
+        used = ",".join([f"{item:02}" for item in range(1, min(spec.satellites, 12) + 1)])
         gsa = f"GPGSA,A,{spec.mode},{used}{',' * (12 - min(spec.satellites, 12))},1.6,{spec.hdop:.1f},1.3"
         return line(gga) + (line(rmc) if spec.timed else b"") + line(gsa)
 
@@ -190,8 +190,8 @@ class Client:
     def _watch(self, value: str) -> None:
         self.state["enable"] = True
         for name in self.state:
-            if told := re.search(_FLAG % name, value):
-                self.state[name] = told[1] == "true"
+            if result := re.search(_FLAG % name, value):
+                self.state[name] = result[1] == "true"
 
     def _device(self) -> dict[str, Any]:
         return {"class": "DEVICE", "path": PATH, "driver": "NMEA0183", "activated": self._activated, "flags": 1}
@@ -383,7 +383,7 @@ class _Server(_Running):
                 return
             if self._door in ready:
                 self._admit()
-            for client in [one for one in self._clients if one in ready]:
+            for client in [item for item in self._clients if item in ready]:
                 self._hear(client)
             if time.monotonic() >= due:
                 # Who was kept from telling tells on from now: a receiver does not make up for what it has left out.

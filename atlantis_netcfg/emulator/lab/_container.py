@@ -104,8 +104,8 @@ class Container:
 
     def last_words(self) -> str:
         """The end of its console."""
-        said = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:]
-        return "\n".join(f"  {line}" for line in said)
+        lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:]
+        return "\n".join(f"  {line}" for line in lines)
 
 
 def entering(leader: int) -> tuple[str, ...]:
@@ -115,13 +115,13 @@ def entering(leader: int) -> tuple[str, ...]:
     """
     status = Path("/proc", str(leader), "status").read_text(encoding="utf-8")
     mask = int(next(line.split()[1] for line in status.splitlines() if line.startswith("CapBnd:")), 16)
-    held = ",".join(["-all", *(f"+cap_{number}" for number in range(mask.bit_length()) if mask >> number & 1)])
-    confined = ("setpriv", f"--bounding-set={held}", "--inh-caps=-all")
+    current = ",".join(["-all", *(f"+cap_{number}" for number in range(mask.bit_length()) if mask >> number & 1)])
+    confined = ("setpriv", f"--bounding-set={current}", "--inh-caps=-all")
     return (*confined, "nsenter", "--target", str(leader), "--all", "--")
 
 
-def _same_program(one: int, other: int) -> bool:
-    return Path(f"/proc/{one}/exe").samefile(f"/proc/{other}/exe")
+def _same_program(item: int, other: int) -> bool:
+    return Path(f"/proc/{item}/exe").samefile(f"/proc/{other}/exe")
 
 
 def _first_inside(process: str) -> bool:

@@ -29,13 +29,13 @@ def delete_namespace(name: str) -> None:
         program("ip", "netns", "delete", name)
 
 
-def join(yard: str, port: str, machine: str, interface: str, mac: str) -> None:
+def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
     """Lay a cable from a machine's interface to a port of the yard's bridge; the port is down."""
     program(
         *("ip", "link", "add", interface, "netns", machine, "address", mac, "type", "veth"),
-        *("peer", "name", port, "netns", yard),
+        *("peer", "name", port, "netns", lab),
     )
-    program("ip", "-n", yard, "link", "set", port, "master", BRIDGE)
+    program("ip", "-n", lab, "link", "set", port, "master", BRIDGE)
 
 
 class Inside:

@@ -50,9 +50,9 @@ class MachineSpec:
 class Machine:
     """Made by `Yard.start`; ends with its yard."""
 
-    def __init__(self, spec: MachineSpec, unique: str, yard: str, inside: Inside, folder: Path, log: Path) -> None:  # noqa: PLR0913, PLR0917 - where it stands
+    def __init__(self, spec: MachineSpec, unique: str, lab: str, inside: Inside, folder: Path, log: Path) -> None:  # noqa: PLR0913, PLR0917 - where it stands
         self.spec = spec
-        self._unique, self._yard, self._inside, self._log = unique, yard, inside, log
+        self._unique, self._yard, self._inside, self._log = unique, lab, inside, log
         self._ports: list[str] = []
         self._container: Container | None = None
         self._disk = Disk(folder, spec.tree, spec.disk_mb)

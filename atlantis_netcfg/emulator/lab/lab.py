@@ -168,7 +168,7 @@ def _kept() -> Iterator[str]:
     with (newborn / "owner").open("wb") as owner:
         fcntl.flock(owner, fcntl.LOCK_EX)
         newborn.rename(reaper.YARDS / name)
-        keeper = subprocess.Popen(  # noqa: S603 - our own interpreter and program
+        popen = subprocess.Popen(  # noqa: S603 - our own interpreter and program
             (sys.executable, "-I", str(Path(reaper.__file__)), name, str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
@@ -179,4 +179,4 @@ def _kept() -> Iterator[str]:
         try:
             yield name
         finally:
-            keeper.communicate()
+            popen.communicate()

@@ -56,29 +56,29 @@ def sweep() -> None:
             take_down(folder.name)
 
 
-def take_down(yard: str) -> None:
+def take_down(lab: str) -> None:
     """End every process of a yard, then remove its mounts, namespaces and control groups."""
-    for name in _namespaces(yard):
+    for name in _namespaces(lab):
         empty(partial(_inhabitants, name))
-    for group in _groups(yard):
+    for group in _groups(lab):
         remove_group(group)
-    unmount(YARDS / yard)
-    for name in _namespaces(yard):
+    unmount(YARDS / lab)
+    for name in _namespaces(lab):
         _quietly("ip", "netns", "delete", name)
-    for left in _PROPAGATE.glob(f"{yard}*"):
+    for left in _PROPAGATE.glob(f"{lab}*"):
         remove(left)
-    remove(YARDS / yard)
+    remove(YARDS / lab)
 
 
-def _namespaces(yard: str) -> list[str]:
+def _namespaces(lab: str) -> list[str]:
     """Names of the network namespaces of a yard; those of its machines first."""
-    found = [yard, *(path.name for path in _NAMESPACES.glob(f"{yard}-*"))]
+    found = [lab, *(path.name for path in _NAMESPACES.glob(f"{lab}-*"))]
     return sorted((name for name in found if (_NAMESPACES / name).exists()), key=len, reverse=True)
 
 
 def _inhabitants(name: str) -> list[int]:
-    told = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)  # noqa: S603, S607
-    return [int(word) for word in told.stdout.split() if int(word) != os.getpid()]
+    process = subprocess.run(["ip", "netns", "pids", name], capture_output=True, text=True, check=False)  # noqa: S603, S607
+    return [int(word) for word in process.stdout.split() if int(word) != os.getpid()]
 
 
 def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
@@ -102,9 +102,9 @@ def control_groups() -> list[Path]:
     return found
 
 
-def _groups(yard: str) -> Iterator[Path]:
+def _groups(lab: str) -> Iterator[Path]:
     for hierarchy in control_groups():
-        yield from hierarchy.glob(f"{yard}-*")
+        yield from hierarchy.glob(f"{lab}-*")
 
 
 def remove_group(group: Path) -> None:
@@ -145,14 +145,14 @@ def _quietly(*words: str) -> None:
     subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - a program of the system
 
 
-def _keep(yard: str, owner: int) -> None:
+def _keep(lab: str, owner: int) -> None:
     ends = select.poll()
     ends.register(sys.stdin, select.POLLIN)
     with suppress(ProcessLookupError):
         ends.register(os.pidfd_open(owner), select.POLLIN)
         if os.getppid() == owner:  # else it is dead, and its number another's
             ends.poll()
-    take_down(yard)
+    take_down(lab)
 
 
 if __name__ == "__main__":

@@ -66,8 +66,8 @@ class TreeSpec:
 
     def key(self) -> str:
         """The name of the tree in the cache: another one for whatever makes another tree."""
-        told = json.dumps(asdict(self) | {"packages": self.wanted, "recipe": _RECIPE, "hooks": _HOOKS})
-        return f"{self.release}-{hashlib.sha256(told.encode()).hexdigest()[:16]}"
+        text = json.dumps(asdict(self) | {"packages": self.wanted, "recipe": _RECIPE, "hooks": _HOOKS})
+        return f"{self.release}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
 def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
@@ -155,10 +155,10 @@ def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
     done = _mmdebstrap(spec, half, lock)
     if done.returncode:
         _remove(half)
-        said = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_TOLD:]
+        lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_TOLD:]
         raise MachineFailed(
             f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {done.returncode}:\n"
-            + "\n".join(f"  {line}" for line in said),
+            + "\n".join(f"  {line}" for line in lines),
             hint=f"check that this computer reaches {spec.mirror or 'http://deb.debian.org/debian'}, then try again",
         )
     program("sync", "--file-system", str(half))

@@ -40,7 +40,7 @@ def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
         return 1, "", f"Unknown command verb {argv[1] if len(argv) > 1 else ''}.\n"
     time = spec.time
     stamp = datetime.fromtimestamp(now, UTC).astimezone(ZoneInfo(time.zone)).strftime("%a %Y-%m-%d %H:%M:%S %Z")
-    told = {
+    values = {
         "Timezone": time.zone,
         "LocalRTC": "no",
         "CanNTP": "yes",
@@ -49,7 +49,7 @@ def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
         "TimeUSec": stamp,
         "RTCTimeUSec": stamp,
     }
-    return 0, "".join(f"{name}={value}\n" for name, value in told.items()), ""
+    return 0, "".join(f"{name}={value}\n" for name, value in values.items()), ""
 
 
 def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
@@ -75,24 +75,24 @@ _WRITER = b"\x00\x01\x00\xc2"
 
 def answers(number: int, spec: DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
     """The messages of the participant with this number to the GUID prefix that has announced itself."""
-    own = b"\x01\x10" + struct.pack(">HII", spec.domain, 0xA71A, number)
-    head = b"RTPS\x02\x01\x01\x10" + own
+    data = b"\x01\x10" + struct.pack(">HII", spec.domain, 0xA71A, number)
+    head = b"RTPS\x02\x01\x01\x10" + data
     to_the_asker = struct.pack("<BBH", 0x0E, 1, 12) + asked_by
     beat = struct.pack("<BBH", 0x07, 1, 28) + b"\0\0\x04\xc7\0\0\x03\xc2" + struct.pack("<iIiIi", 0, 1, 0, 0, 1)
-    announced = _announced(own, spec, 7410 + 250 * spec.domain + 2 * number)
+    announced = _announced(data, spec, 7410 + 250 * spec.domain + 2 * number)
     return (head + to_the_asker + announced, head + to_the_asker + beat)
 
 
-def _announced(own: bytes, spec: DdsSpec, port: int) -> bytes:
+def _announced(data: bytes, spec: DdsSpec, port: int) -> bytes:
     there = [struct.pack("<iI12x", 1, port) + socket.inet_aton(address) for address in spec.addresses]
-    told = [
-        (0x50, own + b"\x00\x00\x01\xc1"),
+    result = [
+        (0x50, data + b"\x00\x00\x01\xc1"),
         (0x0F, struct.pack("<I", spec.domain)),
         (0x02, struct.pack("<iI", 120, 0)),
-        *((0x32, one) for one in there),
+        *((0x32, item) for item in there),
         (0x58, struct.pack("<I", 0xFC3F)),
     ]
-    listed = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in told)
+    listed = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result)
     payload = b"\x00\x03\0\0" + listed + struct.pack("<HH", 1, 0)
     body = struct.pack("<HH", 0, 16) + b"\x00\x01\x00\xc7" + _WRITER + struct.pack("<iI", 0, 1) + payload
     return struct.pack("<BBH", 0x15, 0x05, len(body)) + body
@@ -123,9 +123,9 @@ def _sockets(sockets: Sequence[UdpSpec]) -> str:
         "   uid  timeout inode ref pointer drops"
     )
     lines = [
-        f"{number:5d}: {_reversed(one.address)}:{one.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
-        f"{one.uid:5d}        0 {20000 + number} 2 0000000000000000 0"
-        for number, one in enumerate(sockets, start=1000)
+        f"{number:5d}: {_reversed(udp.address)}:{udp.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
+        f"{udp.uid:5d}        0 {20000 + number} 2 0000000000000000 0"
+        for number, udp in enumerate(sockets, start=1000)
     ]
     return "".join(f"{line:<127}\n" for line in (head, *lines))
 
@@ -143,20 +143,20 @@ def openssl(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
         reason = "Permission denied" if path in spec.denied else "No such file or directory"
         return 1, "", f"Couldn't open file or uri {path}\n0:error:80000002:system library:file_open:{reason}\n"
     found = spec.certificates[path]
-    told = "".join(f"{number}: Certificate\n{_text(one)}" for number, one in enumerate(found))
+    text = "".join(f"{number}: Certificate\n{_text(certificate)}" for number, certificate in enumerate(found))
     # It knows no key of tls-crypt, says so, and ends with 8 although it has printed the rest.
-    return 8, f"{told}Total found: {len(found)}\n", "0:error:1608010C:STORE routines::unsupported\n"
+    return 8, f"{text}Total found: {len(found)}\n", "0:error:1608010C:STORE routines::unsupported\n"
 
 
-def _text(one: CertificateSpec) -> str:
+def _text(certificate: CertificateSpec) -> str:
     return (
         "Certificate:\n    Data:\n        Version: 3 (0x2)\n        Serial Number: 4096 (0x1000)\n"
         "        Signature Algorithm: ecdsa-with-SHA256\n"
-        f"        Issuer: CN={one.issuer}\n"
+        f"        Issuer: CN={certificate.issuer}\n"
         "        Validity\n"
-        f"            Not Before: {_stamp(one.not_before)}\n"
-        f"            Not After : {_stamp(one.not_after)}\n"
-        f"        Subject: CN={one.subject}\n"
+        f"            Not Before: {_stamp(certificate.not_before)}\n"
+        f"            Not After : {_stamp(certificate.not_after)}\n"
+        f"        Subject: CN={certificate.subject}\n"
         "        Subject Public Key Info:\n            Public Key Algorithm: id-ecPublicKey\n"
     )
 
@@ -198,14 +198,16 @@ class Computer:
 
         It is asked in the name of the interface, of `cards`, and of one that nobody knows.
         """
-        one = self.spec.interface(interface)
-        if one is None and interface[:1].isdigit():
-            one = self.spec.holding(interface)
-        if one is None:
+        item = self.spec.interface(interface)
+        if item is None and interface[:1].isdigit():
+            item = self.spec.holding(interface)
+        if item is None:
             return None
-        asked = {card.lower() for card in (one.mac or "", *cards)}
-        there = self.spec.dhcp.get(one.name, ()) if one.up else ()
-        return tuple(server for server in there if not server.knows or asked & {card.lower() for card in server.knows})
+        requested = {card.lower() for card in (item.mac or "", *cards)}
+        there = self.spec.dhcp.get(item.name, ()) if item.up else ()
+        return tuple(
+            server for server in there if not server.knows or requested & {card.lower() for card in server.knows}
+        )
 
     def participants(self, domain: int, address: str, asked_by: bytes) -> tuple[tuple[str, bytes], ...] | None:
         """Address and messages of the DDS participants that answer one who announces itself to an own address.
@@ -214,9 +216,9 @@ class Computer:
         """
         if self.spec.holding(address) is None:
             return None
-        there = [one for one in self.spec.dds if one.domain == domain]
+        there = [item for item in self.spec.dds if item.domain == domain]
         return tuple(
-            (address, message) for number, one in enumerate(there) for message in answers(number, one, asked_by)
+            (address, message) for number, dds in enumerate(there) for message in answers(number, dds, asked_by)
         )
 
 

@@ -67,12 +67,12 @@ _RULES: list[dict[str, Any]] = [
 
 def _interfaces(spec: ComputerSpec, *, addresses: bool, statistics: bool) -> list[dict[str, Any]]:
     rows = [_loopback(addresses=addresses)]
-    for number, one in enumerate(spec.interfaces, start=2):
-        row = _interface(number, one, linkmode=not addresses)
+    for number, interface in enumerate(spec.interfaces, start=2):
+        row = _interface(number, interface, linkmode=not addresses)
         if statistics:
-            row["stats64"] = _statistics(one)
+            row["stats64"] = _statistics(interface)
         if addresses:
-            row["addr_info"] = _addresses(one)
+            row["addr_info"] = _addresses(interface)
         rows.append(row)
     return rows
 
@@ -91,54 +91,54 @@ def _loopback(*, addresses: bool) -> dict[str, Any]:
     return row | ({"addr_info": [inner]} if addresses else {})
 
 
-def _interface(number: int, one: InterfaceSpec, *, linkmode: bool) -> dict[str, Any]:
-    tunnel = one.mac is None
+def _interface(number: int, interface: InterfaceSpec, *, linkmode: bool) -> dict[str, Any]:
+    tunnel = interface.mac is None
     kind = ["POINTOPOINT", "MULTICAST", "NOARP"] if tunnel else ["BROADCAST", "MULTICAST"]
-    flags = [*(() if one.up else ("NO-CARRIER",)), *kind, "UP", *(("LOWER_UP",) if one.up else ())]
-    row: dict[str, Any] = {"ifindex": number, "ifname": one.name, "flags": flags, "mtu": one.mtu}
-    row |= {"qdisc": "mq", "operstate": ("UNKNOWN" if tunnel else "UP") if one.up else "DOWN"}
-    row |= {"linkmode": "DORMANT" if one.wireless else "DEFAULT"} if linkmode else {}
+    flags = [*(() if interface.up else ("NO-CARRIER",)), *kind, "UP", *(("LOWER_UP",) if interface.up else ())]
+    row: dict[str, Any] = {"ifindex": number, "ifname": interface.name, "flags": flags, "mtu": interface.mtu}
+    row |= {"qdisc": "mq", "operstate": ("UNKNOWN" if tunnel else "UP") if interface.up else "DOWN"}
+    row |= {"linkmode": "DORMANT" if interface.wireless else "DEFAULT"} if linkmode else {}
     row |= {"group": "default", "txqlen": 500 if tunnel else 1000, "link_type": "none" if tunnel else "ether"}
-    return row if tunnel else row | {"address": (one.mac or "").lower(), "broadcast": "ff:ff:ff:ff:ff:ff"}
+    return row if tunnel else row | {"address": (interface.mac or "").lower(), "broadcast": "ff:ff:ff:ff:ff:ff"}
 
 
-def _statistics(one: InterfaceSpec) -> dict[str, Any]:
+def _statistics(interface: InterfaceSpec) -> dict[str, Any]:
     plain = {"bytes": 1_204_332, "packets": 9_120}
-    into = {**plain, "errors": one.rx_errors, "dropped": 0, "over_errors": 0, "multicast": 0}
-    out = {**plain, "errors": one.tx_errors, "dropped": 0, "carrier_errors": 0, "collisions": 0}
+    into = {**plain, "errors": interface.rx_errors, "dropped": 0, "over_errors": 0, "multicast": 0}
+    out = {**plain, "errors": interface.tx_errors, "dropped": 0, "carrier_errors": 0, "collisions": 0}
     return {"rx": into, "tx": out}
 
 
-def _addresses(one: InterfaceSpec) -> list[dict[str, Any]]:
+def _addresses(interface: InterfaceSpec) -> list[dict[str, Any]]:
     seen: set[IPv4Network] = set()
     rows = []
-    for address in one.addresses:
+    for address in interface.addresses:
         network = IPv4Interface(address.address).network
-        rows.append(_address(one, address, second=network in seen))
+        rows.append(_address(interface, address, second=network in seen))
         seen.add(network)
     return rows
 
 
-def _address(one: InterfaceSpec, address: AddressSpec, *, second: bool) -> dict[str, Any]:
+def _address(interface: InterfaceSpec, address: AddressSpec, *, second: bool) -> dict[str, Any]:
     whole = IPv4Interface(address.address)
     row: dict[str, Any] = {"family": "inet", "local": str(whole.ip), "prefixlen": whole.network.prefixlen}
-    if one.mac is not None:
+    if interface.mac is not None:
         row["broadcast"] = str(whole.network.broadcast_address)
     row["scope"] = "global"
     row |= {"secondary": True} if second else {}
     row |= {"dynamic": True} if address.lease_s is not None else {}
     left = _FOREVER if address.lease_s is None else address.lease_s
-    return row | {"label": one.name, "valid_life_time": left, "preferred_life_time": left}
+    return row | {"label": interface.name, "valid_life_time": left, "preferred_life_time": left}
 
 
 def _routes(spec: ComputerSpec, chosen: dict[str, str]) -> list[dict[str, Any]]:
     """In the kernel's order; of several addresses in one network the first brings the route."""
     rows = [_route(spec, way) for way in spec.routes]
-    rows += [row for one in spec.interfaces for row in _connected(one)]
+    rows += [row for interface in spec.interfaces for row in _connected(interface)]
     if chosen.get("table", "main") not in {"main", "all"}:
         return []
-    wanted = chosen.get("to")
-    return sorted((row for row in rows if wanted in {None, row["dst"]}), key=_place)
+    desired = chosen.get("to")
+    return sorted((row for row in rows if desired in {None, row["dst"]}), key=_place)
 
 
 def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
@@ -151,35 +151,35 @@ def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
     row["dev"] = way.dev
     row |= {"protocol": way.protocol} if way.protocol != "boot" else {}
     row |= {"scope": "link"} if way.via is None else {}
-    own = spec.interface(way.dev)
-    if way.protocol == "dhcp" and own is not None and own.addresses:
-        row["prefsrc"] = str(IPv4Interface(own.addresses[0].address).ip)
+    interface = spec.interface(way.dev)
+    if way.protocol == "dhcp" and interface is not None and interface.addresses:
+        row["prefsrc"] = str(IPv4Interface(interface.addresses[0].address).ip)
     row |= {"metric": way.metric} if way.metric is not None else {}
-    return row | {"flags": _flags(own)}
+    return row | {"flags": _flags(interface)}
 
 
-def _connected(one: InterfaceSpec) -> list[dict[str, Any]]:
+def _connected(interface: InterfaceSpec) -> list[dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
-    for whole in (IPv4Interface(address.address) for address in one.addresses):
-        row = {"dst": str(whole.network), "dev": one.name, "protocol": "kernel", "scope": "link"}
-        found.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(one)})
+    for whole in (IPv4Interface(address.address) for address in interface.addresses):
+        row = {"dst": str(whole.network), "dev": interface.name, "protocol": "kernel", "scope": "link"}
+        found.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(interface)})
     return list(found.values())
 
 
-def _flags(one: InterfaceSpec | None) -> list[str]:
-    return [] if one is None or one.up else ["linkdown"]
+def _flags(interface: InterfaceSpec | None) -> list[str]:
+    return [] if interface is None or interface.up else ["linkdown"]
 
 
-def _neighbours(spec: ComputerSpec, wanted: str | None) -> list[dict[str, Any]]:
+def _neighbours(spec: ComputerSpec, desired: str | None) -> list[dict[str, Any]]:
     return [
         {
-            "dst": one.address,
-            "dev": one.dev,
-            **({} if one.mac is None else {"lladdr": one.mac.lower()}),
-            "state": [one.state if one.mac is not None else "FAILED"],
+            "dst": neighbour.address,
+            "dev": neighbour.dev,
+            **({} if neighbour.mac is None else {"lladdr": neighbour.mac.lower()}),
+            "state": [neighbour.state if neighbour.mac is not None else "FAILED"],
         }
-        for one in spec.neighbours
-        if wanted in {None, one.address}
+        for neighbour in spec.neighbours
+        if desired in {None, neighbour.address}
     ]
 
 
@@ -195,9 +195,9 @@ def _get(spec: ComputerSpec, words: Sequence[str]) -> Printed:
     row: dict[str, Any] = {"dst": address}
     row |= {"gateway": via} if via is not None else {}
     row["dev"] = device
-    own = spec.interface(device)
-    if own is not None and own.addresses:
-        row["prefsrc"] = str(IPv4Interface(own.addresses[0].address).ip)
+    interface = spec.interface(device)
+    if interface is not None and interface.addresses:
+        row["prefsrc"] = str(IPv4Interface(interface.addresses[0].address).ip)
     return 0, _printed([row | {"flags": [], "uid": 0, "cache": []}]), ""
 
 
@@ -221,14 +221,18 @@ def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     if through is None and way is None:
         return 2, "", "ping: connect: Network is unreachable\n"
     device = through or (way[0] if way is not None else "")
-    own = spec.interface(device)
-    source = str(IPv4Interface(own.addresses[0].address).ip) if own is not None and own.addresses else "0.0.0.0"  # noqa: S104 - printed
+    interface = spec.interface(device)
+    source = "0.0.0.0"  # noqa: S104 - printed
+    if interface is not None and interface.addresses:
+        source = str(IPv4Interface(interface.addresses[0].address).ip)
     head = f"PING {target} ({target}) " + (f"from {source} {through}: " if through else "") + "56(84) bytes of data.\n"
     interval = float(options.get("-i", "1"))
     waits = (interval, float(options.get("-W", "10")))
     echo = spec.echoes.get(target)
-    if echo is None or own is None or not own.up:
-        on_segment = own is not None and own.up and (way is None or way[1] is None) and own.mac is not None
+    if echo is None or interface is None or not interface.up:
+        on_segment = (
+            interface is not None and interface.up and (way is None or way[1] is None) and interface.mac is not None
+        )
         return 1, head + _silence(target, source, count, waits, on_segment=on_segment), ""
     lines, received = _answers(target, echo, count)
     return (0 if received else 1), head + lines + _sum(target, count, received, interval, echo), ""
@@ -275,8 +279,8 @@ def _silence(target: str, source: str, count: int, waits: tuple[float, float], *
     """On a segment the kernel gives up asking by ARP after some seconds, and says so where ping still listens."""
     interval, patience = waits
     unreachable = on_segment and (count - 1) * interval + patience > _ARP_S
-    told = [f"From {source} icmp_seq={number} Destination Host Unreachable\n" for number in range(1, count + 1)]
+    lines = [f"From {source} icmp_seq={number} Destination Host Unreachable\n" for number in range(1, count + 1)]
     errors = f"+{count} errors, " if unreachable else ""
     took = round((count - 1) * interval * 1000)
     middle = f"\n--- {target} ping statistics ---\n{count} packets transmitted, 0 received, "
-    return f"{''.join(told) if unreachable else ''}{middle}{errors}100% packet loss, time {took}ms\n\n"
+    return f"{''.join(lines) if unreachable else ''}{middle}{errors}100% packet loss, time {took}ms\n\n"

@@ -23,11 +23,11 @@ def iw(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
         return 0, _REGULATION.format(country=spec.country, region=_REGIONS.get(spec.country, "ETSI")), ""
     if len(words) < 3 or words[0] != "dev":  # noqa: PLR2004 - dev, its name, a command
         return _USAGE
-    one = spec.interface(words[1])
-    if one is None or not one.wireless:
+    interface = spec.interface(words[1])
+    if interface is None or not interface.wireless:
         return _NO_DEVICE
     shown = {"link": _link, "info": _info, "station dump": _station}.get(" ".join(words[2:]))
-    return _USAGE if shown is None else (0, shown(one), "")
+    return _USAGE if shown is None else (0, shown(interface), "")
 
 
 _REGIONS = {"00": "UNSET"}
@@ -41,12 +41,12 @@ country {country}: DFS-{region}
 """
 
 
-def _link(one: InterfaceSpec) -> str:
-    there = one.association
-    if there is None or not one.up:
+def _link(interface: InterfaceSpec) -> str:
+    there = interface.association
+    if there is None or not interface.up:
         return "Not connected.\n"
     return (
-        f"Connected to {there.bssid.lower()} (on {one.name})\n"
+        f"Connected to {there.bssid.lower()} (on {interface.name})\n"
         f"\tSSID: {there.ssid}\n"
         f"\tfreq: {there.frequency_mhz}\n"
         f"\tRX: {there.tx_packets * 210} bytes ({there.tx_packets} packets)\n"
@@ -60,16 +60,16 @@ def _link(one: InterfaceSpec) -> str:
     )
 
 
-def _info(one: InterfaceSpec) -> str:
-    there = one.association if one.up else None
+def _info(interface: InterfaceSpec) -> str:
+    there = interface.association if interface.up else None
     ssid = "" if there is None else f"\tssid {there.ssid}\n"
     return (
-        f"Interface {one.name}\n"
+        f"Interface {interface.name}\n"
         "\tifindex 3\n"
         "\twdev 0x1\n"
-        f"\taddr {(one.mac or '').lower()}\n"
+        f"\taddr {(interface.mac or '').lower()}\n"
         f"{ssid}"
-        f"\ttype {one.type}\n"
+        f"\ttype {interface.type}\n"
         "\twiphy 0\n"
         f"{'' if there is None else _channel(there)}"
         "\ttxpower 20.00 dBm\n"
@@ -86,9 +86,9 @@ def _level(there: AssociationSpec) -> str:
     return f"{there.signal_dbm}{chains} dBm"
 
 
-def _station(one: InterfaceSpec) -> str:
-    there = one.association
-    if there is None or not one.up:
+def _station(interface: InterfaceSpec) -> str:
+    there = interface.association
+    if there is None or not interface.up:
         return ""
     lines = (
         ("inactive time:", f"{there.inactive_ms} ms"),
@@ -115,5 +115,5 @@ def _station(one: InterfaceSpec) -> str:
         ("short slot time:yes", ""),
         ("connected time:", f"{there.connected_s} seconds"),
     )
-    told = "".join(f"\t{name}\t{value}\n" if value != "" else f"\t{name}\n" for name, value in lines)
-    return f"Station {there.bssid.lower()} (on {one.name})\n{told}"
+    text = "".join(f"\t{name}\t{value}\n" if value != "" else f"\t{name}\n" for name, value in lines)
+    return f"Station {there.bssid.lower()} (on {interface.name})\n{text}"

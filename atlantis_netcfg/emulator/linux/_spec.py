@@ -186,25 +186,32 @@ class ComputerSpec(_Spec):
 
     def interface(self, name: str) -> InterfaceSpec | None:
         """Of that name."""
-        return next((one for one in self.interfaces if one.name == name), None)
+        return next((item for item in self.interfaces if item.name == name), None)
 
     def holding(self, address: str) -> InterfaceSpec | None:
         """Give the interface that has an address."""
-        wanted = IPv4Address(address)
+        desired = IPv4Address(address)
         return next(
-            (one for one in self.interfaces if wanted in {IPv4Interface(a.address).ip for a in one.addresses}), None
+            (
+                interface
+                for interface in self.interfaces
+                if desired in {IPv4Interface(a.address).ip for a in interface.addresses}
+            ),
+            None,
         )
 
     def towards(self, address: str) -> tuple[str, str | None] | None:
         """Interface and next hop of the way to an address; next hop None: it is on the segment; None: no way."""
-        wanted = IPv4Address(address)
+        desired = IPv4Address(address)
         ways: list[tuple[IPv4Network, str, str | None]] = [
-            (IPv4Interface(a.address).network, one.name, None) for one in self.interfaces for a in one.addresses
+            (IPv4Interface(a.address).network, interface.name, None)
+            for interface in self.interfaces
+            for a in interface.addresses
         ]
         ways += [
             (IPv4Network("0.0.0.0/0" if way.to == "default" else way.to), way.dev, way.via)
             for way in sorted(self.routes, key=lambda way: way.metric or 0)
         ]
-        fitting = [way for way in ways if wanted in way[0]]
+        fitting = [way for way in ways if desired in way[0]]
         best = max(fitting, key=lambda way: way[0].prefixlen, default=None)
         return None if best is None else best[1:]

@@ -91,7 +91,9 @@ def known(pem: str) -> Known:
     """Read what a certificate says about itself."""
     found = x509.load_pem_x509_certificate(pem.encode())
     names = found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
-    constraints = [one.value for one in found.extensions if isinstance(one.value, x509.BasicConstraints)]
+    constraints = [
+        extension.value for extension in found.extensions if isinstance(extension.value, x509.BasicConstraints)
+    ]
     return Known(
         fingerprint=found.fingerprint(hashes.SHA256()).hex(),
         common_name=str(names[0].value) if names else "",
@@ -99,7 +101,7 @@ def known(pem: str) -> Known:
         not_after=found.not_valid_after_utc,
         serial=f"{found.serial_number:X}",
         private_key="PRIVATE KEY" in pem,
-        authority=any(one.ca for one in constraints),
+        authority=any(constraint.ca for constraint in constraints),
     )
 
 

@@ -54,7 +54,14 @@ async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> 
 
 def _air(site: Site, twin: str, changes: Mapping[str, Any]) -> None:
     """Change what lies between an end of a radio link and the other one; what is not named stays."""
-    link = next((one for one in site.links if site.routers[twin] in {one.near.router, one.far.router}), None)
+    link = next(
+        (
+            radio_link
+            for radio_link in site.links
+            if site.routers[twin] in {radio_link.near.router, radio_link.far.router}
+        ),
+        None,
+    )
     if link is None:
         raise LookupError(f"{twin} is at no end of a radio link")
     link.change(type(link.air).model_validate({**link.air.model_dump(), **changes}))
@@ -89,15 +96,15 @@ async def _silence(router: Router, addresses: list[str]) -> None:
 
 
 async def _modem(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
-    told = refit(router.device.core, changes)
+    values = refit(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
-    return told
+    return values
 
 
 async def _around(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
-    told = move(router.device.core, changes)
+    values = move(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
-    return told
+    return values
 
 
 async def _drop(router: Router) -> None:

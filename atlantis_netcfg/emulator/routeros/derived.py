@@ -196,8 +196,8 @@ def _snmp(_topology: Topology, _item: Item) -> Properties:
 
 def _romon(topology: Topology, item: Item) -> Properties:
     """The `id`, or the address of a port (manual, RoMON). Assumption: settings-computed."""
-    own = topology.store.text(topology.store.table("/tool/romon"), item, "id")
-    return {"current-id": own or ""}
+    local = topology.store.text(topology.store.table("/tool/romon"), item, "id")
+    return {"current-id": local or ""}
 
 
 _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {

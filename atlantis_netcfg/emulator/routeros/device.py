@@ -127,7 +127,7 @@ class Device(ConsoleSide, FileSide):
         core.menus.pop(number, None)
         core.numbered = {key: ids for key, ids in core.numbered.items() if key[0] != number}
         core.ended.discard(number)
-        core.listeners = [one for one in core.listeners if one.caller.number != number]
+        core.listeners = [listener for listener in core.listeners if listener.caller.number != number]
         self._lost.pop(number, None)
         if core.history.holder is not None and core.history.holder.number == number:
             self._unroll_at = self._now() + self.spec.unroll_delay_s
@@ -180,28 +180,30 @@ class Device(ConsoleSide, FileSide):
         return [*rows, Answer.done(result.ret)]
 
     def _cancel(self, caller: Caller, sentence: Sentence) -> list[Answer]:
-        wanted = sentence.arguments.get("tag")
+        desired = sentence.arguments.get("tag")
         stopped = [
-            one for one in self._core.listeners if one.caller.number == caller.number and wanted in (None, one.tag)
+            listener
+            for listener in self._core.listeners
+            if listener.caller.number == caller.number and desired in (None, listener.tag)
         ]
-        for one in stopped:
-            self._core.listeners.remove(one)
+        for item in stopped:
+            self._core.listeners.remove(item)
             interrupted = Trap("interrupted", Category.INTERRUPTED).answer()
-            self._core.outbox += [(caller.number, one.tag, interrupted), (caller.number, one.tag, DONE)]
+            self._core.outbox += [(caller.number, item.tag, interrupted), (caller.number, item.tag, DONE)]
         return [DONE]
 
     def pending(self, caller: Caller) -> list[tuple[str, Answer]]:
         """Later answers of sentences that went on, with the tag of their sentence; each is handed out once."""
-        own = [(tag, answer) for number, tag, answer in self._core.outbox if number == caller.number]
-        self._core.outbox = [one for one in self._core.outbox if one[0] != caller.number]
-        return own
+        local = [(tag, answer) for number, tag, answer in self._core.outbox if number == caller.number]
+        self._core.outbox = [item for item in self._core.outbox if item[0] != caller.number]
+        return local
 
     # --- time ------------------------------------------------------------------------------------------------------
 
     def due(self) -> float | None:
         """When, on the `now` clock, `tick` has something to do; None if nothing is scheduled."""
-        own = (self._unroll_at, next_run(self._core), next_watch(self._core))
-        moments = [*self._lost.values(), *self._core.expires.values(), *own]
+        local = (self._unroll_at, next_run(self._core), next_watch(self._core))
+        moments = [*self._lost.values(), *self._core.expires.values(), *local]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def tick(self) -> None:

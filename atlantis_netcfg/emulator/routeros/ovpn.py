@@ -105,5 +105,5 @@ def _value(name: str, words: list[str]) -> dict[str, str]:
         word = words[0] if name in keys else words[0].upper()
         return {keys.get(name, name): table[re.sub(r"\d+$", "", word) if name == "dev" else word]}
     except (KeyError, IndexError):
-        said = name if name not in {"remote", "cipher", "auth", "proto", "dev"} else " ".join([name, *words])
-        raise OvpnRefused(f"unsupported option '{said}'") from None
+        text = name if name not in {"remote", "cipher", "auth", "proto", "dev"} else " ".join([name, *words])
+        raise OvpnRefused(f"unsupported option '{text}'") from None

@@ -195,8 +195,10 @@ def heard(core: Core, target: IPv4Address, source: str | None) -> bool:
     way = route_to(topology, target, src)
     if way is None:
         return False
-    own = src or next((local.address.ip for local in topology.locals if local.works and local.actual == way), target)
-    request = Packet(own, target, "new", "icmp", out_interface=way)
-    reply = Packet(target, own, "established", "icmp", in_interface=way)
+    address = src or next(
+        (local.address.ip for local in topology.locals if local.works and local.actual == way), target
+    )
+    request = Packet(address, target, "new", "icmp", out_interface=way)
+    reply = Packet(target, address, "established", "icmp", in_interface=way)
     out = walk(topology, _FILTER, "output", request) is not Verdict.DROP
     return out and walk(topology, _FILTER, "input", reply) is not Verdict.DROP

@@ -196,7 +196,7 @@ class Router:
 
         `user` is one of the spec's, the first without. Raises LookupError, or Trap if the router does not let him in.
         """
-        account = next((one for one in self.spec.users if user in (None, one.name)), None)
+        account = next((item for item in self.spec.users if user in (None, item.name)), None)
         if account is None:
             raise LookupError(f"{self.spec.name} has no user {user!r}")
         if account.name not in self._consoles:

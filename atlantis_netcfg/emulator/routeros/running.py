@@ -125,11 +125,11 @@ class SpawnedSite:
             self._process.stdout.close()
 
     def _start(self) -> dict[str, Any]:
-        heard = self._hear()
-        if not heard["ready"]:
+        values = self._hear()
+        if not values["ready"]:
             self.close()
-            raise TwinsFailed(f"the twins of {heard['site']} do not start: {heard['error']}")
-        twins: dict[str, Any] = heard["twins"]
+            raise TwinsFailed(f"the twins of {values['site']} do not start: {values['error']}")
+        twins: dict[str, Any] = values["twins"]
         return twins
 
     def _say(self, command: dict[str, Any]) -> None:
@@ -143,8 +143,8 @@ class SpawnedSite:
         if not line:
             self.close()
             raise TwinsFailed("the twins' process has ended", hint=f"see {self._log}")
-        heard: dict[str, Any] = json.loads(line)
-        return heard
+        values: dict[str, Any] = json.loads(line)
+        return values
 
 
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:

@@ -78,11 +78,14 @@ def boot_with(spec: RouterSpec, files: Mapping[str, File]) -> Boot:
     }
     if not found:
         return Boot(spec, files)
-    own = _X86.get(spec.architecture, spec.architecture)
-    right = {name: one for name, one in found.items() if _X86.get(one.architecture, one.architecture) == own}
+    local = _X86.get(spec.architecture, spec.architecture)
+    right = {name: entry for name, entry in found.items() if _X86.get(entry.architecture, entry.architecture) == local}
     log = [
-        ("system,error", f"can not install {one.package}-{one.version}: it is made for {one.architecture}, not {own}")
-        for name, one in found.items()
+        (
+            "system,error",
+            f"can not install {item.package}-{item.version}: it is made for {item.architecture}, not {local}",
+        )
+        for name, item in found.items()
         if name not in right
     ]
     after = _installed(spec, tuple(right.values()), log)
@@ -91,13 +94,13 @@ def boot_with(spec: RouterSpec, files: Mapping[str, File]) -> Boot:
 
 
 def _installed(spec: RouterSpec, given: tuple[PackageFile, ...], log: list[tuple[str, str]]) -> RouterSpec:
-    system = next((one for one in given if one.package == _MAIN), None)
+    system = next((entry for entry in given if entry.package == _MAIN), None)
     version = system.version if system is not None else spec.version
     fit = [one.package for one in given if one.version == version]
     log.extend(
-        ("system,error", f"can not install {one.package}-{one.version}: system-{one.version} is needed")
-        for one in given
-        if one.version != version
+        ("system,error", f"can not install {item.package}-{item.version}: system-{item.version} is needed")
+        for item in given
+        if item.version != version
     )
     kept = spec.packages if version == spec.version else ()
     if version != spec.version:

@@ -204,14 +204,14 @@ class Store:
         """Undo (or redo) one change: content, position and id."""
         self.revision += 1
         table = self.table(change.menu)
-        wanted = change.after if forward else change.before
+        desired = change.after if forward else change.before
         item = table.find(change.id)
         if item is not None:
             table.items.remove(item)
-        if wanted is not None:
+        if desired is not None:
             item = item or Item(change.id, {})
-            item.values = dict(wanted.values)
-            table.items.insert(wanted.position, item)
+            item.values = dict(desired.values)
+            table.items.insert(desired.position, item)
 
     # --- flash -----------------------------------------------------------------------------------------------------
 

@@ -167,9 +167,9 @@ class Topology:
                     return self.interfaces[item.id]
         return None
 
-    def joins(self, one: str, other: str) -> bool:
+    def joins(self, item: str, other: str) -> bool:
         """Tell whether two ports (factory names) are ports of one bridge, and all three work."""
-        ports = (self.factory(one), self.factory(other))
+        ports = (self.factory(item), self.factory(other))
         masters = {port.master for port in ports if port is not None and self.up(port.id)}
         return None not in ports and len(masters) == 1 and None not in masters
 

@@ -51,14 +51,14 @@ def count_echoes(core: Core, target: IPv4Address, source: str | None, number: in
     way = route_to(topology, target, src)
     if way is None:
         return
-    own = src or target
+    address = src or target
     port = topology.interfaces[way].name
-    if _met(core, "output", Packet(own, target, "new", "icmp", out_interface=way), number) is Verdict.DROP:
+    if _met(core, "output", Packet(address, target, "new", "icmp", out_interface=way), number) is Verdict.DROP:
         return
     core.count(port, received=False, size=number * ECHO_BYTES)
     if answered:
         core.count(port, received=True, size=number * ECHO_BYTES)
-        _met(core, "input", Packet(target, own, "established", "icmp", in_interface=way), number)
+        _met(core, "input", Packet(target, address, "established", "icmp", in_interface=way), number)
 
 
 def _met(core: Core, chain: str, packet: Packet, number: int) -> Verdict:
@@ -81,8 +81,8 @@ def applies(store: Store, table: Table, item: Item, arg: Arg) -> bool:
     """Tell whether an argument is part of a row now (`pvid` of a bridge without VLAN filtering is not)."""
     if arg.shown_if is None:
         return True
-    name, wanted = arg.shown_if
-    return store.text(table, item, name) in wanted.split("|")
+    name, desired = arg.shown_if
+    return store.text(table, item, name) in desired.split("|")
 
 
 def factory_value(item: Item, arg: Arg) -> str | None:
@@ -146,8 +146,8 @@ def _certificate(core: Core, item: Item) -> dict[str, str]:
         return {}
     found, now = known(pem), core.time()
     name = core.store.text(core.store.table("/certificate"), item, "name") or ""
-    if (told := core.spec.around.validity.get(name)) is not None:
-        found = replace(found, not_before=told.since, not_after=told.until)
+    if (validity := core.spec.around.validity.get(name)) is not None:
+        found = replace(found, not_before=validity.since, not_after=validity.until)
     return {
         "serial-number": found.serial,
         "fingerprint": found.fingerprint,
@@ -242,9 +242,9 @@ def _connection(core: Core, caller: Caller) -> dict[str, str]:
 def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str]]:
     """Return every row of a menu, those that the router made by itself first where RouterOS puts them first."""
     table = core.store.table(path)
-    own = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
+    local = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
     made = made_rows(core, path)
-    return [*made, *own] if path.startswith("/ip/firewall/") else [*own, *made]
+    return [*made, *local] if path.startswith("/ip/firewall/") else [*local, *made]
 
 
 def without_counters(row: dict[str, str]) -> dict[str, str]:

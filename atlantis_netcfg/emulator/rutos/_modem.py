@@ -35,8 +35,8 @@ class Modem:
 
     def reload(self) -> None:
         """Read the committed settings, and try the saved PIN if the card asks for one."""
-        interface = next((one for one in self._uci.saved("network", "interface") if one.get("sim") == "1"), {})
-        slot = next((one for one in self._uci.saved("simcard", "sim") if one.get("position") == "1"), {})
+        interface = next((item for item in self._uci.saved("network", "interface") if item.get("sim") == "1"), {})
+        slot = next((row for row in self._uci.saved("simcard", "sim") if row.get("position") == "1"), {})
         self.settings = interface | slot
         sim = self._spec.sim
         saved = slot.get("pincode")
@@ -80,29 +80,29 @@ class Modem:
     def status(self) -> dict[str, Any]:
         """A row of `/api/modems/status`."""
         spec = self._spec
-        heard = self.registration in ("Registered, home", "Roaming")
+        received = self.registration in ("Registered, home", "Roaming")
         row: dict[str, Any] = {
             "pinstate": self.pin_words,
-            "provider": spec.network.operator if heard else "N/A",
-            "oper": spec.network.operator if heard else "N/A",
-            "sinr": 11 if heard else "N/A",
-            "conntype": "4G (LTE)" if heard else "No service",
+            "provider": spec.network.operator if received else "N/A",
+            "oper": spec.network.operator if received else "N/A",
+            "sinr": 11 if received else "N/A",
+            "conntype": "4G (LTE)" if received else "No service",
             "state": "Connected" if self.connected else "Disconnected",
             "imei": "000000000000000",
             "active_sim": 1,
             "imsi": "N/A",
             "sim_count": 2,
             "iccid": "N/A",
-            "ntype": "LTE" if heard else "No service",
+            "ntype": "LTE" if received else "No service",
             "id": "1-1",
             "primary": True,
             "netstate": self.registration,
-            "rsrq": -9 if heard else "N/A",
-            "rsrp": -94 if heard else "N/A",
-            "signal": -66 if heard else "N/A",
+            "rsrq": -9 if received else "N/A",
+            "rsrp": -94 if received else "N/A",
+            "signal": -66 if received else "N/A",
             "simstate": "Not inserted" if spec.sim is None else "Inserted",
         }
-        if heard:
+        if received:
             row |= {"band": "LTE B3", "cell_info": [{"mcc": spec.network.plmn[:3], "mnc": spec.network.plmn[3:]}]}
         if spec.sim is not None:
             row["pinleft"] = self._tries

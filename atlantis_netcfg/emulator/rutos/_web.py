@@ -87,15 +87,15 @@ class Web:
 
     def _answer(self, method: str, path: str, headers: dict[str, str], body: bytes) -> _Reply:
         try:
-            asked = json.loads(body) if body else None
+            requested = json.loads(body) if body else None
         except ValueError:
             return HTTPStatus.BAD_REQUEST, _error(100, "Response not implemented", "api-core")
         if path == "/ubus" and method == "POST":
-            return self._ubus(asked)
+            return self._ubus(requested)
         if not self._spec.api or not path.startswith("/api/"):
             return HTTPStatus.NOT_FOUND, _error(101, "No such endpoint", "api-core")
         if path == "/api/login" and method == "POST":
-            return self._login(asked)
+            return self._login(requested)
         token = headers.get("authorization", "").removeprefix("Bearer ")
         if self._tokens.get(token, 0.0) < time.monotonic():
             return HTTPStatus.FORBIDDEN, _error(123, "Unauthorized access", "Authorization")
@@ -118,15 +118,15 @@ class Web:
             return HTTPStatus.METHOD_NOT_ALLOWED, _error(102, "No action provided", "api-core")
         return HTTPStatus.OK, {"success": True, "data": pages[path]()}
 
-    def _login(self, asked: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
-        token = self._enter(asked)
+    def _login(self, requested: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
+        token = self._enter(requested)
         if token is None:
             return HTTPStatus.UNAUTHORIZED, _error(121, "Login failed for any reason", "Authorization")
-        data = {"username": asked["username"], "group": "user", "token": token, "expires": int(self._spec.token_s)}
+        data = {"username": requested["username"], "group": "user", "token": token, "expires": int(self._spec.token_s)}
         return HTTPStatus.OK, {"success": True, "data": data}
 
-    def _enter(self, asked: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
-        who = (asked.get("username"), asked.get("password")) if isinstance(asked, dict) else None
+    def _enter(self, requested: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
+        who = (requested.get("username"), requested.get("password")) if isinstance(requested, dict) else None
         if who != (self._spec.reader, self._spec.reader_password):
             self.failed_logins += 1
             return None
@@ -134,8 +134,10 @@ class Web:
         self._tokens[token] = time.monotonic() + self._spec.token_s
         return token
 
-    def _ubus(self, asked: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
-        parameters = asked.get("params") if isinstance(asked, dict) and asked.get("method") == "call" else None
+    def _ubus(self, requested: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
+        parameters = (
+            requested.get("params") if isinstance(requested, dict) and requested.get("method") == "call" else None
+        )
         if not isinstance(parameters, list) or len(parameters) != 4:  # noqa: PLR2004 - session, object, method, arguments
             return HTTPStatus.OK, {"jsonrpc": "2.0", "id": 1, "error": {"code": -32600, "message": "Invalid request"}}
         session, target, method, arguments = parameters
@@ -216,19 +218,19 @@ class Uci:
 
     def saved(self, package: str, kind: str) -> list[dict[str, str]]:
         """Committed options of the sections of a type, as a service reads them."""
-        return [dict(one.options) for one in self._saved.get(package, ()) if one.kind == kind]
+        return [dict(section.options) for section in self._saved.get(package, ()) if section.kind == kind]
 
     def batch(self, text: str) -> str:
         """Run the lines of `uci batch`; give what went to standard error."""
-        said = []
+        reply = []
         for line in text.splitlines():
             if not line.strip():
                 continue
             try:
                 self._line(line)
             except UciRefused as refused:
-                said.append(str(refused))
-        return "".join(f"{one}\n" for one in said)
+                reply.append(str(refused))
+        return "".join(f"{item}\n" for item in reply)
 
     def _line(self, line: str) -> None:
         try:
@@ -255,7 +257,7 @@ class Uci:
         if match is None or match[3] is None:
             raise UciRefused(INVALID)
         package, shown, option = match.groups()
-        found = next((one for one in self._staged.get(package, ()) if one.shown == shown), None)
+        found = next((section for section in self._staged.get(package, ()) if section.shown == shown), None)
         if found is None:
             raise UciRefused(NOT_FOUND)
         if option not in _OPTIONS.get(package, ()):
@@ -296,6 +298,6 @@ def _quoted(value: str) -> str:
 
 def _copy(packages: dict[str, list[Section]]) -> dict[str, list[Section]]:
     return {
-        name: [Section(one.shown, one.kind, dict(one.options)) for one in sections]
+        name: [Section(section.shown, section.kind, dict(section.options)) for section in sections]
         for name, sections in packages.items()
     }

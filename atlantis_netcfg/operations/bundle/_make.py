@@ -50,19 +50,19 @@ class Asked:
     keyring: Path | None = None
 
 
-def made(asked: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
+def made(requested: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
-    refuse_examples(asked.declaration, rehearsed=False)
+    refuse_examples(requested.declaration, rehearsed=False)
     require()
-    purposes = tuple(_purpose(asked, host, notify) for host in asked.hosts)
-    order = Order(asked.site, asked.declaration.revision, purposes, asked.place, asked.image)
+    purposes = tuple(_purpose(requested, host, notify) for host in requested.hosts)
+    order = Order(requested.site, requested.declaration.revision, purposes, requested.place, requested.image)
 
     def tell(words: str, share: float | None) -> None:
         shown = "" if share is None else f" {100 * share:.0f} %"
-        for host in asked.hosts:
+        for host in requested.hosts:
             notify(Event(host.name, Stage.OBSERVED, f"{words}{shown}"))
 
-    return make(order, Keys.of(asked.request.state).signer(), tell, sized)
+    return make(order, Keys.of(requested.request.state).signer(), tell, sized)
 
 
 def opened(
@@ -76,20 +76,20 @@ def opened(
     return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(asked: Asked, host: Host, notify: Subscriber) -> Purpose:
-    wish = wish_of(asked.declaration, host, asked.request, tokens=True)
-    target = _target(asked, host, notify)
+def _purpose(requested: Asked, host: Host, notify: Subscriber) -> Purpose:
+    request = wish_of(requested.declaration, host, requested.request, tokens=True)
+    target = _target(requested, host, notify)
     notify(Event(host.name, Stage.OBSERVED, f"{target.shown}, {len(target.installed)} packages"))
-    missing = any(not each.fits(target.installed.get(each.name)) for each in wish.packages)
-    return Purpose(wish, target, archive(target, asked.mirror, asked.keyring) if missing else None)
+    missing = any(not each.fits(target.installed.get(each.name)) for each in request.packages)
+    return Purpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
 
 
-def _target(asked: Asked, host: Host, notify: Subscriber) -> Target:
-    if asked.status is not None:
-        return from_file(asked.status)
-    if asked.image is not None:
-        name = asked.image.name
+def _target(requested: Asked, host: Host, notify: Subscriber) -> Target:
+    if requested.status is not None:
+        return from_file(requested.status)
+    if requested.image is not None:
+        name = requested.image.name
         notify(Event(host.name, Stage.CONNECTING, f"looking into {name}"))
-        return from_image(host, asked.image, lambda _done, _total: None)
+        return from_image(host, requested.image, lambda _done, _total: None)
     notify(Event(host.name, Stage.CONNECTING, "asking what is installed"))
-    return from_board(asked.declaration, host, asked.request)
+    return from_board(requested.declaration, host, requested.request)

@@ -69,8 +69,8 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Target
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
     done = run(["ssh", *words])
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip()
-        why, hint = key_trouble(host.name, said) or (said.splitlines()[-1] if said else "no word", others)
+        text = done.stderr.decode(errors="replace").strip()
+        why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no word", others)
         raise BundleRefused(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
     try:
         status = gzip.decompress(done.stdout)

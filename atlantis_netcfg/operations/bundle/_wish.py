@@ -46,41 +46,41 @@ def wish_of(
 
     `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
     """
-    told = [
+    result = [
         part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
     ]
-    expected: Mapping[str, Any] = next((each["expected"] for each in told if each.get("expected")), {})
+    expected: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
     return HostWish(
         host=host.name,
-        packages=tuple(dict.fromkeys(Wished(one["name"], one.get("version")) for one in _all(told, "packages"))),
-        sources=tuple(dict.fromkeys(Source(one["path"], one["content"]) for one in _all(told, "sources"))),
+        packages=tuple(dict.fromkeys(Wished(one["name"], one.get("version")) for one in _all(result, "packages"))),
+        sources=tuple(dict.fromkeys(Source(one["path"], one["content"]) for one in _all(result, "sources"))),
         keys=tuple(
-            dict.fromkeys(Key(one["path"], base64.b64decode(one["content_base64"])) for one in _all(told, "keys"))
+            dict.fromkeys(Key(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys"))
         ),
-        pins=tuple(dict.fromkeys(Source(one["path"], one["content"]) for one in _all(told, "pins"))),
+        pins=tuple(dict.fromkeys(Source(row["path"], row["content"]) for row in _all(result, "pins"))),
         libraries=_libraries(declaration, tokens=tokens),
         distribution=expected.get("distribution"),
         codename=expected.get("codename"),
     )
 
 
-def _all(told: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
-    return (row for part in told for row in part.get(name) or ())
+def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
+    return (row for part in result for row in part.get(name) or ())
 
 
 def has_tokens(declaration: Declaration) -> bool:
     """Whether the library is read by a token, for which the declaration has to be loaded with its secrets."""
-    return any(one.token is not None for one in _repositories(declaration))
+    return any(repository.token is not None for repository in _repositories(declaration))
 
 
 def _repositories(declaration: Declaration) -> tuple[Repository, ...]:
     interop = declaration.pilot.gateways.interop
     declared = (interop.library, interop.examples) if interop is not None else ()
-    return tuple(one for one in declared if one is not None)
+    return tuple(repository for repository in declared if repository is not None)
 
 
 def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
-    return tuple(_library(one, tokens=tokens) for one in _repositories(declaration))
+    return tuple(_library(repository, tokens=tokens) for repository in _repositories(declaration))
 
 
 def _library(repository: Repository, *, tokens: bool) -> Library:

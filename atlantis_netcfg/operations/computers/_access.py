@@ -83,11 +83,11 @@ def _declared_key(host: Host, request: Request) -> str:
     return "".join(f" -o {shlex.quote(option)}" for option in only)
 
 
-def key_trouble(name: str, said: str) -> tuple[str, str] | None:
+def key_trouble(name: str, message: str) -> tuple[str, str] | None:
     """What OpenSSH has refused of the host key that a computer shows, and what to do about it; None: nothing."""
-    if "IDENTIFICATION HAS CHANGED" in said:
-        told = "it shows another SSH host key than before, so nothing was told to it"
-        return told, f"only if it was set up anew: `ssh-keygen -R {name}`, then {TRUST}"
-    if "Host key verification failed" in said or "host key is known" in said:
+    if "IDENTIFICATION HAS CHANGED" in message:
+        text = "it shows another SSH host key than before, so nothing was told to it"
+        return text, f"only if it was set up anew: `ssh-keygen -R {name}`, then {TRUST}"
+    if "Host key verification failed" in message or "host key is known" in message:
         return "its SSH host key is not the declared one, or is not known here, so nothing was told to it", TRUST
     return None

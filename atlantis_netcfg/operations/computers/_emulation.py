@@ -88,17 +88,17 @@ def rehearsed_computers(
     with ExitStack() as stack:
         ground = stack.enter_context(lab.yard(folder))
         machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
-        targets = {name: _target(one, folder) for name, one in machines.items()}
+        targets = {name: _target(machine, folder) for name, machine in machines.items()}
         gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))
         served = _served(stack, ground, declaration, folder) if gateways else None
         authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
-        told = (
+        result = (
             *((_CLOCK,) if gateways else ()),
             *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
             *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
             *untold,
         )
-        yield RehearsedComputers(machines, targets, stubs=served, authority=authority, not_rehearsed=told)
+        yield RehearsedComputers(machines, targets, stubs=served, authority=authority, not_rehearsed=result)
 
 
 def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -125,11 +125,11 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
     the run.
     """
-    asked = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN}
+    requested = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN}
     for host in filter(is_gateway, declaration.hosts.values()):
-        asked |= {one.name for one in gateway_base(declaration, host).packages}
-        asked |= {one.name for one in gateway_interop(declaration, host).packages}
-    return lab.TreeSpec(packages=tuple(sorted(asked)))
+        requested |= {item.name for item in gateway_base(declaration, host).packages}
+        requested |= {package.name for package in gateway_interop(declaration, host).packages}
+    return lab.TreeSpec(packages=tuple(sorted(requested)))
 
 
 def _served(stack: ExitStack, ground: lab.Yard, declaration: Declaration, folder: Path) -> StandIns | None:
@@ -164,8 +164,8 @@ _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 def _started(ground: lab.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - `is_computer` has said so
-    own = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-    started = ground.start(host.name, root, address=str(own), gateway=str(lan.gateway), keys=(public,))
+    interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
+    started = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
     if not is_gateway(host):
         return started
     started.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
@@ -174,10 +174,10 @@ def _started(ground: lab.Yard, declaration: Declaration, host: Host, root: Path,
     return started
 
 
-def _target(one: lab.Machine, folder: Path) -> Target:
-    known = folder / f"{one.name}.known"
-    known.write_text(f"{one.name} {one.host_key}\n", encoding="utf-8")
-    return Target(host="127.0.0.1", port=one.port, known_hosts=str(known), identity=str(folder / "key"))
+def _target(machine: lab.Machine, folder: Path) -> Target:
+    known = folder / f"{machine.name}.known"
+    known.write_text(f"{machine.name} {machine.host_key}\n", encoding="utf-8")
+    return Target(host="127.0.0.1", port=machine.port, known_hosts=str(known), identity=str(folder / "key"))
 
 
 def _key(path: Path) -> str:

@@ -39,14 +39,14 @@ def fetching(declaration: Declaration, host: Host, request: Request, bundle: str
     }
 
 
-def narrowed(wanted: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
+def narrowed(desired: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
     """Give a part its ways: to packages by `how`, to sources that are built in the bundle alone, if there is one."""
-    told = dict(wanted)
-    if told.get("packages") is not None:
-        told["packages"] = {**told["packages"], **how}
-    if told.get("build") is not None and bundle is not None:
-        told["build"] = {**told["build"], "offline": f"{BUNDLES}/{bundle}/sources"}
-    return told
+    values = dict(desired)
+    if values.get("packages") is not None:
+        values["packages"] = {**values["packages"], **how}
+    if values.get("build") is not None and bundle is not None:
+        values["build"] = {**values["build"], "offline": f"{BUNDLES}/{bundle}/sources"}
+    return values
 
 
 def bundle_of(folder: Path | None) -> str | None:

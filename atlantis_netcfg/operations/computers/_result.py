@@ -45,14 +45,14 @@ class ComputerResult:
     seconds: float = 0.0
     recorded: bool = True
 
-    def ok(self, task: str, told: Mapping[str, Any]) -> None:
+    def ok(self, task: str, values: Mapping[str, Any]) -> None:
         """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
-        self.notes += [str(note) for note in told.get("notes") or ()]
-        self._find([str(finding) for finding in told.get("findings") or ()], told.get("hint"))
-        if not told.get("changed"):
+        self.notes += [str(note) for note in values.get("notes") or ()]
+        self._find([str(finding) for finding in values.get("findings") or ()], values.get("hint"))
+        if not values.get("changed"):
             return
-        self.changes += [str(change) for change in told.get("changes") or (task,)]
-        self.shown += _differences(told.get("diff"))
+        self.changes += [str(change) for change in values.get("changes") or (task,)]
+        self.shown += _differences(values.get("diff"))
         if self.status is Status.UNCHANGED:
             self.status = self._changed
 
@@ -64,18 +64,18 @@ class ComputerResult:
         if self.mode is Mode.DRIFT:
             self.status = Status.DRIFTED
 
-    def failed(self, task: str, told: Mapping[str, Any], status: Status) -> None:
+    def failed(self, task: str, values: Mapping[str, Any], status: Status) -> None:
         """Take why a task failed."""
-        words = str(told.get("msg") or "no reason was given").strip()
+        words = str(values.get("msg") or "no reason was given").strip()
         self.failure = f"{task}: {words}"
-        self.hint = str(told["hint"]) if told.get("hint") else None
-        self.changes += [str(change) for change in told.get("changes") or ()]
+        self.hint = str(values["hint"]) if values.get("hint") else None
+        self.changes += [str(change) for change in values.get("changes") or ()]
         self.status = status
 
-    def not_reached(self, told: Mapping[str, Any]) -> None:
+    def not_reached(self, values: Mapping[str, Any]) -> None:
         """Take why it could not be connected to: it is as it was. Of Ansible's words the reason alone is told."""
-        words = str(told.get("msg") or "it does not answer").strip()
-        self.hint = str(told["hint"]) if told.get("hint") else None
+        words = str(values.get("msg") or "it does not answer").strip()
+        self.hint = str(values["hint"]) if values.get("hint") else None
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
         self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
@@ -113,8 +113,8 @@ class ComputerResult:
     @property
     def message(self) -> str:
         """What stands in the report beside its name."""
-        told = "; finding: ".join([self._message, *self.findings])
-        return told if self.recorded else f"{told}; {NOT_RECORDED}"
+        text = "; finding: ".join([self._message, *self.findings])
+        return text if self.recorded else f"{text}; {NOT_RECORDED}"
 
     @property
     def _message(self) -> str:
@@ -175,14 +175,14 @@ class ComputerResult:
         }
 
 
-def _differences(told: object) -> Iterator[str]:
+def _differences(result: object) -> Iterator[str]:
     """What Ansible's `diff` says, one text after another."""
-    for one in told if isinstance(told, list) else [told]:
-        if not isinstance(one, dict):
+    for item in result if isinstance(result, list) else [result]:
+        if not isinstance(item, dict):
             continue
-        if "prepared" in one:
-            yield str(one["prepared"]).rstrip()
-        elif "before" in one or "after" in one:
-            before, after = (str(one.get(side) or "").splitlines() for side in ("before", "after"))
-            names = (str(one.get("before_header") or "before"), str(one.get("after_header") or "after"))
+        if "prepared" in item:
+            yield str(item["prepared"]).rstrip()
+        elif "before" in item or "after" in item:
+            before, after = (str(item.get(side) or "").splitlines() for side in ("before", "after"))
+            names = (str(item.get("before_header") or "before"), str(item.get("after_header") or "after"))
             yield "\n".join(unified_diff(before, after, *names, lineterm="", n=1))

@@ -26,22 +26,22 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, part: str, *, plan_only: bool
 ) -> dict[str, Any]:
     """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
-    with open_request(request, plan_only=plan_only) as (asked, _):
+    with open_request(request, plan_only=plan_only) as (requested, _):
         if part not in PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
         declaration = declaration_of(inventory)
         computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
-        refuse_examples(declaration, rehearsed=asked.rehearsed)
-        gate(declaration, computers, asked)
+        refuse_examples(declaration, rehearsed=requested.rehearsed)
+        gate(declaration, computers, requested)
         _watch.refuse()
         if part == ACCESS:
-            _open_bundle(declaration, computers, asked)
-            refuse_unfounded(computers, asked)
-        bundle = bundle_of(asked.offline)
+            _open_bundle(declaration, computers, requested)
+            refuse_unfounded(computers, requested)
+        bundle = bundle_of(requested.offline)
         return {
             "per_host": {
                 host.name: narrowed(
-                    PARTS[part](declaration, host, asked), fetching(declaration, host, asked, bundle), bundle
+                    PARTS[part](declaration, host, requested), fetching(declaration, host, requested, bundle), bundle
                 )
                 for host in computers
                 if concerns(part, host)

@@ -87,30 +87,30 @@ class Watch:
             stage = Stage.OBSERVED if self.plan_only else Stage.APPLYING
             self._channel.event(Event(host, stage, task))
 
-    def ok(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+    def ok(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """A task ended well; one that works out what is wanted, or takes in other tasks, has contacted nobody."""
         self._running.pop(host, None)
         if host in self._results:
-            self._results[host].ok(task, told)
-            if "per_host" not in told and "include" not in told:
+            self._results[host].ok(task, values)
+            if "per_host" not in values and "include" not in values:
                 self._answered.add(host)
 
-    def failed(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+    def failed(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """A task failed, and with it the host."""
         self._running.pop(host, None)
         if host in self._results:
-            status = Status.LEFT_AS_FOUND if not told.get("rolled_back") else Status.ROLLED_BACK
-            self._results[host].failed(task, told, status)
+            status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
+            self._results[host].failed(task, values, status)
 
-    def unreachable(self, host: str, task: str, told: Mapping[str, Any]) -> None:
+    def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """The host does not answer: if it never did it is as it was; how far a task had come nobody knows."""
         self._running.pop(host, None)
         if host in self._results:
             result = self._results[host]
             if host not in self._answered:
-                result.not_reached(told)
+                result.not_reached(values)
             else:
-                result.failed(task, told, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
+                result.failed(task, values, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
             result.hint = result.hint or "look at its power and its cable, then type the same again"
 
     def end(self, failed: Collection[str]) -> None:

@@ -35,18 +35,18 @@ def _ros2(declaration: Declaration, host: Host, request: Request) -> Mapping[str
 
 
 def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    wanted = gateway_interop(declaration, host).as_dict()
+    desired = gateway_interop(declaration, host).as_dict()
     served = request.standins if request.rehearsed else None
-    if served is not None and wanted["build"] is not None:
-        for repository in filter(None, (wanted["build"]["library"], wanted["build"]["examples"])):
+    if served is not None and desired["build"] is not None:
+        for repository in filter(None, (desired["build"]["library"], desired["build"]["examples"])):
             repository["url"] = f"{served.repositories}/{repository['url'].rpartition('/')[2]}"
-    return wanted
+    return desired
 
 
 def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
-    wanted = gateway_base(declaration, host).as_dict()
-    return {name: told for name, told in wanted.items() if name != "network" or not request.rehearsed}
+    desired = gateway_base(declaration, host).as_dict()
+    return {name: result for name, result in desired.items() if name != "network" or not request.rehearsed}
 
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:

@@ -86,8 +86,8 @@ class Made:
         order = self.order
         size = -(-self.expanded.size // card.shown.sector) * card.shown.sector
         card.still(size)
-        told = image_told(order.image.name, self.expanded)
-        receipt = Receipt.of(order.state, order.declaration, order.host, told)
+        values = image_told(order.image.name, self.expanded)
+        receipt = Receipt.of(order.state, order.declaration, order.host, values)
         parts = segments(self.expanded.path, size, self.expanded.mapped)
         with receipt.writing(card.shown):
             written = write(self.expanded.path, parts, card, self._tell)

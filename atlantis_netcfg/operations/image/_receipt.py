@@ -47,8 +47,8 @@ class Receipt:
     @contextmanager
     def writing(self, disk: Disk) -> Iterator[None]:
         """Keep what begins, and how it ended if it failed."""
-        told = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
-        self._keep(device=told, outcome="writing")
+        values = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
+        self._keep(device=values, outcome="writing")
         try:
             yield
         except NetcfgError as error:

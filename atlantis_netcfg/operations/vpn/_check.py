@@ -59,9 +59,9 @@ class Check:
         typed = self.words[word]
         if typed is None:
             return None
-        for one in known:
-            if one.value == typed:
-                return one
+        for item in known:
+            if item.value == typed:
+                return item
         near = nearest(typed, known)
         hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(known)}"
         self.wrong(f"`{word}=`: {shown(typed)} is not known", hint)

@@ -23,15 +23,15 @@ _CLOCK_S = 60.0
 _CRL = f"{FOLDER}/crl.pem"
 
 
-def drift(state: ServerState, wanted: Sequence[File], roll: Roll) -> tuple[str, ...]:
+def drift(state: ServerState, files: Sequence[File], roll: Roll) -> tuple[str, ...]:
     """Compare; `wanted` is what `live_files` gives. Nothing: the server is as recorded."""
     if not state.ready:
         return ("no server of the VPN was ever set up there",)
-    return (*_admissions(state, wanted), *_list(state, wanted, roll), *_firewall(state, wanted), *_running(state))
+    return (*_admissions(state, files), *_list(state, files, roll), *_firewall(state, files), *_running(state))
 
 
-def _admissions(state: ServerState, wanted: Sequence[File]) -> Iterator[str]:
-    files = {file.path: file for file in wanted if file.path.startswith(f"{CCD}/")}
+def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
+    files = {file.path: file for file in desired if file.path.startswith(f"{CCD}/")}
     for path, file in files.items():
         name, found = path.rpartition("/")[2], state.files.get(path)
         if found is None:
@@ -43,7 +43,7 @@ def _admissions(state: ServerState, wanted: Sequence[File]) -> Iterator[str]:
             yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
 
 
-def _list(state: ServerState, wanted: Sequence[File], roll: Roll) -> Iterator[str]:
+def _list(state: ServerState, files: Sequence[File], roll: Roll) -> Iterator[str]:
     crl = state.crl
     if crl is None:
         yield "the server has no list of revoked certificates that can be read: nobody can connect"
@@ -57,7 +57,7 @@ def _list(state: ServerState, wanted: Sequence[File], roll: Roll) -> Iterator[st
             f"the server's list of revoked certificates is number {crl.number}, newer than the record's "
             f"({roll.crl_number}): somebody works with another copy of the authority"
         )
-    elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in wanted):
+    elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
         yield f"the server's list of revoked certificates has the record's number {crl.number}, and is another one"
     yield from _end(crl, state)
 
@@ -75,8 +75,8 @@ def _end(crl: Crl, state: ServerState) -> Iterator[str]:
         )
 
 
-def _firewall(state: ServerState, wanted: Sequence[File]) -> Iterator[str]:
-    if any(file.path == FIREWALL and state.files.get(FIREWALL) != _sha256(file) for file in wanted):
+def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
+    if any(file.path == FIREWALL and state.files.get(FIREWALL) != _sha256(file) for file in files):
         yield f"the firewall's file is not as recorded ({FIREWALL})"
     if state.firewall_why:
         yield f"the firewall cannot be asked: {state.firewall_why}"

@@ -228,8 +228,8 @@ class Importing:
             number = await self._import_interface(session)
             if seen.interface is not None:
                 await _do(session, f"{_MENU}/remove", **{".id": seen.interface[".id"]})
-        wanted = {**self.tunnel.values(), "certificate": certificate["name"], "mac-address": self.mark}
-        await _do(session, f"{_MENU}/set", **{".id": number}, **wanted, password=self.tunnel.password.reveal())
+        desired = {**self.tunnel.values(), "certificate": certificate["name"], "mac-address": self.mark}
+        await _do(session, f"{_MENU}/set", **{".id": number}, **desired, password=self.tunnel.password.reveal())
         await self._name(session, seen, certificate)
 
     async def _import_certificate(self, session: Session, seen: Looked) -> Mapping[str, str]:

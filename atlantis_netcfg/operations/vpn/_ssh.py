@@ -43,13 +43,13 @@ def control_path(host: str, port: int, user: str) -> str:
     return str(folder / digest[:10])
 
 
-def in_words(name: str, access: Mapping[str, Any], code: int | None, said: str) -> ServerAway:
+def in_words(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
     """What ssh has said last, for a person."""
     where = f"{access['user']}@{access['host']}, port {access['port']}"
-    last = next((line.strip() for line in reversed(said.splitlines()) if line.strip()), f"exit {code}")
-    if (trouble := key_trouble(name, said)) is not None:
+    last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")
+    if (trouble := key_trouble(name, text)) is not None:
         return HostKeyChanged(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
-    if "Permission denied" in said:
+    if "Permission denied" in text:
         return ServerAway(
             f"{name} was reached, and does not let you in as {access['user']}: {last}",
             hint=f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`",

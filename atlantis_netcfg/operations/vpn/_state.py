@@ -137,54 +137,54 @@ def understood(do: str) -> Iterator[None]:
 def observe(link: ServerLink) -> ServerState:
     """Look at the server, in one request. Raises ServerAway, AnswerLost, ServerRefused."""
     began = time.time()
-    told = link.ask("look", place=dict(PLACE))
+    values = link.ask("look", place=dict(PLACE))
     middle = (began + time.time()) / 2
     with understood("look"):
-        return _state(told, middle)
+        return _state(values, middle)
 
 
-def _state(told: Mapping[str, Any], middle: float) -> ServerState:
+def _state(values: Mapping[str, Any], middle: float) -> ServerState:
     return ServerState(
-        ready=told["ready"] is True,
-        files=_texts(told["files"]),
-        crl=_crl(told["list"]),
-        members=tuple(map(IPv4Network, told["members"])) if told["members"] is not None else None,
-        firewall_as_file=None if told["as_file"] is None else told["as_file"] is True,
-        firewall_why=str(told["firewall_why"]),
-        redirects=tuple(map(str, told["redirects"])),
-        version=_text(told["version"]),
-        package=_text(told["package"]),
-        unit=_texts(told["unit"]),
-        sessions=sessions_of(told),
-        asked=told["management"] == _ANSWERS,
-        why=str(told["why"]),
-        at=_moment(told["at"]),
-        seen=_seen(told["seen"]),
-        clock=_moment(told["clock"]),
-        clock_ahead_s=float(told["clock"]) - middle,
+        ready=values["ready"] is True,
+        files=_texts(values["files"]),
+        crl=_crl(values["list"]),
+        members=tuple(map(IPv4Network, values["members"])) if values["members"] is not None else None,
+        firewall_as_file=None if values["as_file"] is None else values["as_file"] is True,
+        firewall_why=str(values["firewall_why"]),
+        redirects=tuple(map(str, values["redirects"])),
+        version=_text(values["version"]),
+        package=_text(values["package"]),
+        unit=_texts(values["unit"]),
+        sessions=sessions_of(values),
+        asked=values["management"] == _ANSWERS,
+        why=str(values["why"]),
+        at=_moment(values["at"]),
+        seen=_seen(values["seen"]),
+        clock=_moment(values["clock"]),
+        clock_ahead_s=float(values["clock"]) - middle,
     )
 
 
-def sessions_of(told: Mapping[str, Any]) -> tuple[Session, ...]:
+def sessions_of(values: Mapping[str, Any]) -> tuple[Session, ...]:
     """The sessions in an answer."""
     return tuple(
         Session(
-            str(one["common_name"]),
-            str(one["real"]),
-            str(one["virtual"]),
-            _moment(one["since"]),
-            int(one["received"]),
-            int(one["sent"]),
+            str(item["common_name"]),
+            str(item["real"]),
+            str(item["virtual"]),
+            _moment(item["since"]),
+            int(item["received"]),
+            int(item["sent"]),
         )
-        for one in told["sessions"]
+        for item in values["sessions"]
     )
 
 
-def _crl(told: Mapping[str, Any] | None) -> Crl | None:
-    if told is None:
+def _crl(values: Mapping[str, Any] | None) -> Crl | None:
+    if values is None:
         return None
-    begins, ends = _moment(told["begins"]), _moment(told["ends"])
-    return Crl(int(told["number"]), begins, ends, told["signed"] is True, str(told["pem"]))
+    begins, ends = _moment(values["begins"]), _moment(values["ends"])
+    return Crl(int(values["number"]), begins, ends, values["signed"] is True, str(values["pem"]))
 
 
 def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
@@ -198,12 +198,12 @@ def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
     }
 
 
-def _text(told: object) -> str | None:
-    return None if told is None else str(told)
+def _text(result: object) -> str | None:
+    return None if result is None else str(result)
 
 
-def _texts(told: Mapping[str, object]) -> dict[str, str]:
-    return {str(name): str(value) for name, value in told.items()}
+def _texts(values: Mapping[str, object]) -> dict[str, str]:
+    return {str(name): str(value) for name, value in values.items()}
 
 
 def _moment(seconds: float) -> datetime:

@@ -50,13 +50,13 @@ def audited(authority: Authority, since: datetime | None, partner: str | None) -
         names = None if partner is None else {member.name for member in of_partner(authority.roll(), partner)}
     except LedgerDamaged as error:
         return Audit((), None, (error,))
-    asked = tuple(
+    requested = tuple(
         entry
         for entry in entries
         if (since is None or entry.at >= since) and (names is None or names & _concerned(entry.facts()))
     )
     return Audit(
-        asked,
+        requested,
         found,
         tuple(AuthorityDamaged(each, hint=_SIGN if each == NONE_SIGNED else _COMPARE) for each in found.problems),
     )
@@ -66,13 +66,13 @@ _SIGN = "if nobody is missing in `provision vpn list`: `provision vpn sync --sig
 _COMPARE = "sign nothing; put the folder of the last backup beside this one, and compare them"
 
 
-def _concerned(told: object) -> set[str]:
+def _concerned(result: object) -> set[str]:
     """Every member that an entry names, whatever its kind: a common name stands for its member."""
-    if isinstance(told, dict):
-        return {name for value in told.values() for name in _concerned(value)}
-    if isinstance(told, list | tuple):
-        return {name for value in told for name in _concerned(value)}
-    return {told.partition(".")[0]} if isinstance(told, str) else set()
+    if isinstance(result, dict):
+        return {name for value in result.values() for name in _concerned(value)}
+    if isinstance(result, list | tuple):
+        return {name for value in result for name in _concerned(value)}
+    return {result.partition(".")[0]} if isinstance(result, str) else set()
 
 
 def first_moment(since: str) -> datetime:

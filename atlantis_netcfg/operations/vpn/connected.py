@@ -98,9 +98,11 @@ class Connected:
         except NetcfgError as error:
             return self._outstanding(error)
         changes = [*pushed.changes, *more]
-        told: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
+        values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
         lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
-        return Deployed(tuple(self._told(queue) + lines + [f"  {one}" for one in pushed.told]), self._left(queue), told)
+        return Deployed(
+            tuple(self._told(queue) + lines + [f"  {item}" for item in pushed.told]), self._left(queue), values
+        )
 
     def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
         """End their sessions at once, and look; then all the rest that is recorded."""
@@ -120,8 +122,8 @@ class Connected:
                     authority.settled(names, self.who)
         except NetcfgError as error:
             return self._outstanding(error, cut=revoked.members)
-        told = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
-        return Deployed(tuple(self._told(evidence)), self._left(evidence), told, deployed=evidence.confirmed)
+        values = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
+        return Deployed(tuple(self._told(evidence)), self._left(evidence), values, deployed=evidence.confirmed)
 
     def _seen(self, authority: Authority, link: ServerLink) -> Sequence[str]:
         """Record who was seen; what that changes on the server."""
@@ -149,12 +151,12 @@ class Connected:
             return []
         lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
         lines += [
-            f"  ended      {one.common_name}, {one.address or 'not through its handshake'}, from {one.real}"
-            for one in evidence.ended
+            f"  ended      {session.common_name}, {session.address or 'not through its handshake'}, from {session.real}"
+            for session in evidence.ended
         ]
         whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
         words = "verified: no session, and nothing of theirs passes" if evidence.confirmed else "NOT verified"
-        return [*lines, f"  {words} ({whole})", *(f"  {one}" for one in evidence.told)]
+        return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.told)]
 
     @staticmethod
     def _left(evidence: Evidence | None) -> tuple[NetcfgError, ...]:

@@ -29,10 +29,10 @@ def founded(folder: Path, declaration: Declaration) -> Authority | None:
     if not Authority.exists(folder):
         return None
     authority = Authority.open(folder)
-    names, wanted = authority.server(), server_names(declaration)
-    if names != wanted:
+    names, desired = authority.server(), server_names(declaration)
+    if names != desired:
         raise UsageError(
-            f"{folder} has an authority whose server is {_told(names)}, and the inventory declares {_told(wanted)}",
+            f"{folder} has an authority whose server is {_told(names)}, and the inventory declares {_told(desired)}",
             hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
             "another authority has another folder: `authority=FOLDER`",
         )

@@ -115,7 +115,7 @@ class _Link:
         """How a shell's command is run there."""
         raise NotImplementedError
 
-    def _trouble(self, code: int | None, said: str) -> ServerAway:
+    def _trouble(self, code: int | None, text: str) -> ServerAway:
         """Why it has ended before its first word."""
         raise NotImplementedError
 
@@ -229,8 +229,8 @@ class SshLink(_Link):
             command = f"sudo -H -S -n sh -c {shlex.quote(command)}"
         return [*ssh_words(self._access), command]
 
-    def _trouble(self, code: int | None, said: str) -> ServerAway:
-        return in_words(self.name, self._access, code, said)
+    def _trouble(self, code: int | None, text: str) -> ServerAway:
+        return in_words(self.name, self._access, code, text)
 
 
 class LocalLink(_Link):
@@ -243,8 +243,8 @@ class LocalLink(_Link):
     def _words(self, command: str) -> Sequence[str]:
         return [*self._enter, "sh", "-c", command]
 
-    def _trouble(self, code: int | None, said: str) -> ServerAway:
-        words = f": {last}" if (last := said.strip().rpartition("\n")[2]) else ""
+    def _trouble(self, code: int | None, text: str) -> ServerAway:
+        words = f": {last}" if (last := text.strip().rpartition("\n")[2]) else ""
         return ServerAway(f"{self.name}: the toolkit's program did not start (exit {code}){words}")
 
 
@@ -260,24 +260,24 @@ def _command(tool: Tool) -> str:
     )
 
 
-def _packed(told: dict[str, Any]) -> bytes:
-    return base64.b64encode(zlib.compress(json.dumps(told, separators=(",", ":")).encode(), 6))
+def _packed(values: dict[str, Any]) -> bytes:
+    return base64.b64encode(zlib.compress(json.dumps(values, separators=(",", ":")).encode(), 6))
 
 
 def _unpacked(line: bytes) -> dict[str, Any]:
     """Raises ValueError for a line that is torn."""
     try:
-        told = json.loads(zlib.decompressobj().decompress(base64.b64decode(line, validate=True), _MOST))
+        result = json.loads(zlib.decompressobj().decompress(base64.b64decode(line, validate=True), _MOST))
     except (zlib.error, RecursionError) as error:
         raise ValueError(str(error)) from error
-    if not isinstance(told, dict):
+    if not isinstance(result, dict):
         raise ValueError("no answer")  # noqa: TRY004 - as any other that is torn
-    return told
+    return result
 
 
 def _not_installed(name: str, line: bytes) -> ServerRefused:
     try:
-        told = json.loads(line[len(_INSTALLED) :])
-        return ServerRefused(f"{name}: {told['msg']}", hint=told.get("hint") or None)
+        result = json.loads(line[len(_INSTALLED) :])
+        return ServerRefused(f"{name}: {result['msg']}", hint=result.get("hint") or None)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return ServerRefused(f"{name}: the toolkit's program was not installed, and it is not said why")

@@ -98,8 +98,8 @@ class Evidence:
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        told = {key: value for key, value in asdict(self).items() if key not in ("ended", "files")}
-        return {**told, "confirmed": self.confirmed, "ended": [one.as_json() for one in self.ended]}
+        values = {key: value for key, value in asdict(self).items() if key not in ("ended", "files")}
+        return {**values, "confirmed": self.confirmed, "ended": [session.as_json() for session in self.ended]}
 
 
 def wanted(declaration: Declaration, authority: Authority, roll: Roll | None = None) -> tuple[File, ...]:
@@ -122,12 +122,12 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
     files = wanted(declaration, authority)
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
-        told = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
+        values = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
         with understood("push"):
-            missing = tuple(map(str, told["lacks"]))
+            missing = tuple(map(str, values["lacks"]))
             if not missing:
-                ended = sessions_of({"sessions": told["ended"]})
-                return Pushed(tuple(map(str, told["changes"])), ended, tuple(map(str, told["told"])))
+                ended = sessions_of({"sessions": values["ended"]})
+                return Pushed(tuple(map(str, values["changes"])), ended, tuple(map(str, values["told"])))
         lacks = [*lacks, *missing]
     raise ServerRefused(
         f"files of the server change while this runs: {', '.join(missing)}",
@@ -146,7 +146,7 @@ def revoke_live(
     files = [file for file in wanted(declaration, authority, roll) if file.path in (PLACE["crl"], FIREWALL)]
     names, addresses = tuple(common_names), _addresses(roll, common_names)
     began = time.monotonic()
-    told = link.ask(
+    values = link.ask(
         "revoke",
         place=dict(PLACE),
         files=[_row(file) | {"content": file.content} for file in files],
@@ -160,17 +160,17 @@ def revoke_live(
             names,
             addresses,
             hashes,
-            *_words(told),
-            steps=tuple((str(name), float(at)) for name, at in told["steps"]),
-            ended=sessions_of({"sessions": told["ended"]}),
+            *_words(values),
+            steps=tuple((str(name), float(at)) for name, at in values["steps"]),
+            ended=sessions_of({"sessions": values["ended"]}),
             seconds=seconds,
-            replies=tuple(tuple(map(str, one["replies"])) for one in told["ended"]),
+            replies=tuple(tuple(map(str, item["replies"])) for item in values["ended"]),
         )
 
 
 def verify(link: ServerLink, evidence: Evidence) -> Evidence:
     """Look once more, as after a second and after `hand-window`: a handshake may have read the list of before."""
-    told = link.ask(
+    values = link.ask(
         "verify",
         place=dict(PLACE),
         common_names=list(evidence.common_names),
@@ -178,13 +178,18 @@ def verify(link: ServerLink, evidence: Evidence) -> Evidence:
         files=dict(evidence.files),
     )
     with understood("verify"):
-        out, dead, left, notes = _words(told)
+        out, dead, left, notes = _words(values)
     return replace(evidence, out=out, dead=dead, left=left, told=notes, looks=evidence.looks + 1)
 
 
-def _words(told: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
+def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
     """Whether they are out and dead, what is left and what was not done; nothing but a plain `true` says yes."""
-    return told["out"] is True, told["dead"] is True, tuple(map(str, told["left"])), tuple(map(str, told["told"]))
+    return (
+        values["out"] is True,
+        values["dead"] is True,
+        tuple(map(str, values["left"])),
+        tuple(map(str, values["told"])),
+    )
 
 
 def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who: str = "") -> Evidence | None:
@@ -200,9 +205,9 @@ def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who:
 
 def sessions(link: ServerLink) -> tuple[Session, ...]:
     """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
-    told = link.ask("sessions", place=dict(PLACE))
+    values = link.ask("sessions", place=dict(PLACE))
     with understood("sessions"):
-        return sessions_of(told)
+        return sessions_of(values)
 
 
 def note_seen(
@@ -223,7 +228,7 @@ def _addresses(roll: Roll, common_names: Collection[str]) -> tuple[str, ...]:
     return tuple(
         str(member.address)
         for member in roll.members.values()
-        if not member.good and any(one.common_name in common_names for one in member.certificates)
+        if not member.good and any(certificate.common_name in common_names for certificate in member.certificates)
     )
 
 

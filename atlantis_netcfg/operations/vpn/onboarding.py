@@ -76,7 +76,7 @@ def reserved(declaration: Declaration, wishes: Sequence[Wish] = ()) -> frozenset
     server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
     peers = pilot.dds.peers if pilot.dds is not None else ()
     taken = {*computers(declaration).values(), *(peer.address for peer in peers)}
-    return frozenset({*taken, *([] if server is None else [server])} - {wish.address for wish in wishes})
+    return frozenset({*taken, *([] if server is None else [server])} - {request.address for request in wishes})
 
 
 @dataclass(slots=True)
@@ -95,8 +95,8 @@ class Onboarding:
         """
         roll = self.desk.authority.roll()
         found = [check_free(wish.name, wish.partner, wish.device, roll) for wish in wishes]
-        pairs = [(wish, member) for wish, member in zip(wishes, found, strict=True) if member is not None]
-        same = all(_same(wish, member) for wish, member in pairs)
+        pairs = [(desired, member) for desired, member in zip(wishes, found, strict=True) if member is not None]
+        same = all(_same(request, member) for request, member in pairs)
         return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(wishes) else ()
 
     def _there(self, member: Member) -> Handed:
@@ -111,12 +111,12 @@ class Onboarding:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
         kept = reserved(self.declaration, wishes)
         with self.desk.unlocked(passphrase) as signer:
-            return tuple(self._told(one) for one in signer.issue(wishes, self._deliver, reserved=kept))
+            return tuple(self._told(item) for item in signer.issue(wishes, self._deliver, reserved=kept))
 
     def renew(self, members: Sequence[Member], change: Change, passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
         """Give each a successor of its certificate."""
         with self.desk.unlocked(passphrase) as signer:
-            return tuple(self._told(signer.renew(one.name, self._deliver, change)) for one in members)
+            return tuple(self._told(signer.renew(member.name, self._deliver, change)) for member in members)
 
     def _told(self, issued: Issued) -> Handed:
         name = issued.certificate.common_name
@@ -158,12 +158,12 @@ def _place(folder: Path, common_name: str) -> Path:
     return folder / "handouts" / common_name / f"{common_name}.tar.age"
 
 
-def _same(wish: Wish, member: Member) -> bool:
+def _same(request: Wish, member: Member) -> bool:
     """Whether a wish is fulfilled by the member as it is."""
     newest = member.good[-1] if member.good else None
     return (
         newest is not None
-        and (member.kind, member.link, member.vehicle) == (wish.kind, wish.link, wish.vehicle)
-        and (newest.wrap, newest.key) == (wish.wrap, wish.key)
-        and wish.address in {None, member.address}
+        and (member.kind, member.link, member.vehicle) == (request.kind, request.link, request.vehicle)
+        and (newest.wrap, newest.key) == (request.wrap, request.key)
+        and request.address in {None, member.address}
     )

@@ -21,17 +21,17 @@ _LONGEST = 20_000
 _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 
-def recipients_of(asked: Iterable[Asked], names: Iterable[str]) -> Mapping[str, str]:
+def recipients_of(requested: Iterable[Asked], names: Iterable[str]) -> Mapping[str, str]:
     """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
     found: dict[str, str] = {}
     errors: list[UsageError] = []
-    for one, name in zip(asked, names, strict=True):
-        if one.recipient is None:
+    for item, name in zip(requested, names, strict=True):
+        if item.recipient is None:
             continue
         try:
-            found[name] = recipient_of(one.recipient)
+            found[name] = recipient_of(item.recipient)
         except UsageError as error:
-            errors.append(UsageError(f"{one.place}: {error}", hint=error.hint) if one.place else error)
+            errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
     if errors:
         raise Refused(errors)
     return found

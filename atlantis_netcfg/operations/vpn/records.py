@@ -73,24 +73,24 @@ def member_row(member: Member, now: datetime) -> dict[str, Any]:
         "link": str(member.link),
         "vehicle": member.vehicle,
         "standing": standing_of(member, now),
-        "certificates": [certificate_row(one) for one in member.certificates],
+        "certificates": [certificate_row(certificate) for certificate in member.certificates],
     }
 
 
-def certificate_row(one: Certificate) -> dict[str, Any]:
+def certificate_row(certificate: Certificate) -> dict[str, Any]:
     """A certificate for programs; nothing of it is secret."""
     return {
-        "common_name": one.common_name,
-        "serial": f"{one.serial:x}",
-        "sha256": one.sha256,
-        "not_before": _told(one.not_before),
-        "not_after": _told(one.not_after),
-        "wrap": str(one.wrap),
-        "key": str(one.key),
-        "standing": str(one.standing),
-        "seen": _told(one.seen),
-        "revoked": _told(one.revoked),
-        "reason": one.reason,
+        "common_name": certificate.common_name,
+        "serial": f"{certificate.serial:x}",
+        "sha256": certificate.sha256,
+        "not_before": _told(certificate.not_before),
+        "not_after": _told(certificate.not_after),
+        "wrap": str(certificate.wrap),
+        "key": str(certificate.key),
+        "standing": str(certificate.standing),
+        "seen": _told(certificate.seen),
+        "revoked": _told(certificate.revoked),
+        "reason": certificate.reason,
     }
 
 

@@ -28,7 +28,7 @@ def reason_of(typed: str | None) -> str:
     return typed
 
 
-def revoke(desk: Desk, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]) -> Revoked:
+def revoke(prompt: Desk, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]) -> Revoked:
     """Record it and publish the list; nothing is asked of the server here."""
-    with desk.unlocked(passphrase) as signer:
+    with prompt.unlocked(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)

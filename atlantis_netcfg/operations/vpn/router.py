@@ -140,8 +140,8 @@ def install(  # noqa: PLR0913 - all that a command line says
     )
     with store.lock(host.site, request.command), store.start(started) as journal:
         result = _journalled(importing, replace(job, journal=StatesOnly(journal)), journal)
-        said = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        return unrecorded(result, conclude(journal, said, RunEnded(exit=int(result.exit))))
+        outcome = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
+        return unrecorded(result, conclude(journal, outcome, RunEnded(exit=int(result.exit))))
 
 
 def _require_router(host: Host) -> None:

@@ -49,7 +49,7 @@ class Standing:
     @property
     def exit(self) -> ExitCode:
         """6 where something is seen to be wrong, 5 where the server is silent."""
-        found = worst(one.verdict for one in self.told)
+        found = worst(item.verdict for item in self.told)
         if found is Verdict.FAIL:
             return ExitCode.CHECKS_FAILED
         return ExitCode.UNKNOWN if found is Verdict.INCONCLUSIVE else ExitCode.DONE
@@ -62,7 +62,7 @@ class Standing:
         return {
             "version": self.state.version,
             "package": self.state.package,
-            "sessions": [one.as_json() for one in self.state.sessions],
+            "sessions": [session.as_json() for session in self.state.sessions],
             "asked": self.state.asked,
             "list": None if crl is None else {"number": crl.number, "ends": crl.ends.isoformat()},
         }
@@ -70,19 +70,19 @@ class Standing:
 
 def standing(authority: Authority, server: Connected | None, notify: Subscriber = ignore) -> Standing:
     """Look at the record, and at the server unless there is None. Raises LedgerDamaged."""
-    told = list(_record(authority))
+    result = list(_record(authority))
     state = None
     if server is None:
-        told.append(Told(Verdict.SKIP, "the server was not asked (`--no-push`)"))
+        result.append(Told(Verdict.SKIP, "the server was not asked (`--no-push`)"))
     else:
         try:
             with server.link(notify) as link:
                 state = live.observe(link)
-                told += _server(authority, server, link, state)
+                result += _server(authority, server, link, state)
         except NetcfgError as error:
             verdict = Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else Verdict.FAIL
-            told.append(Told(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site)))
-    return Standing((*told, *_queued(authority)), state)
+            result.append(Told(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site)))
+    return Standing((*result, *_queued(authority)), state)
 
 
 def _record(authority: Authority) -> Iterator[Told]:
@@ -106,10 +106,10 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
         live.hold_record(authority, state)
     except live.RecordOlder as older:
         yield Told(Verdict.FAIL, str(older), older.hint)
-        yield from (Told(Verdict.FAIL, one) for one in differs)
+        yield from (Told(Verdict.FAIL, differ) for differ in differs)
         return
-    for one in differs:
-        yield Told(Verdict.FAIL, one, "`provision vpn sync` brings the server to what is recorded")
+    for item in differs:
+        yield Told(Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
     if not differs:
         up = sum(session.is_up for session in state.sessions)
         yield Told(Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}")

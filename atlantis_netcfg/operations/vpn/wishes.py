@@ -45,42 +45,44 @@ class Asked:
     recipient: str | None = None
 
 
-KEYS = tuple(one.name for one in fields(Asked) if one.name != "place")
+KEYS = tuple(field.name for field in fields(Asked) if field.name != "place")
 """What a record of a file may hold; the words of the command are the same."""
 
 
-def wishes_of(declaration: Declaration, asked: Iterable[Asked]) -> tuple[Wish, ...]:
+def wishes_of(declaration: Declaration, requested: Iterable[Asked]) -> tuple[Wish, ...]:
     """The wishes, in the order of what was asked for. Raises Refused with everything that is wrong."""
     wishes: list[Wish] = []
     errors: list[NetcfgError] = []
     seen: dict[str, Asked] = {}
-    for one in asked:
+    for item in requested:
         try:
-            wish = wish_of(declaration, one)
+            request = wish_of(declaration, item)
         except UsageError as error:
-            errors += [_placed(one, each) for each in getattr(error, "errors", (error,))]
+            errors += [_placed(item, each) for each in getattr(error, "errors", (error,))]
             continue
-        wishes.append(wish)
-        if wish.name in seen:
-            errors.append(_placed(one, UsageError(f"`{wish.name}` is there twice, first in {seen[wish.name].place}")))
-        seen.setdefault(wish.name, one)
+        wishes.append(request)
+        if request.name in seen:
+            errors.append(
+                _placed(item, UsageError(f"`{request.name}` is there twice, first in {seen[request.name].place}"))
+            )
+        seen.setdefault(request.name, item)
     if errors:
         raise Refused(errors)
     return tuple(wishes)
 
 
-def _placed(one: Asked, error: NetcfgError) -> NetcfgError:
-    return UsageError(f"{one.place}: {error}", hint=error.hint) if one.place else error
+def _placed(item: Asked, error: NetcfgError) -> NetcfgError:
+    return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
 
 
-def wish_of(declaration: Declaration, one: Asked) -> Wish:
+def wish_of(declaration: Declaration, item: Asked) -> Wish:
     """The wish for a partner's device, or for a declared host. Raises UsageError, Refused when more is wrong."""
-    check = Check(asdict(one))
-    wish = wish_of_host(declaration, check) if one.host is not None else wish_of_device(declaration, check)
+    check = Check(asdict(item))
+    request = wish_of_host(declaration, check) if item.host is not None else wish_of_device(declaration, check)
     check.close()
-    if wish is None:
+    if request is None:
         raise AssertionError("refused without a reason")
-    return wish
+    return request
 
 
 def change_of(**words: str | None) -> Change:

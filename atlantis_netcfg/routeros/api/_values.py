@@ -133,7 +133,7 @@ class Traffic:
         each = tuple(sessions)
         return cls(
             sum(one.round_trips for one in each),
-            sum(one.sent for one in each),
-            sum(one.received for one in each),
-            sum(one.connections for one in each),
+            sum(entry.sent for entry in each),
+            sum(item.received for item in each),
+            sum(traffic.connections for traffic in each),
         )

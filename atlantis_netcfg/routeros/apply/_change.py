@@ -141,11 +141,11 @@ async def _checkpoint(work: Work, hold: Hold | None) -> None:
         await _take_later(work, held)
 
 
-async def _take_later(work: Work, held: Held) -> None:
+async def _take_later(work: Work, current: Held) -> None:
     """Wait until whoever looked in has gone; they must not have changed anything. Raises Held, Interfered."""
     hold = await work.contact.until_free(work.shield, work.channel, work.job.patience.undo_s)
     if hold.taken and not hold.ours:
-        raise held
+        raise current
     await take(work)
     now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
     try:

@@ -71,11 +71,11 @@ class Contact:
             await asyncio.sleep(pause_s)
         raise failure
 
-    async def until_free(self, shield: Shield, session: Channel, patience_s: float) -> Hold:
+    async def until_free(self, safe_mode: Shield, session: Channel, patience_s: float) -> Hold:
         """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
         hold = Hold(taken=False)
         for pause_s in self._pauses(patience_s):
-            hold = await shield.free(session)
+            hold = await safe_mode.free(session)
             if not hold.taken or hold.ours:
                 return hold
             self._say(f"{hold.who} holds safe mode: waiting until it is released or undone")

@@ -58,8 +58,8 @@ def _past(work: Work) -> Past | None:
 
 
 def _as_declared(found: Comparison) -> str:
-    beside = [one for one in found.differences if one.kind is DriftKind.FOREIGN]
-    hidden = [one for one in found.differences if one.kind is DriftKind.HIDDEN]
+    beside = [item for item in found.differences if item.kind is DriftKind.FOREIGN]
+    hidden = [difference for difference in found.differences if difference.kind is DriftKind.HIDDEN]
     words = ["as declared"]
     if beside:
         words.append(f"{_count(len(beside), 'foreign row')} left alone as before")
@@ -69,7 +69,7 @@ def _as_declared(found: Comparison) -> str:
 
 
 def _summary(found: Comparison) -> str:
-    kinds = [one.kind for one in found.drifted]
+    kinds = [difference.kind for difference in found.drifted]
     parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
     return f"{_count(len(kinds), 'difference')} from the declaration: {parts}"
 

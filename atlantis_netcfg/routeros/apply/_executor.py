@@ -245,15 +245,15 @@ async def _complete(work: Work, mode: Mode) -> None:
     takes = takes and not unagreed(work.job, work.aim)
     work.holding = work.holding or takes
     beside = work.shield.taking if takes else ()
-    asked, sampled = _questions(work, mode), samples(work.seen)
-    beside = (*beside, *asked, *sampled.values())
+    requested, sampled = _questions(work, mode), samples(work.seen)
+    beside = (*beside, *requested, *sampled.values())
     work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
     answers, sampling = answers[: len(answers) - len(sampled)], answers[len(answers) - len(sampled) :]
     work.before = with_rows(work.before, sampled, sampling)
-    work.examination.answered(answers[len(answers) - len(asked) :])
+    work.examination.answered(answers[len(answers) - len(requested) :])
     if takes:
         try:
-            work.owner = (await work.shield.taken(work.channel, answers[: len(answers) - len(asked)])).who
+            work.owner = (await work.shield.taken(work.channel, answers[: len(answers) - len(requested)])).who
         except Held:
             work.holding = False
 
@@ -272,8 +272,8 @@ def _questions(work: Work, mode: Mode) -> tuple[Command, ...]:
 
 async def _examine(work: Work, mode: Mode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
-    while asked := _questions(work, mode):
-        work.examination.answered(await work.channel.flight(asked))
+    while requested := _questions(work, mode):
+        work.examination.answered(await work.channel.flight(requested))
     doubt = work.examination.doubt(work.aim.actions)
     if doubt and doubt not in work.notes and mode is not Mode.DRIFT:
         work.notes.append(doubt)
@@ -320,8 +320,8 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
 
 
 def _unprotected(work: Work) -> str:
-    own = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
-    return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{own}"
+    local = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
+    return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{local}"
 
 
 def _protect(work: Work) -> None:

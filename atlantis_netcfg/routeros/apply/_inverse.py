@@ -126,8 +126,8 @@ def _condition(menu: Menu, row: Row, others: Sequence[Row]) -> str:
 
 def _compared(value: str) -> str:
     """Quote what would be read as an address or a time: compared with a text it would never be equal."""
-    told = quote(value)
-    return f'"{told}"' if told == value and set("/:") & set(value) else told
+    text = quote(value)
+    return f'"{text}"' if text == value and set("/:") & set(value) else text
 
 
 def _line(action: Action) -> str:

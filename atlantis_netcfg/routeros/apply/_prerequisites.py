@@ -53,8 +53,8 @@ def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
 def _features(plan: Plan, facts: Facts) -> Iterator[str]:
     for action in plan.actions:
         feature = _FEATURES.get(action.menu)
-        wanted = dict(action.values).get("enabled") in ("yes", "true")
-        if feature is not None and wanted and facts.device_mode.get(feature) in ("false", "no"):
+        desired = dict(action.values).get("enabled") in ("yes", "true")
+        if feature is not None and desired and facts.device_mode.get(feature) in ("false", "no"):
             yield (
                 f"device-mode {facts.device_mode.get('mode', '')} forbids {feature}: allow it with"
                 f" /system device-mode update {feature}=yes and press the button"

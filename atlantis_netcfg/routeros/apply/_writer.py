@@ -83,9 +83,9 @@ class ScriptWriter:
         """Run the scripts of one turn."""
         parts = list(scripts(turn))
         answers = await session.flight([*(executed(text) for text, _ in parts), *beside])
-        said = [_said(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
-        done = dict.fromkeys(number for acknowledged, _ in said for number in acknowledged)
-        refused = next((words for _, words in said if words is not None), None)
+        result = [_said(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
+        done = dict.fromkeys(number for acknowledged, _ in result for number in acknowledged)
+        refused = next((words for _, words in result if words is not None), None)
         return Written(tuple(done), refused, tuple(answers[len(parts) :]))
 
 
@@ -122,11 +122,11 @@ def _independent(actions: Sequence[Action]) -> bool:
 
 def _said(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
     """Return what a script acknowledged, and how it was stopped if it was."""
-    said = output(reply.ret or "")
-    if reply.trap is None and list(said.acknowledged) == [action.number for action in turn]:
-        return said.acknowledged, None
-    words = reply.trap.message if reply.trap is not None else said.words
-    return said.acknowledged, _refusal(_culprit(turn, reply, len(said.acknowledged), words), words)
+    result = output(reply.ret or "")
+    if reply.trap is None and list(result.acknowledged) == [action.number for action in turn]:
+        return result.acknowledged, None
+    words = reply.trap.message if reply.trap is not None else result.words
+    return result.acknowledged, _refusal(_culprit(turn, reply, len(result.acknowledged), words), words)
 
 
 def _culprit(turn: Sequence[Action], reply: Reply, acknowledged: int, words: str) -> Action | None:
@@ -139,7 +139,7 @@ def _culprit(turn: Sequence[Action], reply: Reply, acknowledged: int, words: str
 
 
 def _refusal(action: Action | None, words: str) -> str:
-    said = words or "it stopped without a word"
+    text = words or "it stopped without a word"
     if action is None:
-        return f"the device says: {said}"
-    return f"the device refused to {action.verb.value} {action.subject} in {MENUS[action.menu].title}: {said}"
+        return f"the device says: {text}"
+    return f"the device refused to {action.verb.value} {action.subject} in {MENUS[action.menu].title}: {text}"

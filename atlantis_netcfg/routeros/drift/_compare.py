@@ -126,13 +126,15 @@ def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
 def _place(view: _View, raw: Raw) -> Iterator[FieldDifference]:
     """Yield which place of its list the row has; dynamic rows do not count."""
     menu, row = view.menu, raw.found or {}
-    wanted = [content(menu, item.given) for item in view.desired.items[menu.path] if _same_chain(menu, item.given, row)]
+    desired = [
+        content(menu, item.given) for item in view.desired.items[menu.path] if _same_chain(menu, item.given, row)
+    ]
     there = [each for each in view.rows if menu.is_touchable(each) and _same_chain(menu, each, row)]
-    own = content(menu, row)
-    if own in wanted:
+    local = content(menu, row)
+    if local in desired:
         found = next((place for place, each in enumerate(there, 1) if each.get(".id") == row.get(".id")), 0)
-        yield FieldDifference("place", str(wanted.index(own) + 1), str(found))
+        yield FieldDifference("place", str(desired.index(local) + 1), str(found))
 
 
-def _same_chain(menu: Menu, one: Mapping[str, str], other: Mapping[str, str]) -> bool:
-    return not menu.chain or menu.form(menu.chain, one) == menu.form(menu.chain, other)
+def _same_chain(menu: Menu, row: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    return not menu.chain or menu.form(menu.chain, row) == menu.form(menu.chain, other)

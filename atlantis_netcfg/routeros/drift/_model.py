@@ -107,7 +107,7 @@ class Difference:
             "owner": self.owner.value,
             "mark": self.mark,
             "row": self.row,
-            "fields": [{"name": one.name, "declared": one.declared, "found": one.found} for one in self.fields],
+            "fields": [{"name": field.name, "declared": field.declared, "found": field.found} for field in self.fields],
             "since": self.since.value,
             "why_unknown": self.why_unknown,
             "history": None
@@ -131,7 +131,7 @@ class Comparison:
     @property
     def drifted(self) -> tuple[Difference, ...]:
         """The differences that count."""
-        return tuple(one for one in self.differences if one.counts)
+        return tuple(difference for difference in self.differences if difference.counts)
 
     def as_dict(self) -> dict[str, Any]:
         """The comparison as JSON-able data."""
@@ -141,5 +141,5 @@ class Comparison:
         return {
             "menus": list(self.menus),
             "confirmed": confirmed,
-            "differences": [one.as_dict() for one in self.differences],
+            "differences": [difference.as_dict() for difference in self.differences],
         }

@@ -89,7 +89,7 @@ class Past:
         then = _chain(menu, self.rows[menu.path], chain)
         now = _chain(menu, [row for row in rows if menu.is_touchable(row)], chain)
         both = set(then) & set(now)
-        same = [one for one in then if one in both] == [one for one in now if one in both]
+        same = [entry for entry in then if entry in both] == [item for item in now if item in both]
         return (Since.ALREADY if same else Since.AFTER), ""
 
 

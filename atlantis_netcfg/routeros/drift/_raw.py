@@ -115,8 +115,8 @@ def _pairs(menu: Menu, missing: list[_Values], gone: list[_Values]) -> list[tupl
 
 
 def _paired_by(key: _Key, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
-    wanted, there = alone(key, missing), alone(key, gone)
-    pairs = [(values, there[value]) for value, values in wanted.items() if value in there]
+    desired, there = alone(key, missing), alone(key, gone)
+    pairs = [(values, there[value]) for value, values in desired.items() if value in there]
     taken = {id(row) for pair in pairs for row in pair}
     for rows in (missing, gone):
         rows[:] = [row for row in rows if id(row) not in taken]

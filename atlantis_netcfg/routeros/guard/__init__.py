@@ -62,13 +62,13 @@ def objections(plan: Plan, observed: Observed, path: ManagementPath) -> tuple[st
 
 
 def _with_names_of_today(reason: str, observed: Observed, renamed: State) -> str:
-    said = [
+    lines = [
         f"{now['name']} is the port that is called {row['name']} today"
         for menu in INTERFACES
         for row, now in zip(observed.rows.get(menu, ()), renamed.all(menu), strict=True)
         if row.get("name") != now.get("name") and re.search(rf"(?<![\w-]){re.escape(now['name'])}(?![\w-])", reason)
     ]
-    return f"{reason} ({', '.join(said)})" if said else reason
+    return f"{reason} ({', '.join(lines)})" if lines else reason
 
 
 def touches(plan: Plan, observed: Observed, path: ManagementPath) -> bool:

@@ -35,25 +35,25 @@ def _service(before: State, after: State) -> Iterator[str]:
     new = after.find("/ip/service", "name", path.service)
     if old is None or new is None:
         return
-    said = f"/ip service: {path.service}, which this session uses,"
+    text = f"/ip service: {path.service}, which this session uses,"
     if is_set(new, "disabled") and not is_set(old, "disabled"):
-        yield f"{said} would be disabled: leave it enabled"
+        yield f"{text} would be disabled: leave it enabled"
     if _form("port", old) != _form("port", new):
         yield (
-            f"{said} would move from port {old.get('port')} to {new.get('port')}: leave the port, or enter the new one "
+            f"{text} would move from port {old.get('port')} to {new.get('port')}: leave the port, or enter the new one "
             f"in the inventory and change it on the router by hand"
         )
     if _admits(old, before) and not _admits(new, after):
-        yield f"{said} would admit only {new.get('address')}, not you at {path.technician}: add your address"
+        yield f"{text} would admit only {new.get('address')}, not you at {path.technician}: add your address"
     if _form("certificate", old) != _form("certificate", new):
         yield (
-            f"{said} would change its certificate from {old.get('certificate', 'none')} to "
+            f"{text} would change its certificate from {old.get('certificate', 'none')} to "
             f"{new.get('certificate', 'none')}, and we would not know the router again: leave it"
         )
     if _form("vrf", old) != _form("vrf", new):
-        yield f"{said} would listen in {new.get('vrf')} only: leave vrf={old.get('vrf', 'main')}"
+        yield f"{text} would listen in {new.get('vrf')} only: leave vrf={old.get('vrf', 'main')}"
     if int(new.get("max-sessions", "20")) < _ENOUGH_SESSIONS <= int(old.get("max-sessions", "20")):
-        yield f"{said} would take one session only, and a change is verified by a second: raise max-sessions"
+        yield f"{text} would take one session only, and a change is verified by a second: raise max-sessions"
 
 
 def _form(name: str, row: Row) -> str:

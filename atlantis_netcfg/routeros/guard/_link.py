@@ -109,8 +109,8 @@ def _vlans(before: State, after: State) -> Iterator[str]:
         now = next((each for each in after.all("/interface/bridge") if each.get(".id") == row.get(".id")), row)
         name = row.get("name")
         if name in interfaces(before) and is_set(now, "vlan-filtering") and not is_set(row, "vlan-filtering"):
-            said = f"/interface bridge: {name}, by which you come, would begin to filter VLANs"
-            yield f"{said}: do that from another port"
+            text = f"/interface bridge: {name}, by which you come, would begin to filter VLANs"
+            yield f"{text}: do that from another port"
 
 
 def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:

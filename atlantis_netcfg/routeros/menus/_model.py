@@ -160,8 +160,8 @@ class Menu:
     def default_of(self, name: str, values: Mapping[str, str]) -> str | None:
         """Return the default of a property in the row with these values."""
         field_ = self.by_name[name]
-        own = self.row_defaults.get(values.get(self.keys[0], ""), {}) if self.keys else {}
-        return own.get(name, values.get(field_.like) if field_.like else field_.default)
+        local = self.row_defaults.get(values.get(self.keys[0], ""), {}) if self.keys else {}
+        return local.get(name, values.get(field_.like) if field_.like else field_.default)
 
     def form(self, name: str, values: Mapping[str, str]) -> str:
         """Return the canonical form of a property of the row with these values, its default included."""

@@ -167,14 +167,14 @@ class _Way:
             try:
                 session = await end.contact.reach(max(0.0, until - clock()), "after a failure")
                 patience = end.job.patience
-                held = await _safe.until_free(session, patience.undo_s, patience.last_poll_s)
+                current = await _safe.until_free(session, patience.undo_s, patience.last_poll_s)
                 left = end.same(await end.reread(session))
             except DeviceFailed:
                 if clock() >= until:
                     return None
                 await asyncio.sleep(end.job.patience.first_poll_s)
                 continue
-            if held.taken:
+            if current.taken:
                 return None
             if not left or not returning or not end.job_id or clock() > self.work.fires + _QUICK_S:
                 return session, left

@@ -154,8 +154,8 @@ class End:
             )
         )
         self.plan = plan(self.name, self.job.desired, self.before)
-        while asked := self.examination.questions(self.actions, self.before.rows):
-            self.examination.answered(await self.session.flight(asked))
+        while requested := self.examination.questions(self.actions, self.before.rows):
+            self.examination.answered(await self.session.flight(requested))
         if (doubt := self.examination.doubt(self.actions)) and doubt not in self.notes:
             self.notes.append(doubt)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")

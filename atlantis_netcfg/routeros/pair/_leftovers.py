@@ -39,9 +39,9 @@ async def clear(work: Transaction, mode: Mode) -> Results | None:
             return ended
     try:
         for end in work.ends:
-            held = _safe.Held.of(await end.channel.command(_safe.HOLD))
-            if held.taken:
-                return _stopped(work, f"{end.name}: {held.who} holds safe mode, and there is only one")
+            current = _safe.Held.of(await end.channel.command(_safe.HOLD))
+            if current.taken:
+                return _stopped(work, f"{end.name}: {current.who} holds safe mode, and there is only one")
         for end in work.ends:
             if end.left:
                 end.removed = await end.left.remove(end.channel)

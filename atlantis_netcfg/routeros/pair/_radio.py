@@ -74,9 +74,9 @@ def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> Radio | Non
 
 def _legacy(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
     """Return the radio's row, and its security profile's with `security.` before the names."""
-    wanted = row.get("security-profile", "default")
+    desired = row.get("security-profile", "default")
     profiles = rows.get(f"{LEGACY}/security-profiles", ())
-    profile = next((each for each in profiles if each.get("name") == wanted), {})
+    profile = next((each for each in profiles if each.get("name") == desired), {})
     return {**{f"security.{name}": value for name, value in profile.items()}, **row}
 
 

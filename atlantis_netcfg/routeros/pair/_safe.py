@@ -49,20 +49,26 @@ class Held:
 async def take(session: Channel, name: str) -> str:
     """Take safe mode and return what the device calls us. Raises HoldLost."""
     reply = await session.command(_TAKE)
-    held = Held.of(await session.command(HOLD))
-    if held.ours:
-        return held.who
+    current = Held.of(await session.command(HOLD))
+    if current.ours:
+        return current.who
     words = (
-        f"{held.who} holds it" if held.taken else reply.trap.message if reply.trap is not None else "no reason given"
+        f"{current.who} holds it"
+        if current.taken
+        else reply.trap.message
+        if reply.trap is not None
+        else "no reason given"
     )
     raise HoldLost(f"{name}: safe mode could not be taken: {words}")
 
 
 async def release(session: Channel, owner: str, name: str) -> None:
     """Release what `owner` holds, from whatever session, and see that it is released. Raises HoldLost, SessionLost."""
-    held = Held.of(await session.command(HOLD, silence_s=_SOON_S))
-    if not held.taken or held.who != owner:
-        raise HoldLost(f"{name}: safe mode was {'taken by ' + held.who if held.taken else 'given up'} before the end")
+    current = Held.of(await session.command(HOLD, silence_s=_SOON_S))
+    if not current.taken or current.who != owner:
+        raise HoldLost(
+            f"{name}: safe mode was {'taken by ' + current.who if current.taken else 'given up'} before the end"
+        )
     reply = await session.command(_RELEASE, silence_s=_SOON_S)
     if reply.trap is not None or Held.of(await session.command(HOLD, silence_s=_SOON_S)).taken:
         words = reply.trap.message if reply.trap is not None else "it is still taken"
@@ -80,7 +86,7 @@ async def until_free(session: Channel, patience_s: float, poll_s: float) -> Held
     clock = asyncio.get_running_loop().time
     until = clock() + patience_s
     while True:
-        held = Held.of(await session.command(HOLD))
-        if not held.taken or clock() >= until:
-            return held
+        current = Held.of(await session.command(HOLD))
+        if not current.taken or clock() >= until:
+            return current
         await asyncio.sleep(poll_s)

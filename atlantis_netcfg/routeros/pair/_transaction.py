@@ -192,14 +192,14 @@ class Transaction:
         self._acknowledged(self.far, self.far.storm, *replies)
 
     def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, hold: Reply) -> None:
-        said = output(reply.ret or "")
-        end.note(ActionsAcknowledged(device=end.name, actions=said.acknowledged))
-        if reply.trap is not None or list(said.acknowledged) != [action.number for action in actions]:
-            words = reply.trap.message if reply.trap is not None else said.words
+        result = output(reply.ret or "")
+        end.note(ActionsAcknowledged(device=end.name, actions=result.acknowledged))
+        if reply.trap is not None or list(result.acknowledged) != [action.number for action in actions]:
+            words = reply.trap.message if reply.trap is not None else result.words
             raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
         if not _safe.Held.of(hold).ours:
             raise _safe.HoldLost(f"{end.name}: safe mode is not held any more in the middle of the change")
-        end.say(Stage.APPLYING, f"{len(said.acknowledged)} actions sent")
+        end.say(Stage.APPLYING, f"{len(result.acknowledged)} actions sent")
 
     # --- proving ---------------------------------------------------------------------------------------------------
 

@@ -125,15 +125,15 @@ def writes(context: Context, report: MenuPlan, item: Item, row: Row, *, managed:
     Properties that the item does not name go back to their default only where the row is `managed` by us.
     """
     menu = report.menu
-    wanted: dict[str, str | None] = {}
+    desired: dict[str, str | None] = {}
     for name in item.values:
-        wanted |= _named(context, report, item, row, name)
+        desired |= _named(context, report, item, row, name)
     if managed:
         for each in menu.fields:
             named = each.name in item.values or each.name in item.unknown
             if each.name in row and not named and not _stays(context, each):
-                wanted |= _differing(menu, row, each.name, menu.default_of(each.name, row))
-    return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in wanted.items())
+                desired |= _differing(menu, row, each.name, menu.default_of(each.name, row))
+    return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in desired.items())
 
 
 def _stays(context: Context, each: Field) -> bool:
@@ -151,10 +151,10 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
     value = item.values[name]
     if each.asked and value:
         return _asked(context, report, item, row, name)
-    wanted = menu.default_of(name, row) if value is None else value
-    if any(either.covers(menu, name, wanted, row) for either in context.desired.run_time):
+    desired = menu.default_of(name, row) if value is None else value
+    if any(either.covers(menu, name, desired, row) for either in context.desired.run_time):
         return {}
-    changes = _differing(menu, row, name, wanted)
+    changes = _differing(menu, row, name, desired)
     if changes and each.board and not any(other.board and other.name in row for other in menu.fields):
         report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
         return {}
@@ -175,5 +175,5 @@ def _asked(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
     return {name: value}
 
 
-def _differing(menu: Menu, row: Row, name: str, wanted: str | None) -> dict[str, str | None]:
-    return {} if menu.by_name[name].form(wanted) == menu.form(name, row) else {name: wanted}
+def _differing(menu: Menu, row: Row, name: str, desired: str | None) -> dict[str, str | None]:
+    return {} if menu.by_name[name].form(desired) == menu.form(name, row) else {name: desired}

@@ -145,11 +145,11 @@ def _make_room(work: _Rows) -> None:
         owners = {id(match.row): match for match in work.matches if match.row is not None}
         for match in work.matches:
             if match.row is None or match.writes:
-                wanted = _value(work.menu, names, match.after())
-                holder = holders.get(wanted)
+                desired = _value(work.menu, names, match.after())
+                holder = holders.get(desired)
                 if holder is not None and holder is not match.row:
                     owner = owners.get(id(holder))
-                    leaves = owner is not None and _value(work.menu, names, owner.after()) != wanted
+                    leaves = owner is not None and _value(work.menu, names, owner.after()) != desired
                     _make_way(work, match, holder, owner, leaves=leaves)
     work.matches = _in_turn(work)
 

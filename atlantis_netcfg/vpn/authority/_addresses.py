@@ -60,7 +60,7 @@ class Addresses:
         for address in self._fresh.setdefault(pool, iter(pool.hosts())):
             if address not in self._used and address not in self._resting:
                 return self.take(address, pool, name)
-        rested = [one for one in self._resting if one not in self._used and _usable(one, pool)]
+        rested = [item for item in self._resting if item not in self._used and _usable(item, pool)]
         if not rested:
             raise PoolFull(
                 f"no address is left for `{name}` in {pool}",
@@ -76,7 +76,9 @@ def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
 
 def _out_since(member: Member, queued: set[str]) -> datetime | None:
     """When the member was out, as the server confirmed; None while its address is not free."""
-    when = [one.revoked for one in member.certificates if one.revoked is not None]
-    held = len(when) < len(member.certificates) or queued.intersection(one.common_name for one in member.certificates)
-    waits = all(one.reason == NEVER_HANDED_OUT for one in member.certificates)
-    return None if held or waits else max(when)
+    when = [entry.revoked for entry in member.certificates if entry.revoked is not None]
+    current = len(when) < len(member.certificates) or queued.intersection(
+        certificate.common_name for certificate in member.certificates
+    )
+    waits = all(item.reason == NEVER_HANDED_OUT for item in member.certificates)
+    return None if current or waits else max(when)

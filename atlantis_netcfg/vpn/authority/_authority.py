@@ -49,7 +49,7 @@ class Authority:
 
     @classmethod
     def init(
-        cls, folder: Path, passphrase: Secret, wish: ServerNames, who: str, sealed_by: founding.Sealing = "age"
+        cls, folder: Path, passphrase: Secret, server_names: ServerNames, who: str, sealed_by: founding.Sealing = "age"
     ) -> Authority:
         """Found an authority: CA, server certificate, tls-crypt keys, an empty list.
 
@@ -58,7 +58,7 @@ class Authority:
         """
         founding.prepare(folder)
         with Lock(folder, who):
-            founding.found(folder, passphrase, wish, who, sealed_by)
+            founding.found(folder, passphrase, server_names, who, sealed_by)
         return cls(folder)
 
     @classmethod
@@ -154,10 +154,10 @@ class Authority:
                 )
             heads.read(self.folder, ca.certificate, book.fold).hold(book.digests)
             book.check_clock(trusted=trust_clock)
-            desk = Desk(self.folder, book, ca)
-            desk.recover(left=left)
+            prompt = Desk(self.folder, book, ca)
+            prompt.recover(left=left)
             try:
-                yield Signer(desk)
+                yield Signer(prompt)
             except BaseException:
                 # Best effort: the next command that signs does it.
                 with suppress(NetcfgError):
@@ -168,9 +168,9 @@ class Authority:
     @contextmanager
     def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[Book, bool]]:
         founding.require(self.folder)
-        with ExitStack() as held:
-            lock = held.enter_context(Lock(self.folder, who or _me(), waiting))
-            yield held.enter_context(Book(self.folder, who or _me())), lock.left
+        with ExitStack() as exit_stack:
+            lock = exit_stack.enter_context(Lock(self.folder, who or _me(), waiting))
+            yield exit_stack.enter_context(Book(self.folder, who or _me())), lock.left
 
     def seen(self, sightings: Mapping[str, datetime], who: str = "") -> Sighting:
         """Record which common names the server had sessions of, and when last; an older certificate is superseded.
@@ -186,17 +186,17 @@ class Authority:
 
     def settled(self, common_names: Iterable[str], who: str = "") -> None:
         """Record that the server confirmed: these revoked certificates have no session and get none."""
-        wanted = set(common_names)
-        if not wanted.intersection(self.roll().queued):
+        desired = set(common_names)
+        if not desired.intersection(self.roll().queued):
             return
         with self._writing(who) as (book, _):
-            out = [one for one in book.fold.roll().queued if one in wanted]
-            book.write([records.Settled(common_name=one) for one in out], new_operation())
+            out = [entry for entry in book.fold.roll().queued if entry in desired]
+            book.write([records.Settled(common_name=item) for item in out], new_operation())
 
     def delivered(self, common_name: str, delivered: Delivered, who: str = "") -> None:
         """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
         with self._writing(who) as (book, _):
-            good = {one.common_name for _, one in book.fold.roll().certificates() if one.good}
+            good = {certificate.common_name for _, certificate in book.fold.roll().certificates() if certificate.good}
             if common_name not in good:
                 raise UsageError(
                     f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",

@@ -132,17 +132,17 @@ def _unsigned(folder: Path, reading: Reading, fold: Fold, head: heads.Head) -> I
 
 
 def _certificates(fold: Fold, ca: x509.Certificate) -> Iterator[str]:
-    for one in fold.issued.values():
+    for item in fold.issued.values():
         try:
-            made = pki.load_cert(files.copy_of(one).decode("ascii"))
+            made = pki.load_cert(files.copy_of(item).decode("ascii"))
         except NetcfgError:
-            yield f"the certificate of {one.common_name} in the ledger is none"
+            yield f"the certificate of {item.common_name} in the ledger is none"
             continue
-        said = (one.serial, one.sha256, one.not_before, one.not_after, f"CN={one.common_name}")
+        reply = (item.serial, item.sha256, item.not_before, item.not_after, f"CN={item.common_name}")
         dates = (made.not_valid_before_utc, made.not_valid_after_utc)
         has = (made.serial_number, pki.sha256(made), *dates, made.subject.rfc4514_string())
-        if said != has or not pki.issued_by(made, ca):
-            yield f"the certificate of {one.common_name} in the ledger is not one that this authority has signed so"
+        if reply != has or not pki.issued_by(made, ca):
+            yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
 
 
 def _times(entries: Sequence[Entry]) -> Iterator[str]:
@@ -153,7 +153,9 @@ def _times(entries: Sequence[Entry]) -> Iterator[str]:
 
 def _unfinished(folder: Path, fold: Fold) -> Iterator[str]:
     if fold.open and not is_held(folder):
-        commands = ", ".join(sorted(f"{one.command} {' '.join(one.names[:3])}".strip() for one in fold.open.values()))
+        commands = ", ".join(
+            sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in fold.open.values())
+        )
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
 
@@ -189,7 +191,7 @@ def _server(folder: Path, fold: Fold) -> Iterator[str]:
 
 
 def _copies(folder: Path, fold: Fold) -> Iterator[str]:
-    known = {f"{name}.pem": files.copy_of(one) for name, one in fold.issued.items()}
+    known = {f"{name}.pem": files.copy_of(item) for name, item in fold.issued.items()}
     there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
     for name, path in there.items():
         if name not in known:
@@ -212,7 +214,7 @@ def _list(folder: Path, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
     roll = fold.roll()
     if facts.sha256 != roll.crl_sha256:
         yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
-    serials = {one.serial for one in lists.revoked(fold)}
+    serials = {revoked_serial.serial for revoked_serial in lists.revoked(fold)}
     for lost in sorted(serials - facts.serials):
         yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):

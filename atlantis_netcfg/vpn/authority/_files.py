@@ -57,9 +57,9 @@ def copy_of(issued: Issued) -> bytes:
 
 def restore_copies(folder: Path, issued: Iterable[Issued]) -> None:
     """Write the certificates of the record that `certs/` lacks, or has otherwise."""
-    for one in issued:
-        path = folder / CERTS / f"{one.common_name}.pem"
-        data = copy_of(one)
+    for item in issued:
+        path = folder / CERTS / f"{item.common_name}.pem"
+        data = copy_of(item)
         if _read(path) != data:
             _write_copy(path, data)
 

@@ -69,9 +69,9 @@ _NONE = Head(0, "", datetime.min.replace(tzinfo=UTC))
 
 def made(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
     """The file of such a head."""
-    told = {"line": line, "sha256": digest, "at": at.isoformat()}
-    signature = base64.b64encode(pki.sign(ca.key, _text(told))).decode("ascii")
-    return json.dumps({**told, "signature": signature}).encode() + b"\n"
+    values = {"line": line, "sha256": digest, "at": at.isoformat()}
+    signature = base64.b64encode(pki.sign(ca.key, _text(values))).decode("ascii")
+    return json.dumps({**values, "signature": signature}).encode() + b"\n"
 
 
 def sign(folder: Path, book: Book, ca: pki.Ca) -> None:
@@ -93,11 +93,11 @@ def read(folder: Path, ca: x509.Certificate, fold: Fold) -> Head:
             raise AuthorityDamaged(f"{FILE} is missing: nothing says how long the ledger was", hint=_RESTORE) from None
     try:
         key = ca.public_key()
-        told = json.loads(data)
-        signature = base64.b64decode(told.pop("signature"), validate=True)
-        head = Head(int(told["line"]), str(told["sha256"]), datetime.fromisoformat(told["at"]))
+        result = json.loads(data)
+        signature = base64.b64decode(result.pop("signature"), validate=True)
+        head = Head(int(result["line"]), str(result["sha256"]), datetime.fromisoformat(result["at"]))
         # Somebody else's CA may have a key of another kind than ours.
-        signed = isinstance(key, pki.PublicKey) and pki.is_signed(key, _text(told), signature) and head.line > 0
+        signed = isinstance(key, pki.PublicKey) and pki.is_signed(key, _text(result), signature) and head.line > 0
     except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
         signed = False
     if not signed:
@@ -105,5 +105,5 @@ def read(folder: Path, ca: x509.Certificate, fold: Fold) -> Head:
     return head
 
 
-def _text(told: dict[str, object]) -> bytes:
-    return _WHAT + json.dumps(told, sort_keys=True, separators=(",", ":")).encode()
+def _text(values: dict[str, object]) -> bytes:
+    return _WHAT + json.dumps(values, sort_keys=True, separators=(",", ":")).encode()

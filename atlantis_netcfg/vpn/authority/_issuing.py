@@ -42,7 +42,7 @@ class _Made:
 
 
 def hand_out(
-    desk: Desk, command: records.Command, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
+    prompt: Desk, command: records.Command, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
 
@@ -50,38 +50,38 @@ def hand_out(
     """
     operation = new_operation()
     try:
-        desk.book.write([records.Begun(command=command, names=_names(planned))], operation)
+        prompt.book.write([records.Begun(command=command, names=_names(planned))], operation)
         for start in range(0, len(planned), BATCH):
-            _batch(desk, operation, planned[start : start + BATCH], deliver)
+            _batch(prompt, operation, planned[start : start + BATCH], deliver)
         # Also without a revocation: by the number of its list a server knows a record that is older than this one.
-        desk.publish(operation)
-        desk.book.write([records.Committed()], operation)
+        prompt.publish(operation)
+        prompt.book.write([records.Committed()], operation)
     except Exception:
         # Best effort, while the disk is as it is: the next command looks again.
-        if desk.book.usable:
+        if prompt.book.usable:
             with suppress(NetcfgError, OSError):
-                desk.recover(left=False)
+                prompt.recover(left=False)
         raise
 
 
 def _names(planned: Sequence[Planned]) -> tuple[str, ...]:
-    return tuple(one.member.name for one in planned)
+    return tuple(item.member.name for item in planned)
 
 
-def _batch(desk: Desk, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]) -> None:
-    made = [_made(desk, one) for one in planned]
-    desk.book.write([one.record for one in made], operation)
+def _batch(prompt: Desk, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]) -> None:
+    made = [_made(prompt, one) for one in planned]
+    prompt.book.write([entry.record for entry in made], operation)
     done: list[records.Record] = []
     try:
         with translated("the certificates cannot be written"):
-            files.restore_copies(desk.folder, [one.record for one in made])
+            files.restore_copies(prompt.folder, [item.record for item in made])
         for one in made:
             with translated(f"what `{one.planned.member.name}` gets cannot be written"):
-                delivered = deliver(_identity(desk, one))
+                delivered = deliver(_identity(prompt, one))
             done.extend(_handed_out(one.planned, delivered))
     finally:
         if done:
-            desk.book.write(done, operation)
+            prompt.book.write(done, operation)
 
 
 def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Record]:
@@ -90,10 +90,10 @@ def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Reco
         yield records.Revoked(common_name=old, reason=REPLACED)
 
 
-def _made(desk: Desk, planned: Planned) -> _Made:
+def _made(prompt: Desk, planned: Planned) -> _Made:
     key = pki.new_key(planned.key)
     certificate = pki.new_client(
-        desk.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, desk.book.now()
+        prompt.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, prompt.book.now()
     )
     member = planned.member
     record = records.Issued(
@@ -117,7 +117,7 @@ def _made(desk: Desk, planned: Planned) -> _Made:
     return _Made(planned, record, pki.key_pem(key))
 
 
-def _identity(desk: Desk, made: _Made) -> Identity:
+def _identity(prompt: Desk, made: _Made) -> Identity:
     record = made.record
     certificate = Certificate(
         common_name=record.common_name,
@@ -133,8 +133,8 @@ def _identity(desk: Desk, made: _Made) -> Identity:
     return Identity(
         member=replace(before, certificates=(*before.certificates, certificate)),
         certificate=certificate,
-        ca=desk.ca_pem,
+        ca=prompt.ca_pem,
         cert=files.copy_of(record).decode("ascii"),
         key=made.key,
-        wrap_key=desk.wrap_key(record.wrap, record.common_name),
+        wrap_key=prompt.wrap_key(record.wrap, record.common_name),
     )

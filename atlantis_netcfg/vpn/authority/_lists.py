@@ -32,9 +32,9 @@ FRESH = timedelta(days=60)
 def revoked(fold: Fold) -> list[pki.RevokedSerial]:
     """What must be on the list."""
     ours = (
-        pki.RevokedSerial(one.serial, one.revoked)
-        for _, one in fold.roll().certificates()
-        if one.standing is Standing.REVOKED and one.revoked is not None
+        pki.RevokedSerial(certificate.serial, certificate.revoked)
+        for _, certificate in fold.roll().certificates()
+        if certificate.standing is Standing.REVOKED and certificate.revoked is not None
     )
     return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in fold.taken.items())]
 
@@ -44,18 +44,18 @@ def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datet
     back = max(now - BACKDATED, ca.certificate.not_valid_before_utc)
     pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + BACKDATED.days)
     facts = pki.check_crl(pem, ca.certificate, above=number - 1, now=now)
-    held = len(facts.serials)
-    return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=held)
+    current = len(facts.serials)
+    return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=current)
 
 
 def publish(folder: Path, book: Book, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None) -> bytes:
     """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
     path, roll, now = folder / CRL, book.fold.roll(), book.now()
-    before = [one for one in (_in_place(path, ca.certificate), also) if one is not None]
-    above = max(roll.crl_number, *(one.number for one in before), 0)
-    lines = {one.serial: one for one in revoked(book.fold)}
+    before = [entry for entry in (_in_place(path, ca.certificate), also) if entry is not None]
+    above = max(roll.crl_number, *(crl_facts.number for crl_facts in before), 0)
+    lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked(book.fold)}
     # What is on a list of before stays: a ledger from an older backup lets nobody back in.
-    kept = {serial: pki.RevokedSerial(serial, one.this_update) for one in before for serial in sorted(one.serials)}
+    kept = {serial: pki.RevokedSerial(serial, item.this_update) for item in before for serial in sorted(item.serials)}
     pem, record = sign(ca, (kept | lines).values(), above + 1, now)
     book.write([record], operation)
     with translated("the revocation list cannot be written"):
@@ -70,7 +70,7 @@ def due(folder: Path, book: Book, ca: pki.Ca) -> bool:
         facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
     except (OSError, pki.CrlRefused):
         return True
-    serials = frozenset(one.serial for one in revoked(book.fold))
+    serials = frozenset(revoked_serial.serial for revoked_serial in revoked(book.fold))
     return facts.sha256 != roll.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
 
 
@@ -81,18 +81,20 @@ def beyond(folder: Path, fold: Fold, ca: x509.Certificate, pem: bytes) -> str | 
     except pki.CrlRefused:
         return None
     roll, here = fold.roll(), _in_place(folder / CRL, ca)
-    known = {one.serial for one in revoked(fold)} | (here.serials if here is not None else frozenset())
+    known = {revoked_serial.serial for revoked_serial in revoked(fold)} | (
+        here.serials if here is not None else frozenset()
+    )
     lost = there.serials - known
     if there.sha256 == roll.crl_sha256 or (there.number < roll.crl_number and not lost):
         return None
-    good = sorted(one.common_name for _, one in roll.certificates() if one.serial in lost)
-    said = f"its list of revoked certificates is number {there.number}, and the record's last one is {roll.crl_number}"
+    good = sorted(certificate.common_name for _, certificate in roll.certificates() if certificate.serial in lost)
+    text = f"its list of revoked certificates is number {there.number}, and the record's last one is {roll.crl_number}"
     if there.number == roll.crl_number:
-        said = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
+        text = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
     more = [f"it revokes {', '.join(good)}"] if good else []
     if strange := len(lost) - len(good):
         more.append(f"it revokes {strange} that the record has never issued")
-    return "; ".join([said, *more])
+    return "; ".join([text, *more])
 
 
 def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:

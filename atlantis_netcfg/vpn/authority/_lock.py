@@ -60,16 +60,16 @@ class Lock:
 
     def _wait(self) -> None:
         until = time.monotonic() + PATIENCE_S
-        told = False
+        is_reported = False
         while not _try(self._descriptor, fcntl.LOCK_EX):
             if time.monotonic() >= until:
                 raise AuthorityBusy(
                     f"the authority is being worked on by {self._holder()}, and was not free within {PATIENCE_S:.0f} s",
                     hint="wait until that command has ended, then run the same command again",
                 )
-            if not told and self._waiting is not None:
+            if not is_reported and self._waiting is not None:
                 self._waiting(f"waiting for {self._holder()}, who works on the authority")
-            told = True
+            is_reported = True
             time.sleep(_PAUSE_S)
 
     def _sign(self) -> None:

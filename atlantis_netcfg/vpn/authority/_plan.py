@@ -45,7 +45,7 @@ def issuing(roll: Roll, wishes: Sequence[Wish], reserved: Collection[IPv4Address
     """What to make for each wish, in their order; a Member where there is nothing to make. Raises UsageError."""
     addresses = Addresses(roll, reserved)
     found = [_found(roll, wish) for wish in wishes]
-    _once([wish.name for wish in wishes])
+    _once([request.name for request in wishes])
     # Declared addresses first: none of the others may get one of them.
     for member in found:
         if member is not None and not member.good:
@@ -56,8 +56,8 @@ def issuing(roll: Roll, wishes: Sequence[Wish], reserved: Collection[IPv4Address
         if (address := _declared(wish, member)) is not None
     }
     return [
-        member if member is not None and member.good else _planned(wish, member, taken, addresses)
-        for wish, member in zip(wishes, found, strict=True)
+        member if member is not None and member.good else _planned(desired, member, taken, addresses)
+        for desired, member in zip(wishes, found, strict=True)
     ]
 
 
@@ -69,7 +69,7 @@ def renewing(member: Member, change: Change) -> Planned:
             hint="onboard the device under another name",
         )
     newest = member.good[-1]
-    in_use = next((one for one in reversed(member.good) if one.standing is Standing.SEEN), member.good[0])
+    in_use = next((item for item in reversed(member.good) if item.standing is Standing.SEEN), member.good[0])
     return Planned(
         member=member if change.link is None else replace(member, link=change.link),
         common_name=_next_name(member),
@@ -77,7 +77,7 @@ def renewing(member: Member, change: Change) -> Planned:
         key=newest.key if change.key is None else change.key,
         days=CLIENT_DAYS if change.days is None else change.days,
         request_id=text(change.request_id, "the request's number"),
-        replaces=tuple(one.common_name for one in member.good if one is not in_use),
+        replaces=tuple(certificate.common_name for certificate in member.good if certificate is not in_use),
     )
 
 
@@ -92,51 +92,53 @@ def known(roll: Roll, name: str) -> Member:
     )
 
 
-def _found(roll: Roll, wish: Wish) -> Member | None:
+def _found(roll: Roll, request: Wish) -> Member | None:
     """The member that the wish is about, if there is one."""
-    _check(wish)
-    member = names.check_free(wish.name, wish.partner, wish.device, roll)
+    _check(request)
+    member = names.check_free(request.name, request.partner, request.device, roll)
     if member is None:
         return None
     if member.good:
-        _same(wish, member)
-    elif any(one.reason != NEVER_HANDED_OUT for one in member.certificates):
+        _same(request, member)
+    elif any(certificate.reason != NEVER_HANDED_OUT for certificate in member.certificates):
         raise names.NameTaken(
             f"`{member.name}` was revoked: {member.certificates[-1].reason}. Names never return",
-            hint=f"device={wish.device}-2, for instance",
+            hint=f"device={request.device}-2, for instance",
         )
     return member
 
 
-def _check(wish: Wish) -> None:
-    if wish.partner is None:
-        names.check_name(wish.name, "host")
-        right = wish.device
+def _check(request: Wish) -> None:
+    if request.partner is None:
+        names.check_name(request.name, "host")
+        right = request.device
     else:
-        right = names.member_name(wish.partner, wish.device)
-    if wish.name != right:
-        raise names.NameRefused(f"`{ascii(wish.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE")
-    if wish.vehicle is not None:
-        text(wish.vehicle, "the vehicle")
-    text(wish.request_id, "the request's number")
-    if wish.address is None and wish.pool is None:
-        raise UsageError(f"`{wish.name}` has neither an address nor a pool to take one from", hint="declare its pool")
+        right = names.member_name(request.partner, request.device)
+    if request.name != right:
+        raise names.NameRefused(f"`{ascii(request.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE")
+    if request.vehicle is not None:
+        text(request.vehicle, "the vehicle")
+    text(request.request_id, "the request's number")
+    if request.address is None and request.pool is None:
+        raise UsageError(
+            f"`{request.name}` has neither an address nor a pool to take one from", hint="declare its pool"
+        )
 
 
-def _same(wish: Wish, member: Member) -> None:
+def _same(request: Wish, member: Member) -> None:
     """Refuse a wish of a member that is there and is another one: nothing of it is changed in passing."""
     newest = member.good[-1]
     pairs = (
-        ("kind", member.kind, wish.kind),
-        ("link", member.link, wish.link),
-        ("vehicle", member.vehicle or "none", wish.vehicle or "none"),
-        ("address", member.address, member.address if wish.address is None else wish.address),
-        ("wrap", newest.wrap, wish.wrap),
-        ("key", newest.key, wish.key),
+        ("kind", member.kind, request.kind),
+        ("link", member.link, request.link),
+        ("vehicle", member.vehicle or "none", request.vehicle or "none"),
+        ("address", member.address, member.address if request.address is None else request.address),
+        ("wrap", newest.wrap, request.wrap),
+        ("key", newest.key, request.key),
     )
     other = [f"{word} is {has}, not {wished}" for word, has, wished in pairs if has != wished]
-    if wish.pool is not None and member.address not in wish.pool:
-        other.append(f"its address {member.address} is outside of {wish.pool}")
+    if request.pool is not None and member.address not in request.pool:
+        other.append(f"its address {member.address} is outside of {request.pool}")
     if other:
         raise OtherMember(
             f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
@@ -144,24 +146,33 @@ def _same(wish: Wish, member: Member) -> None:
         )
 
 
-def _declared(wish: Wish, member: Member | None) -> IPv4Address | None:
+def _declared(request: Wish, member: Member | None) -> IPv4Address | None:
     """The address that is not ours to choose: declared, or what a member got that was never handed out."""
     if member is None:
-        return wish.address
+        return request.address
     if member.good:
         return None
-    keeps = wish.pool is None or member.address in wish.pool
-    return wish.address if wish.address is not None or not keeps else member.address
+    keeps = request.pool is None or member.address in request.pool
+    return request.address if request.address is not None or not keeps else member.address
 
 
-def _planned(wish: Wish, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses) -> Planned:
-    address = taken.get(wish.name)
+def _planned(request: Wish, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses) -> Planned:
+    address = taken.get(request.name)
     if address is None:
-        assert wish.pool is not None  # noqa: S101 - _check has refused it
-        address = addresses.give(wish.pool, wish.name)
+        assert request.pool is not None  # noqa: S101 - _check has refused it
+        address = addresses.give(request.pool, request.name)
     certificates = () if member is None else member.certificates
-    planned = Member(wish.name, wish.kind, wish.partner, wish.device, address, wish.link, wish.vehicle, certificates)
-    return Planned(planned, _next_name(planned), wish.wrap, wish.key, wish.days, wish.request_id)
+    planned = Member(
+        request.name,
+        request.kind,
+        request.partner,
+        request.device,
+        address,
+        request.link,
+        request.vehicle,
+        certificates,
+    )
+    return Planned(planned, _next_name(planned), request.wrap, request.key, request.days, request.request_id)
 
 
 def _next_name(member: Member) -> str:
@@ -179,8 +190,8 @@ def _repeats(wished: list[str]) -> bool:
     return len(set(wished)) < len(wished)
 
 
-def text(said: str, what: str) -> str:
+def text(message: str, what: str) -> str:
     """A person's words, as they may be printed. Raises UsageError."""
-    if not said.isprintable() or len(said) > _TEXT:
-        raise UsageError(f"{what} is no short text in one line: {ascii(said)[:_TEXT]}", hint="write a word or two")
-    return said
+    if not message.isprintable() or len(message) > _TEXT:
+        raise UsageError(f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two")
+    return message

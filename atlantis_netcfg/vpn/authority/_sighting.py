@@ -29,20 +29,26 @@ def sighting(fold: Fold, sightings: Mapping[str, datetime]) -> tuple[list[record
         member = fold.member(name)
         new.extend(_of_member(member, sightings))
         withdrawn.extend(
-            one.common_name for one in member.certificates if _after_its_end(one, sightings.get(one.common_name))
+            certificate.common_name
+            for certificate in member.certificates
+            if _after_its_end(certificate, sightings.get(certificate.common_name))
         )
-    superseded = tuple(one.common_name for one in new if isinstance(one, records.Superseded))
+    superseded = tuple(item.common_name for item in new if isinstance(item, records.Superseded))
     strangers = tuple(name for name in sightings if name not in fold.issued)
     return new, Sighting(superseded, strangers, tuple(withdrawn))
 
 
 def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
     good = member.good
-    for one in good:
-        last = sightings.get(one.common_name)
-        if last is not None and (one.seen is None or last - one.seen >= _DAY):
-            yield records.Seen(common_name=one.common_name, last=last)
-    in_use = [number for number, one in enumerate(good) if one.common_name in sightings or one.seen is not None]
+    for item in good:
+        last = sightings.get(item.common_name)
+        if last is not None and (item.seen is None or last - item.seen >= _DAY):
+            yield records.Seen(common_name=item.common_name, last=last)
+    in_use = [
+        number
+        for number, certificate in enumerate(good)
+        if certificate.common_name in sightings or certificate.seen is not None
+    ]
     for old in good[: max(in_use, default=0)]:
         yield records.Superseded(common_name=old.common_name, by=good[max(in_use)].common_name)
 

@@ -32,8 +32,8 @@ TAKEN = "revoked by the server's list, which a copy of the authority has signed 
 class Signer:
     """Got by `Authority.unlocked()`; good inside that block only."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, prompt: Desk) -> None:
+        self._desk = prompt
 
     @property
     def roll(self) -> Roll:
@@ -54,11 +54,11 @@ class Signer:
         refused or taken, for a member of this name that is not the one wished for, for an address in use.
         """
         planned = plan.issuing(self.roll, wishes, reserved)
-        new = [one for one in planned if isinstance(one, plan.Planned)]
+        new = [entry for entry in planned if isinstance(entry, plan.Planned)]
         if new:
             hand_out(self._desk, "issue", new, deliver)
-        names = {one.member.name for one in new}
-        return tuple(self._issued(wish.name, already=wish.name not in names) for wish in wishes)
+        names = {item.member.name for item in new}
+        return tuple(self._issued(request.name, already=request.name not in names) for request in wishes)
 
     def renew(
         self, name: str, deliver: Callable[[Identity], types.Delivered], change: types.Change | None = None
@@ -85,14 +85,16 @@ class Signer:
         why = plan.text(reason, "the reason") or "no reason was given"
         lost = [_revocable(member) for member in members]
         if any(lost):
-            crl = self._revoke([member.name for member in members], [one for some in lost for one in some], why)
+            crl = self._revoke(
+                [member.name for member in members], [certificate for some in lost for certificate in some], why
+            )
         else:
             with translated("the revocation list cannot be read"):
                 crl = (self._desk.folder / CRL).read_bytes()
         handed_out = self._desk.book.fold.delivered
-        every = (one.common_name for member in members for one in member.certificates)
+        every = (entry.common_name for member in members for entry in member.certificates)
         return types.Revoked(
-            common_names=tuple(one for one in every if one in handed_out),
+            common_names=tuple(item for item in every if item in handed_out),
             members=tuple(member.name for member in members),
             crl=crl,
             already=tuple(member.name for member, some in zip(members, lost, strict=True) if not some),
@@ -100,7 +102,9 @@ class Signer:
 
     def publish(self) -> bytes:
         """Sign the list anew, superseded certificates on it as well; PEM."""
-        old = [one for _, one in self.roll.certificates() if one.standing is Standing.SUPERSEDED]
+        old = [
+            certificate for _, certificate in self.roll.certificates() if certificate.standing is Standing.SUPERSEDED
+        ]
         operation = new_operation()
         begun = records.Begun(command="publish")
         self._desk.book.write([begun, *_revocations(old, SUPERSEDED)], operation)
@@ -113,15 +117,15 @@ class Signer:
         Raises CrlRefused for a list of another CA.
         """
         facts = pki.read_crl(pem, self._desk.ca.certificate)
-        ours = [one for _, one in self.roll.certificates() if one.serial in facts.serials]
-        lost = [one for one in ours if one.standing is not Standing.REVOKED]
-        strange = facts.serials - {one.serial for one in ours} - self._desk.book.fold.taken.keys()
+        ours = [entry for _, entry in self.roll.certificates() if entry.serial in facts.serials]
+        lost = [item for item in ours if item.standing is not Standing.REVOKED]
+        strange = facts.serials - {our.serial for our in ours} - self._desk.book.fold.taken.keys()
         taken = [records.Taken(serials=tuple(sorted(strange)))] if strange else []
         operation = new_operation()
         begun = records.Begun(command="publish")
         self._desk.book.write([begun, *taken, *_revocations(lost, TAKEN)], operation)
         self._listed(operation, facts)
-        return tuple(one.common_name for one in lost)
+        return tuple(certificate.common_name for certificate in lost)
 
     def serve(self, names: types.ServerNames) -> bool:
         """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
@@ -154,10 +158,10 @@ class Signer:
 
 def _revocable(member: Member) -> list[Certificate]:
     """What a revocation of the member is about; once for one that was never handed out, so that its name is retired."""
-    good = [one for one in member.certificates if one.standing is not Standing.REVOKED]
-    waits = not good and all(one.reason == plan.NEVER_HANDED_OUT for one in member.certificates)
+    good = [item for item in member.certificates if item.standing is not Standing.REVOKED]
+    waits = not good and all(certificate.reason == plan.NEVER_HANDED_OUT for certificate in member.certificates)
     return list(member.certificates) if waits else good
 
 
 def _revocations(certificates: Iterable[Certificate], why: str) -> list[records.Record]:
-    return [records.Revoked(common_name=one.common_name, reason=why) for one in certificates]
+    return [records.Revoked(common_name=certificate.common_name, reason=why) for certificate in certificates]

@@ -41,13 +41,13 @@ def host_identity(authority: Path, host: str) -> Path:
     return authority / "hosts" / f"{host}{_ENDING}"
 
 
-def accept(declaration: Declaration, data: bytes, told: Secret, authority: Path, *, now: datetime) -> Accepted:
+def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> Accepted:
     """Open the hand-out of a declared host, check that it is of this declaration, and keep its identity.
 
     Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError for a host that is not declared so, for an identity that
     has expired, and for one that is older than what is there.
     """
-    identity = _identity(open_handout(data, told))
+    identity = _identity(open_handout(data, secret))
     _check(declaration, identity, now)
     path = host_identity(authority, identity.member.name)
     already = _already(path, identity)

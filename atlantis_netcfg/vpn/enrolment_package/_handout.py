@@ -66,12 +66,12 @@ def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, c
     return HandOut(_file_name(identity), data, passphrase)
 
 
-def open_handout(data: bytes, told: Secret) -> dict[str, str]:
+def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
     """The files of a hand-out, by name; `told` is its passphrase, or the `AGE-SECRET-KEY-1…` that it is sealed for.
 
     Raises WrongKey, NotAHandOut.
     """
-    return unpack(unseal(data, told))
+    return unpack(unseal(data, secret))
 
 
 def contents(declaration: Declaration, identity: Identity, *, contact: str) -> dict[str, str]:
@@ -81,20 +81,20 @@ def contents(declaration: Declaration, identity: Identity, *, contact: str) -> d
             f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
             hint="for example a name, a telephone number and a mail address",
         )
-    own = _own(declaration, identity)
-    told = (*own, "README.txt", "README.html", *_beside(identity.member.kind))
+    local = _own(declaration, identity)
+    lines = (*local, "README.txt", "README.html", *_beside(identity.member.kind))
     view = pages.page_view(
         declaration,
         identity,
         contact=contact.strip(),
         sealed_file=_file_name(identity),
-        files=[(name, _what(name)) for name in told],
+        files=[(name, _what(name)) for name in lines],
     )
     page = pages.page(view)
-    made = {**own, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
-    if "restart.conf" in told:
+    made = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
+    if "restart.conf" in lines:
         made["restart.conf"] = pages.restart(view)
-    if "self-test.py" in told:
+    if "self-test.py" in lines:
         ovpn = f"{identity.member.name}.ovpn"
         made["self-test.py"] = program()
         made["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)

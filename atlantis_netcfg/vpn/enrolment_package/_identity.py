@@ -52,8 +52,8 @@ def identity_file(identity: Identity) -> Secret:
 def inline(identity: Identity) -> Secret:
     """OpenVPN's inline blocks, without a last newline."""
     wrap = str(identity.certificate.wrap)
-    told = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
-    blocks = (*told, (wrap, identity.wrap_key.reveal()))
+    result = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
+    blocks = (*result, (wrap, identity.wrap_key.reveal()))
     return Secret("\n".join(f"<{name}>\n{text.strip()}\n</{name}>" for name, text in blocks))
 
 
@@ -71,9 +71,9 @@ def read_identity(text: str) -> Identity:
     """Read an identity file, or a profile of ours. Raises NotAnIdentity unless everything in it fits together."""
     if len(text) > _MAX:
         raise NotAnIdentity(f"it has more than {_MAX} characters")
-    told = _told(text.replace("\r\n", "\n"))
+    values = _told(text.replace("\r\n", "\n"))
     try:
-        return _identity(told, {name: _block(text, name) for name in ("ca", "cert", "key", told["wrap"])})
+        return _identity(values, {name: _block(text, name) for name in ("ca", "cert", "key", values["wrap"])})
     except ValueError as error:
         # `from None`: a parser's words about a key are not shown to anybody.
         raise NotAnIdentity(str(error) if isinstance(error, _Misfit) else "a value in it cannot be read") from None
@@ -89,12 +89,12 @@ def _told(text: str) -> dict[str, str]:
         raise NotAnIdentity(f"it has no line `{_MARK}`")
     start = lines.index(_MARK) + 1
     found = [_TOLD.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
-    told = {one[1]: one[2] for one in found if one}
-    if tuple(told) != _KEYS:
+    values = {item[1]: item[2] for item in found if item}
+    if tuple(values) != _KEYS:
         raise NotAnIdentity("the lines at its beginning are not whole")
-    if told["wrap"] not in set(Wrap):
+    if values["wrap"] not in set(Wrap):
         raise NotAnIdentity("how its control channel is wrapped is not known")
-    return told
+    return values
 
 
 def _block(text: str, name: str) -> str:
@@ -104,16 +104,16 @@ def _block(text: str, name: str) -> str:
     return f"{found[0]}\n"
 
 
-def _identity(told: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
-    certificate = _certificate(told, blocks)
+def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
+    certificate = _certificate(values, blocks)
     member = Member(
-        name=told["name"],
-        kind=Kind(told["kind"]),
-        partner=_maybe(told["partner"]),
-        device=told["device"],
-        address=IPv4Address(told["address"]),
-        link=Link(told["link"]),
-        vehicle=_maybe(told["vehicle"]),
+        name=values["name"],
+        kind=Kind(values["kind"]),
+        partner=_maybe(values["partner"]),
+        device=values["device"],
+        address=IPv4Address(values["address"]),
+        link=Link(values["link"]),
+        vehicle=_maybe(values["vehicle"]),
         certificates=(certificate,),
     )
     return Identity(
@@ -122,7 +122,7 @@ def _identity(told: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
         ca=blocks["ca"],
         cert=blocks["cert"],
         key=Secret(blocks["key"]),
-        wrap_key=Secret(blocks[told["wrap"]]),
+        wrap_key=Secret(blocks[values["wrap"]]),
     )
 
 
@@ -130,25 +130,27 @@ def _maybe(value: str) -> str | None:
     return None if value == _NONE else value
 
 
-def _certificate(told: Mapping[str, str], blocks: Mapping[str, str]) -> Certificate:
+def _certificate(values: Mapping[str, str], blocks: Mapping[str, str]) -> Certificate:
     found = x509.load_pem_x509_certificate(blocks["cert"].encode())
-    _fit(found, told, blocks)
+    _fit(found, values, blocks)
     return Certificate(
-        common_name=told["common-name"],
+        common_name=values["common-name"],
         serial=found.serial_number,
         sha256=found.fingerprint(SHA256()).hex(),
         not_before=found.not_valid_before_utc.astimezone(UTC),
         not_after=found.not_valid_after_utc.astimezone(UTC),
-        wrap=Wrap(told["wrap"]),
-        key=KeyType(told["key"]),
+        wrap=Wrap(values["wrap"]),
+        key=KeyType(values["key"]),
         standing=Standing.ISSUED,
     )
 
 
-def _fit(found: x509.Certificate, told: Mapping[str, str], blocks: Mapping[str, str]) -> None:
+def _fit(found: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str, str]) -> None:
     """Refuse a key of another certificate, a certificate of another name or another CA."""
-    names = [str(one.value) for one in found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)]
-    if names != [told["common-name"]] or told["common-name"].partition(".")[0] != told["name"]:
+    names = [
+        str(name_attribute.value) for name_attribute in found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    ]
+    if names != [values["common-name"]] or values["common-name"].partition(".")[0] != values["name"]:
         raise _Misfit("its certificate has another name than its first lines")
     key = load_pem_private_key(blocks["key"].encode(), password=None)
     form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)

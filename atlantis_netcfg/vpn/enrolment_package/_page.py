@@ -181,6 +181,6 @@ def _dds(declaration: Declaration, member: Member, found: Sequence[Reach]) -> Dd
     dds = declaration.pilot.dds
     if dds is None or member.kind not in {Kind.ROBOT, Kind.LAPTOP}:
         return None
-    spoken = [one for one in found if any(words.startswith("DDS") for words in one.traffic)]
-    peers = tuple(address for one in spoken for _, address in one.hosts)
+    spoken = [entry for entry in found if any(words.startswith("DDS") for words in entry.traffic)]
+    peers = tuple(address for item in spoken for _, address in item.hosts)
     return Dds(dds.domain, dds.middleware, _MESSAGE_BYTES, peers) if peers else None

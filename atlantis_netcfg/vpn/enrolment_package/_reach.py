@@ -54,13 +54,13 @@ def reach(declaration: Declaration, member: Member) -> tuple[Reach, ...]:
             name = permission.destination.name if permission.destination else ""
             found.setdefault(name, []).append(permission)
     made = (_reach(declaration, member, permissions) for permissions in found.values())
-    return tuple(one for one in made if one is not None)
+    return tuple(item for item in made if item is not None)
 
 
 def reached_by(declaration: Declaration, member: Member) -> tuple[str, ...]:
     """Partners, by their full names, that see the robot that the member is."""
-    others = (one for name, one in declaration.partners.items() if name != member.partner)
-    return tuple(one.full_name for one in others if member.vehicle is not None and member.vehicle in one.sees)
+    others = (partner for name, partner in declaration.partners.items() if name != member.partner)
+    return tuple(other.full_name for other in others if member.vehicle is not None and member.vehicle in other.sees)
 
 
 def tunnel_of_server(declaration: Declaration) -> IPv4Address:
@@ -88,13 +88,13 @@ def _policy(declaration: Declaration, member: Member) -> Policy:
 
 def _roll(*members: Member) -> Roll:
     """A roll of these alone."""
-    return Roll({one.name: one for one in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
+    return Roll({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
 
 
 def _reach(declaration: Declaration, member: Member, permissions: list[Permission]) -> Reach | None:
     zone = permissions[0].destination
-    traffic = tuple(dict.fromkeys(_words(one.traffic, one.why) for one in permissions))
-    ping = any(one.traffic in (PING, ANYTHING) for one in permissions)
+    traffic = tuple(dict.fromkeys(_words(permission.traffic, permission.why) for permission in permissions))
+    ping = any(item.traffic in (PING, ANYTHING) for item in permissions)
     if zone is None:
         server = _policy(declaration, member).server
         return Reach("the VPN's server", ((server.name, server.address),), traffic, ping=ping)

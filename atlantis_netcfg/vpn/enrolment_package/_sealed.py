@@ -41,11 +41,11 @@ def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
     return pki.seal(data, passphrase), passphrase
 
 
-def unseal(data: bytes, told: Secret) -> bytes:
+def unseal(data: bytes, secret: Secret) -> bytes:
     """What was sealed; `told` is the passphrase, or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
-    by_key = told.reveal().strip().startswith(_SECRET_KEY)
+    by_key = secret.reveal().strip().startswith(_SECRET_KEY)
     try:
-        return pki.unseal_with(data, told) if by_key else pki.unseal(data, _as_made(told))
+        return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
     except pki.SealDamaged:
         raise NotAHandOut("it is not sealed, or was damaged on its way") from None
     except pki.WrongPassphrase:

@@ -34,7 +34,7 @@ def program() -> str:
 def facts(declaration: Declaration, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
     """What the self-test compares with, as JSON; of the profile only its hash."""
     member, certificate, vpn = identity.member, identity.certificate, declaration.pilot.vpn
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "pilot": declaration.pilot.name,
         "name": member.name,
         "address": str(member.address),
@@ -51,11 +51,11 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
         "ping": _pinged(declaration, member),
         "dds_port": dds_port(declaration, member),
         "contact": contact,
-        "faults": [list(one) for one in FAULTS],
+        "faults": [list(item) for item in FAULTS],
         "refused": list(REFUSED),
         "silence": list(SILENCE),
     }
-    return json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
 def _pinged(declaration: Declaration, member: Member) -> list[list[str]]:
@@ -63,9 +63,9 @@ def _pinged(declaration: Declaration, member: Member) -> list[list[str]]:
     server = tunnel_of_server(declaration)
     found = {
         address: name
-        for one in reach(declaration, member)
-        if one.ping
-        for name, address in one.hosts
+        for item in reach(declaration, member)
+        if item.ping
+        for name, address in item.hosts
         if address not in {server, member.address}
     }
     return [[name, str(address)] for address, name in list(found.items())[:_FEW]]

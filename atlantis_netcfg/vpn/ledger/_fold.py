@@ -113,7 +113,7 @@ class Fold:
         holder = self._holders.get(record.name)
         if holder is None:
             holder = self._holders[record.name] = _Holder(_member(record))
-        elif not any(one in self.delivered for one in holder.certificates):
+        elif not any(item in self.delivered for item in holder.certificates):
             holder.member = _member(record)
         certificate = Certificate(
             common_name=record.common_name,

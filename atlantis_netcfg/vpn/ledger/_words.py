@@ -58,7 +58,7 @@ def _of_certificate(record: records.Issued | records.Delivered | records.Revoked
         case records.Revoked():
             return f"{record.common_name} revoked: {record.reason}"
         case records.Taken():
-            serials = _listed(tuple(f"{one:x}" for one in record.serials))
+            serials = _listed(tuple(f"{serial:x}" for serial in record.serials))
             return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
 
 
@@ -82,8 +82,8 @@ def _of_authority(
             names = ", ".join((*record.dns, *map(str, record.addresses)))
             return f"server certificate {record.common_name} issued for {names}, good until {_day(record.not_after)}"
         case records.Published():
-            held = f"{record.revoked} revoked, good until {_day(record.next_update)}"
-            return f"revocation list {record.number} signed: {held}"
+            current = f"{record.revoked} revoked, good until {_day(record.next_update)}"
+            return f"revocation list {record.number} signed: {current}"
         case records.Resealed():
             return f"the CA key was put under another passphrase ({record.sealed_by})"
         case records.ClockTrusted():
@@ -93,8 +93,8 @@ def _of_authority(
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    told = ", ".join(names[:_NAMED])
-    return told if len(names) <= _NAMED else f"{told} and {len(names) - _NAMED} more"
+    text = ", ".join(names[:_NAMED])
+    return text if len(names) <= _NAMED else f"{text} and {len(names) - _NAMED} more"
 
 
 def _day(moment: datetime) -> str:

@@ -206,7 +206,7 @@ def _subject(common_name: str) -> x509.Name:
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
 
 
-def _usage(**said: bool) -> x509.KeyUsage:
+def _usage(**reply: bool) -> x509.KeyUsage:
     every = dict.fromkeys(
         (
             "digital_signature",
@@ -221,4 +221,4 @@ def _usage(**said: bool) -> x509.KeyUsage:
         ),
         False,
     )
-    return x509.KeyUsage(**every | said)
+    return x509.KeyUsage(**every | reply)

@@ -62,8 +62,10 @@ def new_crl(ca: Ca, revoked: Iterable[RevokedSerial], number: int, now: datetime
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     authority = x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(identifier)
     lines = [
-        x509.RevokedCertificateBuilder(one.serial, one.date.astimezone(UTC).replace(microsecond=0)).build()
-        for one in revoked
+        x509.RevokedCertificateBuilder(
+            revoked_serial.serial, revoked_serial.date.astimezone(UTC).replace(microsecond=0)
+        ).build()
+        for revoked_serial in revoked
     ]
     builder = (
         x509.CertificateRevocationListBuilder(ca.certificate.subject, now, now + timedelta(days=days), [], lines)
@@ -151,10 +153,10 @@ def _check_issuer(crl: x509.CertificateRevocationList, ca: x509.Certificate) -> 
 
 def _facts(crl: x509.CertificateRevocationList, pem: bytes) -> CrlFacts:
     try:
-        if {one.oid for one in crl.extensions} != _EXTENSIONS:
+        if {extension.oid for extension in crl.extensions} != _EXTENSIONS:
             _refuse("it is of another kind than our lists: it has other extensions")
         number = crl.extensions.get_extension_for_class(x509.CRLNumber).value.crl_number
-        serials = frozenset(one.serial_number for one in crl)
+        serials = frozenset(revoked_certificate.serial_number for revoked_certificate in crl)
         following = crl.next_update_utc
         this = crl.last_update_utc
     except (ValueError, x509.DuplicateExtension):

@@ -75,7 +75,7 @@ def check_recipient(recipient: str) -> None:
 
 def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
     """Encrypt to whoever holds one of these keys; `age --decrypt --identity` opens it. Raises RecipientRefused."""
-    return bytes(pyrage.encrypt(data, [_recipient(one) for one in (recipient, *others)], armored=True))
+    return bytes(pyrage.encrypt(data, [_recipient(item) for item in (recipient, *others)], armored=True))
 
 
 def opening_bytes(sealed: bytes) -> int:

@@ -47,17 +47,17 @@ def _asked(members: tuple[Member, ...]) -> tuple[Question, ...]:
     return tuple(dict.fromkeys(member.question for member in members))
 
 
-def _transcript(member: Member, heard: Mapping[str, Answer]) -> Transcript:
-    transcript = heard[member.question.name]
+def _transcript(member: Member, results: Mapping[str, Answer]) -> Transcript:
+    transcript = results[member.question.name]
     if not isinstance(transcript, Transcript):
         raise TypeError(transcript)
     return transcript
 
 
-def _not_compared(names: Iterable[str], told: int) -> Iterator[Finding]:
+def _not_compared(names: Iterable[str], result: int) -> Iterator[Finding]:
     missing = ", ".join(names)
     if missing:
-        rest = "the others agree or not without it" if told > 1 else "a comparison needs two"
+        rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
         message = f"the modem settings of {missing} could not be read: {rest}"
         hint = "settle the item of that modem itself first, and check again"
         yield Finding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
@@ -83,7 +83,7 @@ def _same(what: str, code: str, values: Mapping[str, Hashable], hint: str, *, ve
 
 def _unique(what: str, values: Mapping[str, int]) -> Iterator[Finding]:
     for number in sorted(set(values.values())):
-        names = [name for name, own in values.items() if own == number]
+        names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
             message = f"{' and '.join(names)} have the same {what}, {number}"
             hint = "have the crew of one of them set another one; the declaration says which belongs to whom"
@@ -100,14 +100,14 @@ class EvologicsFleet:
         """The same scripts as the items of the modems themselves."""
         return _asked(self.members)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Compare what `AT&V` told."""
-        readings = {member.name: Reading.of(_transcript(member, heard)) for member in self.members}
-        told = {
-            name: {wanted: value for wanted in _LISTED if (value := reading.setting(wanted)) is not None}
+        readings = {member.name: Reading.of(_transcript(member, results)) for member in self.members}
+        result = {
+            name: {expected: value for expected in _LISTED if (value := reading.setting(expected)) is not None}
             for name, reading in readings.items()
         }
-        whole = {name: values for name, values in told.items() if len(values) == len(_LISTED)}
+        whole = {name: values for name, values in result.items() if len(values) == len(_LISTED)}
         findings = [*_not_compared((name for name in readings if name not in whole), len(whole))]
         if len(whole) > 1:
             findings += self._compared(whole, readings)
@@ -117,8 +117,8 @@ class EvologicsFleet:
         )
         return Judged(tuple(findings) or (_agree(whole),), evidence)
 
-    def _compared(self, told: Mapping[str, Mapping[str, int]], readings: Mapping[str, Reading]) -> Iterator[Finding]:
-        of = {wanted: {name: values[wanted] for name, values in told.items()} for wanted in _LISTED}
+    def _compared(self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, Reading]) -> Iterator[Finding]:
+        of = {expected: {name: values[expected] for name, values in result.items()} for expected in _LISTED}
         yield from _unique("acoustic address", of["Local Address"])
         hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
         yield from _same(
@@ -130,7 +130,7 @@ class EvologicsFleet:
         allowed = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
         yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed, hint)
         yield from _carriers(of["Carrier Waveform ID"])
-        words = {name: evologics.answer(readings[name].heard, _PHY) for name in told}
+        words = {name: evologics.answer(readings[name].heard, _PHY) for name in result}
         hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
         known = {name: word for name, word in words.items() if word}
         yield from _same("physical layer", "band-differs", known, hint, verdict=Verdict.WARN)
@@ -156,8 +156,8 @@ def _carriers(values: Mapping[str, int]) -> Iterator[Finding]:
         yield Finding(Verdict.FAIL, "carriers", message, hint)
 
 
-def _agree(told: Mapping[str, Mapping[str, int]]) -> Finding:
-    addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in told.items())
+def _agree(result: Mapping[str, Mapping[str, int]]) -> Finding:
+    addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
     return Finding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
 
 
@@ -171,24 +171,24 @@ class SeatracFleet:
         """The same scripts as the items of the beacons themselves."""
         return _asked(self.members)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Compare their settings."""
-        beacons = {member.name: Beacon.of(_transcript(member, heard)).settings for member in self.members}
-        told = {name: settings for name, settings in beacons.items() if settings is not None}
-        findings = [*_not_compared((name for name in beacons if name not in told), len(told))]
-        numbers = {name: settings.beacon for name, settings in told.items()}
+        beacons = {member.name: Beacon.of(_transcript(member, results)).settings for member in self.members}
+        values = {name: settings for name, settings in beacons.items() if settings is not None}
+        findings = [*_not_compared((name for name in beacons if name not in values), len(values))]
+        numbers = {name: settings.beacon for name, settings in values.items()}
         sound = {
             name: "by itself" if settings.auto_sound_speed else f"{plain(settings.sound_speed_mps)} m/s"
-            for name, settings in told.items()
+            for name, settings in values.items()
         }
-        if len(told) > 1:
+        if len(values) > 1:
             findings += _unique("beacon number", numbers)
             hint = "have the crews set the same sound speed on all beacons, or let all work it out"
             findings += _same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
         findings += _strangers(self.members, numbers)
         evidence = tuple(
             Evidence(type=EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}")
-            for name in told
+            for name in values
         )
         listed = _listed(numbers)
         passed = Finding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {listed}")

@@ -80,9 +80,9 @@ class EvologicsMessage:
         )
         return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and what became of it."""
-        transcript = said(self.modem, self.name, heard[self._question().name])
+        transcript = said(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, Judged):
             return transcript
         pieces = evologics.pieces(transcript.data)
@@ -100,16 +100,16 @@ class EvologicsMessage:
         refused = evologics.trouble_words(pieces, "AT*SENDIM")
         if accepted:
             # The vehicle's own software may send as well: only what follows our own message is its report.
-            at = next(place for place, one in enumerate(pieces) if _is_send(one) and one.text == "OK")
-            reports = tuple(one.text for one in pieces[at:] if one.command == evologics.NOTIFICATION)
+            at = next(place for place, entry in enumerate(pieces) if _is_send(entry) and entry.text == "OK")
+            reports = tuple(item.text for item in pieces[at:] if item.command == evologics.NOTIFICATION)
             return Judged((self._sent(reports),), evidence)
         return Judged((self._kept(pieces, level, refused),), evidence)
 
-    def _sent(self, told: tuple[str, ...]) -> Finding:
+    def _sent(self, lines: tuple[str, ...]) -> Finding:
         to = f"the modem with the address {self.partner}"
-        if f"DELIVEREDIM,{self.partner}" in told:
+        if f"DELIVEREDIM,{self.partner}" in lines:
             return Finding(Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it")
-        if f"FAILEDIM,{self.partner}" in told:
+        if f"FAILEDIM,{self.partner}" in lines:
             hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
             return Finding(Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint)
         hint = "check again; the modem may still have been trying when the time was up"

@@ -113,7 +113,7 @@ def refused(data: bytes, *, active: bool) -> str | None:
 
 def _refused_evologics(data: bytes, *, active: bool) -> str | None:
     body = data.removeprefix(b"+++").removesuffix(b"\n")
-    known = next((one for pattern, one in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
+    known = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
     if known is None or data != b"+++" + body + b"\n":
         return f"{data!r} is on no list of what may be said to an EvoLogics modem"
     if known.use is Use.ACTIVE and not _whole_message(body):

@@ -45,16 +45,16 @@ class Beacon:
     @classmethod
     def of(cls, transcript: Transcript) -> Beacon:
         """Read a transcript."""
-        heard = seatrac.answers(transcript.data)
-        state = seatrac.last(heard, seatrac.TRANSCEIVER)
-        told = (seatrac.settings(one.record) for one in heard if one.number == seatrac.SETTINGS)
+        received = seatrac.answers(transcript.data)
+        state = seatrac.last(received, seatrac.TRANSCEIVER)
+        result = (seatrac.settings(answer.record) for answer in received if answer.number == seatrac.SETTINGS)
         return cls(
-            heard,
-            seatrac.settings(seatrac.last(heard, seatrac.SETTINGS) or b""),
-            seatrac.status(seatrac.last(heard, seatrac.STATUS) or b""),
-            seatrac.info(seatrac.last(heard, seatrac.INFO) or b""),
+            received,
+            seatrac.settings(seatrac.last(received, seatrac.SETTINGS) or b""),
+            seatrac.status(seatrac.last(received, seatrac.STATUS) or b""),
+            seatrac.info(seatrac.last(received, seatrac.INFO) or b""),
             state[0] if state else None,
-            frozenset(one.beacon for one in told if one is not None),
+            frozenset(settings.beacon for settings in result if settings is not None),
         )
 
 
@@ -84,9 +84,9 @@ class SeatracStatus:
         """One script of reading commands."""
         return (self.question,)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the beacon told."""
-        transcript = said(self.modem, self.name, heard[self.question.name])
+        transcript = said(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         damaged = damage(self.name, transcript)

@@ -79,14 +79,14 @@ _WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
 """Verdict, code, sentence and hint of a modem that has not said a word."""
 
 
-def trouble(modem: Modem, name: str, heard: Transcript) -> Finding | None:
+def trouble(modem: Modem, name: str, transcript: Transcript) -> Finding | None:
     """Say why the modem of a row could not be read; None: it has said something."""
-    if heard.data:
+    if transcript.data:
         return None
     # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
-    met = Trouble.REFUSED if heard.trouble is Trouble.CLOSED else heard.trouble
+    met = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[met]
-    words = heard.words or "nobody could ask it"
+    words = transcript.words or "nobody could ask it"
     return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
@@ -115,7 +115,7 @@ def whose_unknown(modem: Modem, name: str) -> Finding:
 
 def two_modems(modem: Modem, name: str, addresses: Collection[int]) -> Finding:
     """Say that answers contradict each other."""
-    told = " and ".join(map(str, sorted(addresses)))
-    message = f"what answers for {name} at {modem.where} tells the acoustic addresses {told}: it is more than one modem"
+    text = " and ".join(map(str, sorted(addresses)))
+    message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
     hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
     return Finding(Verdict.FAIL, "two-modems", message, hint)

@@ -126,22 +126,24 @@ def _lines(data: bytes, begin: int, end: int) -> Iterator[Piece]:
         begin = stop + 1
 
 
-def answer(heard: Sequence[Piece], command: str) -> str | None:
+def answer(received: Sequence[Piece], command: str) -> str | None:
     """The last framed answer to a command; None: none came, or the modem says ERROR or BUSY."""
-    text = _last(heard, command)
+    text = _last(received, command)
     return None if text is None or text.startswith(("ERROR", "BUSY")) else text
 
 
-def trouble_words(heard: Sequence[Piece], command: str) -> str | None:
+def trouble_words(received: Sequence[Piece], command: str) -> str | None:
     """`ERROR …` or `BUSY …` in answer to a command, or a bare one to any."""
-    bare = next((one.text for one in heard if one.command is None and one.text.startswith(("ERROR", "BUSY"))), None)
-    text = _last(heard, command) or bare
+    bare = next(
+        (piece.text for piece in received if piece.command is None and piece.text.startswith(("ERROR", "BUSY"))), None
+    )
+    text = _last(received, command) or bare
     return text if text and text.startswith(("ERROR", "BUSY")) else None
 
 
-def _last(heard: Sequence[Piece], command: str) -> str | None:
+def _last(received: Sequence[Piece], command: str) -> str | None:
     # The answer to a command with parameters names it with or without them.
-    return next((p.text for p in reversed(heard) if p.command and p.command.partition(",")[0] == command), None)
+    return next((p.text for p in reversed(received) if p.command and p.command.partition(",")[0] == command), None)
 
 
 def number(text: str | None) -> float | None:
@@ -150,31 +152,31 @@ def number(text: str | None) -> float | None:
     return float(found[1]) if found else None
 
 
-def state(heard: Sequence[Piece]) -> str | None:
+def state(received: Sequence[Piece]) -> str | None:
     """The state's words; None: not told. Words that nobody knows are given back as they are."""
-    text = answer(heard, "AT?S")
+    text = answer(received, "AT?S")
     if text is not None:
         found = _STATES.search(text)
         return found[1] if found else text[:60]
-    bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(heard) if p.command is None)
+    bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(received) if p.command is None)
     return next((found[1] for found in bare if found), None)
 
 
-def settings(heard: Sequence[Piece]) -> Settings | None:
+def settings(received: Sequence[Piece]) -> Settings | None:
     """Everything known that `AT&V` told, framed or bare; None: nothing."""
-    text = answer(heard, "AT&V") or "\n".join(p.text for p in heard if p.command is None)
+    text = answer(received, "AT&V") or "\n".join(p.text for p in received if p.command is None)
     found = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
     named = [(one[2].replace("Rerty", "Retry"), one) for one in found if one]
     known = [(name, one) for name, one in named if name in _NAMES]
     if not known:
         return None
-    return Settings({name: int(one[3]) for name, one in known}, tuple(name for name, one in known if one[1]))
+    return Settings({name: int(entry[3]) for name, entry in known}, tuple(name for name, item in known if item[1]))
 
 
-def fixes(heard: Sequence[Piece]) -> tuple[Fix, ...]:
+def fixes(received: Sequence[Piece]) -> tuple[Fix, ...]:
     """Every fix that was told, framed or bare, in its order."""
-    told = (p for p in heard if p.command in {NOTIFICATION, None})
-    return tuple(fix for fix in map(_fix, told) if fix)
+    result = (p for p in received if p.command in {NOTIFICATION, None})
+    return tuple(fix for fix in map(_fix, result) if fix)
 
 
 def _fix(piece: Piece) -> Fix | None:

@@ -97,18 +97,25 @@ def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, Modem]]:
 def declared_address(cell: Cell, modem: Modem) -> int | None:
     """The acoustic address of a modem, as the acoustic column of any row declares it; None: nobody does."""
     same = (other.endpoints.acoustic for other, its in modems(cell, Column.ACOUSTIC) if its == modem)
-    return next((one.acoustic_address for one in same if one is not None and one.acoustic_address is not None), None)
+    return next(
+        (
+            endpoint.acoustic_address
+            for endpoint in same
+            if endpoint is not None and endpoint.acoustic_address is not None
+        ),
+        None,
+    )
 
 
 def question(cell: Cell, modem: Modem) -> Listen:
     """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
-    usbl = [one.endpoints.usbl for one, other in modems(cell, Column.USBL) if other == modem]
-    wanted = [endpoint for endpoint in usbl if endpoint is not None]
+    usbl = [item.endpoints.usbl for item, other in modems(cell, Column.USBL) if other == modem]
+    expected = [endpoint for endpoint in usbl if endpoint is not None]
     return modem.listen(
         f"modem at {modem.where}",
         _script(modem.driver),
-        listen_s=max((endpoint.listen_s for endpoint in wanted), default=0.0),
-        enough=_enough(modem.driver, wanted),
+        listen_s=max((endpoint.listen_s for endpoint in expected), default=0.0),
+        enough=_enough(modem.driver, expected),
     )
 
 
@@ -118,11 +125,11 @@ def _script(driver: AcousticDriver) -> tuple[Say, ...]:
     return tuple(ask_at(query, evologics.answered(query)) for query in _QUERIES)
 
 
-def _enough(driver: AcousticDriver, wanted: list[UsblEndpoint]) -> bytes:
+def _enough(driver: AcousticDriver, desired: list[UsblEndpoint]) -> bytes:
     """Some whole fixes of every address that is expected; nothing, where nobody listens for any."""
-    expected = sorted({address for endpoint in wanted for address in endpoint.hears})
+    expected = sorted({address for endpoint in desired for address in endpoint.hears})
     remotes: list[int | None] = list(expected)
-    if any(not endpoint.hears for endpoint in wanted):
+    if any(not endpoint.hears for endpoint in desired):
         remotes.append(None)
     seen = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
     if not seen or driver is AcousticDriver.SEATRAC:

@@ -143,9 +143,9 @@ def damaged(data: bytes) -> int:
     return sum(_checked(found[1]) is None for found in _ANSWER.finditer(data))
 
 
-def last(heard: Sequence[Answer], number: int) -> bytes | None:
+def last(received: Sequence[Answer], number: int) -> bytes | None:
     """The record of the last answer with a number; None: there is none."""
-    return next((one.record for one in reversed(heard) if one.number == number), None)
+    return next((answer.record for answer in reversed(received) if answer.number == number), None)
 
 
 def settings(record: bytes) -> Settings | None:

@@ -51,8 +51,8 @@ class Reading:
     @classmethod
     def of(cls, transcript: Transcript) -> Reading:
         """Read a transcript."""
-        heard = evologics.pieces(transcript.data)
-        return cls(heard, evologics.settings(heard))
+        received = evologics.pieces(transcript.data)
+        return cls(received, evologics.settings(received))
 
     @property
     def understood(self) -> bool:
@@ -72,8 +72,8 @@ class Reading:
             return frozenset()
         listed = [evologics.settings((piece,)) for piece in self.heard if piece.command == "AT&V"]
         queried = [evologics.number(piece.text) for piece in self.heard if piece.command == "AT?AL"]
-        own = [one.values.get("Local Address") for one in listed if one is not None]
-        return frozenset(int(one) for one in (*own, *queried, self.address) if one is not None)
+        local = [settings.values.get("Local Address") for settings in listed if settings is not None]
+        return frozenset(int(item) for item in (*local, *queried, self.address) if item is not None)
 
     @property
     def level(self) -> int | None:
@@ -84,8 +84,8 @@ class Reading:
         """A setting of the listing, else of its own query."""
         if self.settings is not None and name in self.settings.values:
             return self.settings.values[name]
-        told = self.number(query) if query else None
-        return int(told) if told is not None else None
+        result = self.number(query) if query else None
+        return int(result) if result is not None else None
 
     def number(self, query: str) -> float | None:
         """The number that a query was answered with."""
@@ -107,9 +107,9 @@ class EvologicsStatus:
         """One script of reading queries."""
         return (self.question,)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the modem told."""
-        transcript = said(self.modem, self.name, heard[self.question.name])
+        transcript = said(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         reading = Reading.of(transcript)

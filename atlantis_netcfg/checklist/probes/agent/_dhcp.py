@@ -58,8 +58,8 @@ def _interface(word: str) -> str:
     """The interface of this name, or the one that has this address."""
     if word in [name for _, name in socket.if_nameindex()]:
         return word
-    told = run({"argv": ["ip", "-j", "-4", "addr"], "within_s": 10})["out"]
-    for link in json.loads(told or "[]"):
+    result = run({"argv": ["ip", "-j", "-4", "addr"], "within_s": 10})["out"]
+    for link in json.loads(result or "[]"):
         if word in [address.get("local") for address in link.get("addr_info", ())]:
             return str(link["ifname"])
     raise NoAnswer("missing", f"this computer has no interface {word}")

@@ -41,8 +41,8 @@ def run(question: dict[str, Any]) -> dict[str, Any]:
         _end(program)
         out, err = program.communicate()
     _RUNNING.remove(program)
-    said = {"out": _text(out), "err": _text(err)}
-    return {"trouble": trouble, "words": words, "rc": program.returncode, "began": began, **said}
+    values = {"out": _text(out), "err": _text(err)}
+    return {"trouble": trouble, "words": words, "rc": program.returncode, "began": began, **values}
 
 
 def end_all() -> None:
@@ -57,5 +57,5 @@ def _end(program: subprocess.Popen[bytes]) -> None:
         os.killpg(program.pid, signal.SIGKILL)
 
 
-def _text(said: bytes) -> str:
-    return said[:_LONGEST].decode("utf-8", "replace")
+def _text(data: bytes) -> str:
+    return data[:_LONGEST].decode("utf-8", "replace")

@@ -34,11 +34,11 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
         try:
             _own(where)
             wire.bind(("", 0))  # Fast DDS without a profile answers an address of its own computer by the loopback
-            own = wire.getsockname()[1]
+            local = wire.getsockname()[1]
             ends, due = time.monotonic() + question["within_s"], 0.0
             while time.monotonic() < ends:
                 if time.monotonic() >= due:
-                    _tell(wire, question, _hello(prefix, where, own, question["domain"]))
+                    _tell(wire, question, _hello(prefix, where, local, question["domain"]))
                     due = time.monotonic() + _AGAIN_S
                 wire.settimeout(max(min(due, ends) - time.monotonic(), 0.001))
                 try:
@@ -67,7 +67,7 @@ def _tell(wire: socket.socket, question: dict[str, Any], message: bytes) -> None
 def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
     """SPDP's DATA with the parameters of a participant, of which no number is longer than it must be (9.6.2.2)."""
     there = struct.pack("<iI12x", 1, port) + socket.inet_aton(address)
-    told = (
+    result = (
         (0x15, b"\x02\x01\0\0"),
         (0x16, b"\0" * 4),
         (0x50, prefix + b"\x00\x00\x01\xc1"),
@@ -77,7 +77,7 @@ def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
         (0x58, struct.pack("<I", _ENDPOINTS)),
         (0x0F, struct.pack("<I", domain)),
     )
-    return _message(prefix, 0x05, 1, b"", told)
+    return _message(prefix, 0x05, 1, b"", result)
 
 
 def _bye(prefix: bytes) -> bytes:
@@ -86,12 +86,12 @@ def _bye(prefix: bytes) -> bytes:
     return _message(prefix, 0x0B, 2, _listed(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
 
 
-def _listed(told: tuple[tuple[int, bytes], ...]) -> bytes:
+def _listed(result: tuple[tuple[int, bytes], ...]) -> bytes:
     """Parameters by their numbers, and what ends them (9.4.2.11)."""
-    return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in told) + struct.pack("<HH", 1, 0)
+    return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result) + struct.pack("<HH", 1, 0)
 
 
-def _message(prefix: bytes, flags: int, number: int, inline: bytes, told: tuple[tuple[int, bytes], ...]) -> bytes:
+def _message(prefix: bytes, flags: int, number: int, inline: bytes, result: tuple[tuple[int, bytes], ...]) -> bytes:
     body = struct.pack("<HH", 0, 16) + b"\0" * 4 + _WRITER + struct.pack("<iI", 0, number) + inline
-    body += b"\x00\x03\0\0" + _listed(told)
+    body += b"\x00\x03\0\0" + _listed(result)
     return b"RTPS\x02\x01\0\0" + prefix + struct.pack("<BBH", 0x15, flags, len(body)) + body

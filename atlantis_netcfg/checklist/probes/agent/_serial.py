@@ -99,22 +99,22 @@ def _refuse_held(path: str, there: os.stat_result) -> None:
 def _holds(process: Path, there: os.stat_result) -> bool:
     """Whether a process has the device open; who has the other end of a pseudo-terminal is the device itself."""
     opened = dict(_devices(process))
-    if not any(_same(one, there) for one in opened.values()):
+    if not any(_same(item, there) for item in opened.values()):
         return False
-    masters = [name for name, one in opened.items() if one.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
+    masters = [name for name, entry in opened.items() if entry.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
     return not any(_leads_to(process / "fdinfo" / name, os.minor(there.st_rdev)) for name in masters)
 
 
-def _same(one: os.stat_result, there: os.stat_result) -> bool:
+def _same(item: os.stat_result, there: os.stat_result) -> bool:
     """A pseudo-terminal's number says which it is in its own instance of devpts only: containers have others."""
     pseudo = os.major(there.st_rdev) in _PTS
-    return one.st_rdev == there.st_rdev and (one.st_dev == there.st_dev or not pseudo)
+    return item.st_rdev == there.st_rdev and (item.st_dev == there.st_dev or not pseudo)
 
 
 def _devices(process: Path) -> Iterator[tuple[str, os.stat_result]]:
-    for one in (process / "fd").iterdir():
+    for item in (process / "fd").iterdir():
         with suppress(FileNotFoundError):
-            yield one.name, one.stat()
+            yield item.name, item.stat()
 
 
 def _leads_to(master: Path, number: int) -> bool:

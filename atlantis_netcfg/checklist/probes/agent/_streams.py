@@ -82,11 +82,11 @@ def converse(
 def _say(says: list[list[Any]], line: _Line, sound: Sound) -> bool:
     """Say one thing after the other until one is not answered; whether any was."""
     answered = False
-    for said, until, within_s in says:
+    for reply, until, within_s in says:
         mark, pattern = len(sound.data), re.compile(until.encode("latin-1"))
         ends = time.monotonic() + within_s
         try:
-            line.send(said.encode("latin-1"), within_s)
+            line.send(reply.encode("latin-1"), within_s)
         except OSError:
             sound.closed = sound.closed or line.receive(0.0) == b""
             break
@@ -104,8 +104,8 @@ def _listen(line: _Line, sound: Sound, ends: float, enough: Callable[[], bool]) 
         left = ends - time.monotonic()
         if left <= 0:
             return False
-        heard = line.receive(left)
-        if heard:
-            sound.add(heard)
-        sound.closed = heard == b""
+        received = line.receive(left)
+        if received:
+            sound.add(received)
+        sound.closed = received == b""
     return enough()

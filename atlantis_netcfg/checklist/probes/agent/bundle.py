@@ -25,9 +25,9 @@ made.main(json.loads({asked!r}))
 """
 
 
-def program(asked: dict[str, Any]) -> bytes:
+def program(requested: dict[str, Any]) -> bytes:
     """Pack the program with what it is asked (`Batch.asked`)."""
-    words = json.dumps(asked, separators=(",", ":"))
+    words = json.dumps(requested, separators=(",", ":"))
     return zlib.compress(_LOADER.format(sources=_sources(), asked=words).encode(), 9)
 
 

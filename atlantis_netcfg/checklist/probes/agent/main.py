@@ -86,25 +86,25 @@ class _Asked(threading.Thread):
             return {"fault": f"{type(fault).__name__}: {fault} ({last.filename}, line {last.lineno})"}
 
 
-def answer_all(asked: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
+def answer_all(requested: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
     """Ask all `questions`, each `after` some before it, and tell the answers by their keys.
 
     After `deadline_s` what is missing is told as silent, with what was heard so far.
     """
-    ends = time.monotonic() + asked["deadline_s"]
+    ends = time.monotonic() + requested["deadline_s"]
     work: list[_Asked] = []
-    for row in asked["questions"]:
+    for row in requested["questions"]:
         work.append(_Asked(row, [work[number] for number in row["after"]], tell))
     for one in work:
         one.start()
-    for one in work:
-        one.over.wait(max(ends - time.monotonic(), 0.0))
-    for one in reversed(work):  # who waits for another one must not begin now
-        one.give_up()
+    for entry in work:
+        entry.over.wait(max(ends - time.monotonic(), 0.0))
+    for item in reversed(work):  # who waits for another one must not begin now
+        item.give_up()
     end_all()
 
 
-def main(asked: dict[str, Any]) -> None:
+def main(requested: dict[str, Any]) -> None:
     """Answer on the standard output; when nobody reads it any more, all is over."""
     lock = threading.Lock()
 
@@ -117,5 +117,5 @@ def main(asked: dict[str, Any]) -> None:
                 end_all()
                 os._exit(1)
 
-    answer_all(asked, tell)
+    answer_all(requested, tell)
     os._exit(0)  # threads that hang

@@ -40,8 +40,8 @@ def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
     rows = []
     for number, (key, question) in enumerate(questions):
         wants = _wants(question)
-        after = sorted({last[one] for one in wants if one in last})
-        waits_s = max((over_s[one] + _BREATH_S for one in after), default=0.0)
+        after = sorted({last[want] for want in wants if want in last})
+        waits_s = max((over_s[item] + _BREATH_S for item in after), default=0.0)
         over_s.append(waits_s + _patience_s(question))
         last.update(dict.fromkeys(wants, number))
         rows.append({"key": key, "after": after, **_row(question)})
@@ -49,30 +49,30 @@ def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
     return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
 
 
-def heard(told: Mapping[str, Any], question: Question, asked: float, now: float) -> Answer:
+def heard(result: Mapping[str, Any], question: Question, requested: float, now: float) -> Answer:
     """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
 
     Raises RuntimeError with the words of a fault of the program's own.
     """
-    if "fault" in told:
-        raise RuntimeError(f"the program that listens failed: {told['fault']}")
-    trouble = Trouble(told["trouble"]) if told["trouble"] is not None else None
-    words = str(told["words"])
+    if "fault" in result:
+        raise RuntimeError(f"the program that listens failed: {result['fault']}")
+    trouble = Trouble(result["trouble"]) if result["trouble"] is not None else None
+    words = str(result["words"])
     if isinstance(question, Listen):
-        chunks = tuple((at, _bytes(data)) for at, data in told.get("chunks", ()))
-        times = (told.get("began", 0.0), told.get("ended_s", 0.0))
-        return Transcript(trouble, words, chunks, *times, tuple(told.get("senders", ())))
+        chunks = tuple((at, _bytes(data)) for at, data in result.get("chunks", ()))
+        times = (result.get("began", 0.0), result.get("ended_s", 0.0))
+        return Transcript(trouble, words, chunks, *times, tuple(result.get("senders", ())))
     if isinstance(question, Run):
-        said = {name: told[name] for name in ("rc", "out", "err", "began") if name in told}
-        return Ran(trouble, words, **said, asked=asked, heard=now)
+        values = {name: result[name] for name in ("rc", "out", "err", "began") if name in result}
+        return Ran(trouble, words, **values, asked=requested, heard=now)
     if isinstance(question, Discover):
-        datagrams = tuple((source, _bytes(data)) for source, data in told.get("datagrams", ()))
-        return Discovered(trouble, words, bytes.fromhex(told.get("prefix", "")), datagrams)
-    return Offered(trouble, words, tuple(_offers(told.get("offers", ()))))
+        datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
+        return Discovered(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
+    return Offered(trouble, words, tuple(_offers(result.get("offers", ()))))
 
 
-def _offers(told: Iterable[Mapping[str, Any]]) -> Iterable[Offer]:
-    return (Offer(**{name: one[name] for name in ("server", "mac", "address", "router")}) for one in told)
+def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[Offer]:
+    return (Offer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
 
 
 def _bytes(packed: str | list[str]) -> bytes:
@@ -109,7 +109,7 @@ def _row(question: Question) -> dict[str, Any]:
             "port": question.port,
             "device": question.device,
             "baud": question.baud,
-            "say": [[one.data.decode("latin-1"), one.until.decode("latin-1"), one.within_s] for one in question.say],
+            "say": [[say.data.decode("latin-1"), say.until.decode("latin-1"), say.within_s] for say in question.say],
             "listen_s": question.listen_s,
             "enough": question.enough.decode("latin-1"),
             "connect_s": question.connect_s,

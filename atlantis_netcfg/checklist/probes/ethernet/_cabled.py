@@ -54,28 +54,28 @@ class CabledProbe:
         way, ping = _path.ask_way(self.place, self.address), _ping.ask(self.place, self.address)
         return (way, ping, _path.ask_neighbour(self.place, self.address), *ports)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the port, the ping and the card, in this order: a port without a link explains the rest."""
         port = self.endpoint.router_port
-        seen = Judged(()) if self.router is None or port is None else _port.judge(self.router, port, heard)
-        reached = self._reached(heard)
+        seen = Judged(()) if self.router is None or port is None else _port.judge(self.router, port, results)
+        reached = self._reached(results)
         return Judged((*seen.findings, *reached.findings), (*reached.evidence, *seen.evidence))
 
-    def _reached(self, heard: Mapping[str, Answer]) -> Judged:
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
         if self.address is None:
             message = f"no address of {self.name} is known here: it was not asked whether it answers"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
             return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
-        way = _path.read_way(heard.get("route"), self.address)
-        if way is None and not tuple(not_run(self.place, "ip", heard.get("route"))):
+        way = _path.read_way(results.get("route"), self.address)
+        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
             return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
-        if own := tuple(_path.own_address(self.place, self.name, self.address, way)):
-            return Judged(own)
-        wanted = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        pinged = _ping.judge(wanted, heard.get("ping"))
-        card = _path.read_neighbour(heard.get("neigh"), self.address)
+        if local := tuple(_path.own_address(self.place, self.name, self.address, way)):
+            return Judged(local)
+        expected = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        pinged = _ping.judge(expected, results.get("ping"))
+        card = _path.read_neighbour(results.get("neigh"), self.address)
         shown = () if way is None else (read(f"way from {PLACES[self.place]}", way.interface),)
         known = () if card is None else (read(f"network card that answers for {self.address}", card),)
         whose = tuple(self._cards(card, way)) if pinged.verdict in {Verdict.PASS, Verdict.WARN} else ()

@@ -41,12 +41,12 @@ def asks(router: str, port: str) -> tuple[Ask, ...]:
     )
 
 
-def judge(router: str, port: str, heard: Mapping[str, Answer]) -> Judged:
+def judge(router: str, port: str, results: Mapping[str, Answer]) -> Judged:
     """Judge the port; a menu that the router does not have is left out."""
-    answers = [heard.get(name) for name in ("monitor", "interfaces")]
-    if all(not isinstance(one, Rows) or one.trouble is not None for one in answers):
+    answers = [results.get(name) for name in ("monitor", "interfaces")]
+    if all(not isinstance(answer, Rows) or answer.trouble is not None for answer in answers):
         return Judged((unasked(router, answers[0]),))
-    monitor, interfaces = (rows_of(one) for one in answers)
+    monitor, interfaces = (rows_of(result) for result in answers)
     counted = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
     socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
     if (socket or {}).get("name", port) != port or (counted or {}).get("default-name", port) != port:
@@ -58,44 +58,44 @@ def judge(router: str, port: str, heard: Mapping[str, Answer]) -> Judged:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
         return Judged((Finding(Verdict.FAIL, "no-port", message, hint),))
-    own = [row for row in monitor or () if row.get("name", port) == port]
-    told = {**(counted or {}), **(own[0] if own else {})}
-    return Judged(tuple(_findings(router, port, told)), _evidence(router, port, told))
+    local = [row for row in monitor or () if row.get("name", port) == port]
+    values = {**(counted or {}), **(local[0] if local else {})}
+    return Judged(tuple(_findings(router, port, values)), _evidence(router, port, values))
 
 
-def _findings(router: str, port: str, told: Mapping[str, str]) -> Iterator[Finding]:
-    if told.get("disabled") in _TRUE:
+def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
+    if values.get("disabled") in _TRUE:
         hint = "run the site to enable it, or look who has disabled it"
         yield Finding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
         return
-    status = told.get("status") or {"true": "link-ok", "false": "no-link"}.get(told.get("running", ""), "")
+    status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
     if status == "no-link":
         hint = "is the cable plugged in at both ends, and is the other end switched on?"
         yield Finding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
         return
     if status != "link-ok":
-        said = f"`{status}`" if status else "nothing"
-        message = f"{router} says {said} of the link of port {port}"
+        text = f"`{status}`" if status else "nothing"
+        message = f"{router} says {text} of the link of port {port}"
         yield Finding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
         return
-    rate = told.get("rate")
+    rate = values.get("rate")
     yield Finding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
-    yield from _quality(router, port, told)
+    yield from _quality(router, port, values)
 
 
-def _quality(router: str, port: str, told: Mapping[str, str]) -> Iterator[Finding]:
+def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
     hint = "change the cable, and set both ends to negotiate the rate themselves"
-    if told.get("rate") in _SLOW:
-        yield Finding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {told['rate']} only", hint)
-    if told.get("full-duplex") in {"false", "no"}:
+    if values.get("rate") in _SLOW:
+        yield Finding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
+    if values.get("full-duplex") in {"false", "no"}:
         yield Finding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
     for name, words in (("rx-error", "received broken"), ("tx-error", "not sent")):
-        count = told.get(name, "")
+        count = values.get(name, "")
         if count.isdecimal() and int(count):
             message = f"port {port} of {router} has counted {count} frames {words} since it was started"
             yield Finding(Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows")
 
 
-def _evidence(router: str, port: str, told: Mapping[str, str]) -> tuple[Evidence, ...]:
+def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[Evidence, ...]:
     where = f"at port {port} of {router}"
-    return tuple(read(f"{words} {where}", told[name]) for name, words in (*_SHOWN, *_MORE) if told.get(name))
+    return tuple(read(f"{words} {where}", values[name]) for name, words in (*_SHOWN, *_MORE) if values.get(name))

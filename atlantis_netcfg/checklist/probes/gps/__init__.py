@@ -75,8 +75,8 @@ def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
     stands = _name(cell, place)
     if endpoint.driver is GpsDriver.NMEA_SERIAL:
         end = f"{endpoint.device} of {stands}"
-        wanted = _wanted(cell, endpoint, f"NMEA from {end}", end, stands)
-        return StreamGps(wanted, place, device=endpoint.device or "", baud=endpoint.baud)
+        expected = _wanted(cell, endpoint, f"NMEA from {end}", end, stands)
+        return StreamGps(expected, place, device=endpoint.device or "", baud=endpoint.baud)
     address = cell.address(endpoint.address)
     if address is None:
         return Nowhere(cell.name)

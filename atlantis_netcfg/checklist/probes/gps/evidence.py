@@ -18,21 +18,21 @@ __all__ = ["evidence"]
 _READ, _MEASURED, _DECLARED = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
 
 
-def evidence(reception: Reception, wanted: Wanted) -> tuple[Evidence, ...]:
+def evidence(reception: Reception, expected: Wanted) -> tuple[Evidence, ...]:
     """Give source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
     device = f", {reception.device}" if reception.device else ""
-    source = wanted.source.replace("gpsd", f"gpsd{version}", 1) + device
+    source = expected.source.replace("gpsd", f"gpsd{version}", 1) + device
     seen = [Evidence(type=_READ, what="source", value=source)]
     if reception.others:
         seen.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
     seen += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
     if reception.reports:
-        seen += _heard(reception, wanted)
+        seen += _heard(reception, expected)
     return tuple(seen)
 
 
-def _heard(reception: Reception, wanted: Wanted) -> Iterator[Evidence]:
+def _heard(reception: Reception, expected: Wanted) -> Iterator[Evidence]:
     last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
     if last.fixed:
         yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))
@@ -41,10 +41,10 @@ def _heard(reception: Reception, wanted: Wanted) -> Iterator[Evidence]:
         yield Evidence(type=_MEASURED, what="age of the last position", value=f"{reception.ended_s - last.at_s:.1f} s")
     ahead_s = reception.clock_ahead_s
     if ahead_s is not None:
-        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, wanted)}"
+        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expected)}"
         yield Evidence(type=_MEASURED, what="time of the receiver", value=value)
     yield Evidence(type=_MEASURED, what="reports", value=_count(reception))
-    yield Evidence(type=_DECLARED, what="geofence", value=_fence(last, wanted))
+    yield Evidence(type=_DECLARED, what="geofence", value=_fence(last, expected))
 
 
 def _fix(last: Report, reception: Reception) -> str:
@@ -59,12 +59,12 @@ def _fix(last: Report, reception: Reception) -> str:
 def _count(reception: Reception) -> str:
     if reception.single:
         return "1: a RouterOS device tells its latest position only"
-    total, heard = len(reception.reports), f"in {reception.ended_s:.0f} s"
-    return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {heard}"
+    total, text = len(reception.reports), f"in {reception.ended_s:.0f} s"
+    return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
 
 
-def _fence(last: Report, wanted: Wanted) -> str:
-    fence = wanted.fence
+def _fence(last: Report, expected: Wanted) -> str:
+    fence = expected.fence
     if fence is None:
         return "none is declared"
     words = f"{place(fence.latitude, fence.longitude)}, {meters(fence.radius_m)} around"

@@ -51,47 +51,47 @@ class _Reading:
     bad: int = 0
 
     def take(self, at_s: float, line: bytes) -> None:
-        said = _parsed(line)
-        if said is None:
+        values = _parsed(line)
+        if values is None:
             self.bad += 1
             return
         self.good += 1
-        take = getattr(self, f"_{said['class'].lower()}", None) if said["class"] in _CLASSES else None
+        take = getattr(self, f"_{values['class'].lower()}", None) if values["class"] in _CLASSES else None
         self.understood = self.understood or take is not None
         if take is not None:
-            take(at_s, said)
+            take(at_s, values)
 
-    def _version(self, _: float, said: Mapping[str, Any]) -> None:
-        self.version = _words(said, "release")
+    def _version(self, _: float, values: Mapping[str, Any]) -> None:
+        self.version = _words(values, "release")
 
-    def _devices(self, at_s: float, said: Mapping[str, Any]) -> None:
-        listed = said.get("devices")
+    def _devices(self, at_s: float, values: Mapping[str, Any]) -> None:
+        listed = values.get("devices")
         self.opened = {}
-        for one in listed if isinstance(listed, list) else ():
-            if isinstance(one, dict):
-                self._device(at_s, one)
+        for item in listed if isinstance(listed, list) else ():
+            if isinstance(item, dict):
+                self._device(at_s, item)
 
-    def _device(self, _: float, said: Mapping[str, Any]) -> None:
+    def _device(self, _: float, values: Mapping[str, Any]) -> None:
         self.opened = self.opened or {}
-        self.opened[_words(said, "path")] = said.get("activated") != 0
+        self.opened[_words(values, "path")] = values.get("activated") != 0
 
-    def _tpv(self, at_s: float, said: Mapping[str, Any]) -> None:
-        self.reports.setdefault(_words(said, "device"), []).append(_report(at_s, said))
+    def _tpv(self, at_s: float, values: Mapping[str, Any]) -> None:
+        self.reports.setdefault(_words(values, "device"), []).append(_report(at_s, values))
 
-    def _sky(self, _: float, said: Mapping[str, Any]) -> None:
-        device = _words(said, "device")
-        used, hdop, in_view = _number(said.get("uSat")), _number(said.get("hdop")), _number(said.get("nSat"))
-        seen = said.get("satellites")
+    def _sky(self, _: float, values: Mapping[str, Any]) -> None:
+        device = _words(values, "device")
+        used, hdop, in_view = _number(values.get("uSat")), _number(values.get("hdop")), _number(values.get("nSat"))
+        seen = values.get("satellites")
         if used is None and isinstance(seen, list):
-            used = sum(isinstance(one, dict) and one.get("used") is True for one in seen)
+            used = sum(isinstance(item, dict) and item.get("used") is True for item in seen)
         # Of a receiver that tells no satellites gpsd says that 0 of 0 are used: nothing follows from that.
         if used is not None and abs(used) < _MANY and (used or in_view or seen):
             self.satellites[device] = max(int(used), self.satellites.get(device, 0))
         if hdop is not None:
             self.hdop[device] = hdop
 
-    def _error(self, _: float, said: Mapping[str, Any]) -> None:
-        self.complaints.append(_words(said, "message") or "an error without words")
+    def _error(self, _: float, values: Mapping[str, Any]) -> None:
+        self.complaints.append(_words(values, "message") or "an error without words")
 
 
 _MANY = 1000
@@ -99,19 +99,19 @@ _LONGEST = 120
 _CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
 
 
-def read(heard: Transcript) -> Reception:
+def read(transcript: Transcript) -> Reception:
     """Understand what gpsd said; of several receivers the one that has most fixes. Raises nothing."""
     reading = _Reading()
-    for at_s, line in lines(heard):
+    for at_s, line in lines(transcript):
         if line.strip():
             reading.take(at_s, line)
-    device, reports = max(reading.reports.items(), key=lambda one: sum(r.fixed for r in one[1]), default=("", []))
+    device, reports = max(reading.reports.items(), key=lambda item: sum(r.fixed for r in item[1]), default=("", []))
     others = {path: its for path, its in reading.reports.items() if path != device}
     opened = reading.opened
     return Reception(
         reports=_told(reports),
         understood=reading.understood,
-        heard_bytes=len(heard.data),
+        heard_bytes=len(transcript.data),
         good=reading.good,
         bad=reading.bad,
         devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
@@ -122,43 +122,43 @@ def read(heard: Transcript) -> Reception:
         satellites=reading.satellites.get(device, reading.satellites.get("")),
         hdop=reading.hdop.get(device, reading.hdop.get("")),
         complaints=tuple(reading.complaints),
-        began=heard.began,
-        ended_s=heard.ended_s,
+        began=transcript.began,
+        ended_s=transcript.ended_s,
     )
 
 
 def _told(reports: Sequence[Report]) -> tuple[Report, ...]:
     """Leave out those that are not whole yet, unless there are no others."""
-    whole = tuple(one for one in reports if not one.fixed or one.latitude is not None or one.time is not None)
-    return whole if any(one.fixed for one in whole) else tuple(reports)
+    whole = tuple(item for item in reports if not item.fixed or item.latitude is not None or item.time is not None)
+    return whole if any(report.fixed for report in whole) else tuple(reports)
 
 
 def _parsed(line: bytes) -> dict[str, Any] | None:
     try:
-        said = json.loads(line)
+        reply = json.loads(line)
     except (ValueError, RecursionError):
         return None
-    return said if isinstance(said, dict) and isinstance(said.get("class"), str) else None
+    return reply if isinstance(reply, dict) and isinstance(reply.get("class"), str) else None
 
 
-def _report(at_s: float, said: Mapping[str, Any]) -> Report:
-    mode, status = said.get("mode"), said.get("status")
+def _report(at_s: float, values: Mapping[str, Any]) -> Report:
+    mode, status = values.get("mode"), values.get("status")
     return Report(
         at_s=at_s,
         mode=mode if isinstance(mode, int) and not isinstance(mode, bool) else None,
-        latitude=_number(said.get("lat")),
-        longitude=_number(said.get("lon")),
-        time=_time(said.get("time")),
+        latitude=_number(values.get("lat")),
+        longitude=_number(values.get("lon")),
+        time=_time(values.get("time")),
         nature=_STATUS.get(status, Nature.MEASURED) if isinstance(status, int) else Nature.MEASURED,
-        eph_m=_number(said.get("eph")),
-        speed_m_s=_number(said.get("speed")),
+        eph_m=_number(values.get("eph")),
+        speed_m_s=_number(values.get("speed")),
     )
 
 
-def _words(said: Mapping[str, Any], name: str) -> str:
+def _words(values: Mapping[str, Any], name: str) -> str:
     """A text that is to be shown: of what a foreign program may send, so much and nothing that a terminal obeys."""
-    value = said.get(name)
-    return "".join(one if one.isprintable() else "?" for one in value[:_LONGEST]) if isinstance(value, str) else ""
+    value = values.get(name)
+    return "".join(item if item.isprintable() else "?" for item in value[:_LONGEST]) if isinstance(value, str) else ""
 
 
 def _number(value: object) -> float | None:

@@ -55,50 +55,50 @@ RIVAL_M = 100.0
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: Reception, wanted: Wanted) -> tuple[Finding, ...]:
+def judge(reception: Reception, expected: Wanted) -> tuple[Finding, ...]:
     """Give all findings; a source that is well in every respect has one, which passes."""
-    silent = speechless(reception, wanted)
+    silent = speechless(reception, expected)
     if silent is not None:
         return (silent,)
-    found = tuple(_found(reception, wanted))
-    return found or (_well(reception, wanted),)
+    found = tuple(_found(reception, expected))
+    return found or (_well(reception, expected),)
 
 
-def _found(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
-    yield from _held(reception, wanted)
+def _found(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+    yield from _held(reception, expected)
     if reception.fixes:
-        yield from _dimensions(reception, wanted)
-        yield from _misplaced(reception, wanted)
-        yield from _mistimed(reception, wanted)
-        yield from _nature(reception, wanted)
-        yield from _quality(reception, wanted)
+        yield from _dimensions(reception, expected)
+        yield from _misplaced(reception, expected)
+        yield from _mistimed(reception, expected)
+        yield from _nature(reception, expected)
+        yield from _quality(reception, expected)
     total = reception.good + reception.bad
     if reception.bad > 1 and reception.bad > BAD_SHARE * total:
-        message = f"{reception.bad} of {total} lines from {wanted.end} are damaged"
+        message = f"{reception.bad} of {total} lines from {expected.end} are damaged"
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
         hint = "look at the cable, the baud rate, and for a second talker on the line"
         yield Finding(verdict, "damaged", message, hint)
 
 
-def _held(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _held(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """Whether there is a fix, and whether it stays."""
-    sky = Verdict.FAIL if wanted.clear_sky else Verdict.INCONCLUSIVE
-    roof = "" if wanted.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
-    count, needed = len(reception.fixes), wanted.reports
+    sky = Verdict.FAIL if expected.clear_sky else Verdict.INCONCLUSIVE
+    roof = "" if expected.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
+    count, needed = len(reception.fixes), expected.reports
     if not any(report.fixed for report in reception.reports):
-        message = f"{wanted.name}'s receiver works and has no fix{roof}"
+        message = f"{expected.name}'s receiver works and has no fix{roof}"
         yield Finding(
             sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
         )
     elif not count or (reception.losses and count < needed):
-        message = f"{wanted.name}'s receiver had a fix and lost it while we listened{roof}"
+        message = f"{expected.name}'s receiver had a fix and lost it while we listened{roof}"
         yield Finding(
             sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
         )
     elif reception.losses:
-        message = f"{wanted.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
+        message = f"{expected.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
         yield Finding(Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable")
-    elif count < needed and not reception.single and _stalled(reception, wanted) is None:
+    elif count < needed and not reception.single and _stalled(reception, expected) is None:
         message = f"{count} of {needed} positions came in {reception.ended_s:.0f} s"
         hint = "let the receiver report once a second, or repeat this item"
         few = count < min(FEWEST, needed)
@@ -109,34 +109,34 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
-    if wanted.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
-        message = f"{wanted.name} has a 2D fix and flies: its height is not measured"
+def _dimensions(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+    if expected.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
+        message = f"{expected.name} has a 2D fix and flies: its height is not measured"
         yield Finding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
 
 
-def _misplaced(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _misplaced(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """Judge where the fixes are; one that is impossible says so and nothing else."""
-    impossible = [one for one in reception.fixes if not one.possible]
+    impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
-        message = f"{wanted.name}'s receiver claims a fix at {where}, which is no position"
+        message = f"{expected.name}'s receiver claims a fix at {where}, which is no position"
         yield Finding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
-    positions = [_position(one) for one in reception.fixes]
+    positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
-        message = f"{wanted.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
+        message = f"{expected.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
         yield Finding(
             Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
         )
         return
-    yield from _jumps(reception.fixes, positions, wanted)
-    yield from _frozen(reception.fixes, positions, wanted)
-    yield from _rivals(reception, positions[-1], wanted)
-    if wanted.fence is not None:
-        yield from _outside(positions, wanted.fence, wanted)
+    yield from _jumps(reception.fixes, positions, expected)
+    yield from _frozen(reception.fixes, positions, expected)
+    yield from _rivals(reception, positions[-1], expected)
+    if expected.fence is not None:
+        yield from _outside(positions, expected.fence, expected)
     else:
-        message = f"{wanted.name} is at {place(*positions[-1])}; nobody has declared where it should be"
+        message = f"{expected.name} is at {place(*positions[-1])}; nobody has declared where it should be"
         yield Finding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
 
 
@@ -144,12 +144,12 @@ def _position(report: Report) -> tuple[float, float]:
     return report.latitude or 0.0, report.longitude or 0.0
 
 
-def _jumps(fixes: Sequence[Report], positions: _Positions, wanted: Wanted) -> Iterator[Finding]:
-    gaps = (then.at_s - one.at_s for one, then in pairwise(fixes))
-    steps = [(distance_m(*one, *then), gap) for (one, then), gap in zip(pairwise(positions), gaps, strict=True)]
+def _jumps(fixes: Sequence[Report], positions: _Positions, expected: Wanted) -> Iterator[Finding]:
+    gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
+    steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
-        message = f"{wanted.name}'s position jumps by {meters(max(wide))} from one report to the next"
+        message = f"{expected.name}'s position jumps by {meters(max(wide))} from one report to the next"
         yield Finding(
             Verdict.FAIL,
             "position-jumps",
@@ -158,41 +158,41 @@ def _jumps(fixes: Sequence[Report], positions: _Positions, wanted: Wanted) -> It
         )
 
 
-def _frozen(fixes: Sequence[Report], positions: _Positions, wanted: Wanted) -> Iterator[Finding]:
+def _frozen(fixes: Sequence[Report], positions: _Positions, expected: Wanted) -> Iterator[Finding]:
     """A driver that repeats a position while time and speed go on."""
-    speeds = [one.speed_m_s for one in fixes]
+    speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
-    if lasted_s < MOVES_S or len(set(positions)) > 1 or any(one is None or one < MOVES_M_S for one in speeds):
+    if lasted_s < MOVES_S or len(set(positions)) > 1 or any(item is None or item < MOVES_M_S for item in speeds):
         return
-    speed = min(one for one in speeds if one is not None)
-    message = f"{wanted.name}'s position stands still while its speed is {speed:.1f} m/s"
+    speed = min(entry for entry in speeds if entry is not None)
+    message = f"{expected.name}'s position stands still while its speed is {speed:.1f} m/s"
     yield Finding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had")
 
 
-def _rivals(reception: Reception, position: tuple[float, float], wanted: Wanted) -> Iterator[Finding]:
+def _rivals(reception: Reception, position: tuple[float, float], expected: Wanted) -> Iterator[Finding]:
     """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
-    apart = [distance_m(*position, *_position(one)) for one in reception.rivals if one.possible]
+    apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
-        message = f"two positions come from {wanted.end}, {meters(max(apart))} apart: which is {wanted.name}'s?"
+        message = f"two positions come from {expected.end}, {meters(max(apart))} apart: which is {expected.name}'s?"
         hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
         yield Finding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, wanted: Wanted) -> Iterator[Finding]:
-    outside = [one for one in positions if from_middle_m(fence, *one) > fence.radius_m]
+def _outside(positions: _Positions, fence: Geofence, expected: Wanted) -> Iterator[Finding]:
+    outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
-    far = max(outside, key=lambda one: from_middle_m(fence, *one))
+    far = max(outside, key=lambda item: from_middle_m(fence, *item))
     if all(_inside(fence, longitude, latitude) for latitude, longitude in outside):
-        told = f"{place(*far)} lies in the geofence the other way round"
-        message = f"{wanted.name}'s latitude and longitude are swapped: {told}"
+        text = f"{place(*far)} lies in the geofence the other way round"
+        message = f"{expected.name}'s latitude and longitude are swapped: {text}"
         hint = (
             "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
         )
         yield Finding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
-    message = f"{wanted.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
+    message = f"{expected.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
     yield Finding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
 
 
@@ -208,75 +208,75 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _mistimed(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _mistimed(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
-    stale = _stalled(reception, wanted)
+    stale = _stalled(reception, expected)
     if stale is not None:
         yield stale
         return
-    if all(one.time is None for one in reception.fixes):
+    if all(item.time is None for item in reception.fixes):
         hint = "let the receiver send RMC or ZDA as well"
-        if all(one.of_day is None for one in reception.fixes):
-            message = f"{wanted.name}'s positions have no time: nobody can tell whether they are of now"
+        if all(fix.of_day is None for fix in reception.fixes):
+            message = f"{expected.name}'s positions have no time: nobody can tell whether they are of now"
             yield Finding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
-            message = f"{wanted.name}'s positions have a time and no date: GGA and GLL have none"
+            message = f"{expected.name}'s positions have a time and no date: GGA and GLL have none"
             yield Finding(Verdict.WARN, "no-date", message, hint)
-    back_s = max((_back_s(one, then) for one, then in pairwise(reception.fixes)), default=0.0)
+    back_s = max((_back_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
-        message = f"{wanted.name}'s time goes back by {_span(back_s)} from one position to the next"
+        message = f"{expected.name}'s time goes back by {_span(back_s)} from one position to the next"
         hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
         yield Finding(Verdict.FAIL, "time-goes-back", message, hint)
         return
-    yield from _clock(reception, wanted)
+    yield from _clock(reception, expected)
 
 
-def _back_s(one: Report, then: Report) -> float:
-    if one.time is not None and then.time is not None:
-        return one.time - then.time
-    if one.of_day is not None and then.of_day is not None:
-        return at_day(one.of_day - then.of_day)
+def _back_s(report: Report, then: Report) -> float:
+    if report.time is not None and then.time is not None:
+        return report.time - then.time
+    if report.of_day is not None and then.of_day is not None:
+        return at_day(report.of_day - then.of_day)
     return 0.0
 
 
-def _stalled(reception: Reception, wanted: Wanted) -> Finding | None:
+def _stalled(reception: Reception, expected: Wanted) -> Finding | None:
     """Say that the last fix is old, because no more came or the same is told again and again."""
     fixes = reception.fixes
-    gaps = [then.at_s - one.at_s for one, then in pairwise(fixes)]
+    gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
     age_s = reception.ended_s - fixes[-1].at_s
     # Whoever reports rarely is late between two reports, and is told that it is slow.
-    if age_s > wanted.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
-        message = f"{wanted.name}'s last position is {age_s:.0f} s old: no more came"
+    if age_s > expected.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
+        message = f"{expected.name}'s last position is {age_s:.0f} s old: no more came"
         return Finding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
     first = len(fixes) - 1
     while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
         first -= 1
     repeats = len(fixes) - first
-    if repeats < min(3, wanted.reports):
+    if repeats < min(3, expected.reports):
         return None
-    if repeats >= wanted.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
-        message = f"{wanted.name}'s receiver tells the same position again and again: its time stands still"
+    if repeats >= expected.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
+        message = f"{expected.name}'s receiver tells the same position again and again: its time stands still"
         return Finding(Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last")
     return None
 
 
-def _clock(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _clock(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
-    whose = clock_of(reception, wanted)
+    whose = clock_of(reception, expected)
     if ahead_s is None:
-        if any(one.stamp is not None for one in reception.fixes):
-            message = f"nobody has compared the time of {wanted.name}'s receiver with a clock"
+        if any(fix.stamp is not None for fix in reception.fixes):
+            message = f"nobody has compared the time of {expected.name}'s receiver with a clock"
             yield Finding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
-        message = f"{wanted.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
+        message = f"{expected.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
         hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
         yield Finding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
-    message = f"{wanted.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
+    message = f"{expected.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
     verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
     hint = f"see which of the two is wrong: compare both with a third clock, {whose} with its time server"
     if _multiple(ahead_s, ROLLOVER_S):
@@ -293,9 +293,9 @@ def _clock(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
     yield Finding(verdict, "clock-differs", message, hint)
 
 
-def clock_of(reception: Reception, wanted: Wanted) -> str:
+def clock_of(reception: Reception, expected: Wanted) -> str:
     """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
-    return "this computer" if reception.single else wanted.place
+    return "this computer" if reception.single else expected.place
 
 
 def _zone(ahead_s: float) -> bool:
@@ -318,21 +318,21 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _nature(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """How the positions came about: one that is not measured is enough to say so."""
-    natures = {one.nature for one in reception.fixes}
-    nature = next((one for one in _NATURES if one in natures), None)
+    natures = {fix.nature for fix in reception.fixes}
+    nature = next((item for item in _NATURES if item in natures), None)
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield Finding(verdict, code, f"{wanted.name}'s position is {nature}, not measured", hint)
+        yield Finding(verdict, code, f"{expected.name}'s position is {nature}, not measured", hint)
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
-        message = f"{wanted.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
+        message = f"{expected.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
-        verdict = Verdict.WARN if wanted.driver is GpsDriver.GPSD else Verdict.FAIL
+        verdict = Verdict.WARN if expected.driver is GpsDriver.GPSD else Verdict.FAIL
         yield Finding(verdict, "no-satellites", message, hint)
 
 
@@ -347,26 +347,26 @@ _NATURES = {
 """Worst first."""
 
 
-def _quality(reception: Reception, wanted: Wanted) -> Iterator[Finding]:
+def _quality(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
-        nothing = wanted.fence is not None and not 0 <= eph_m <= wanted.fence.radius_m
-        message = f"{wanted.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
+        nothing = expected.fence is not None and not 0 <= eph_m <= expected.fence.radius_m
+        message = f"{expected.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
         yield Finding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
-        message = f"{wanted.name}'s satellites stand badly: HDOP {hdop:.1f}"
+        message = f"{expected.name}'s satellites stand badly: HDOP {hdop:.1f}"
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
         yield Finding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: Reception, wanted: Wanted) -> Finding:
+def _well(reception: Reception, expected: Wanted) -> Finding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
-    if wanted.fence is not None and last.latitude is not None and last.longitude is not None:
+    if expected.fence is not None and last.latitude is not None and last.longitude is not None:
         where += (
-            f", {meters(from_middle_m(wanted.fence, last.latitude, last.longitude))} from the middle of the geofence"
+            f", {meters(from_middle_m(expected.fence, last.latitude, last.longitude))} from the middle of the geofence"
         )
-    return Finding(Verdict.PASS, "fix", f"{wanted.name} has a {last.mode}D fix{count} at {where}")
+    return Finding(Verdict.PASS, "fix", f"{expected.name} has a {last.mode}D fix{count} at {where}")

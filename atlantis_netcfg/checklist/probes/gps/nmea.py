@@ -109,8 +109,8 @@ class _Epochs:
         self.kinds.add(kind)
         return replace(self.open, at_s=at_s)
 
-    def _gsa(self, told: int | None) -> None:
-        best = max(told or 0, self.dimensions or 0) if self.fresh else told or 0
+    def _gsa(self, result: int | None) -> None:
+        best = max(result or 0, self.dimensions or 0) if self.fresh else result or 0
         self.dimensions, self.fresh = best or None, True
 
     def _gga(self, report: Report, fields: Sequence[str]) -> None:
@@ -132,7 +132,7 @@ class _Epochs:
             return
         self._used(fields[7:9])
         three = 3 if _number(fields[9]) is not None else 2
-        nature = next((_INDICATOR[one] for one in "SME" if one in used), report.nature)
+        nature = next((_INDICATOR[item] for item in "SME" if item in used), report.nature)
         self.open = replace(self._placed(report, fields[2:6]), mode=three, nature=nature)
 
     def _used(self, fields: Sequence[str]) -> None:
@@ -186,12 +186,12 @@ _ADDRESS = 5
 _POSITIONS = frozenset({"GGA", "GNS", "RMC", "GLL"})
 
 
-def read(heard: Transcript) -> Reception:
+def read(transcript: Transcript) -> Reception:
     """Understand a stream of sentences, from wherever in one it begins; of several sources the one with most fixes."""
     sources: dict[str, _Epochs] = {}
     good = bad = 0
     source = ""
-    for number, (at_s, line) in enumerate(lines(heard)):
+    for number, (at_s, line) in enumerate(lines(transcript)):
         plain = _untagged(line, source)
         fields = None if plain is None else sentence(plain[0])
         if plain is not None and fields is not None:
@@ -203,21 +203,23 @@ def read(heard: Transcript) -> Reception:
             bad += 1
     for one in sources.values():
         one.close()
-    device, epochs = max(sources.items(), key=lambda one: sum(r.fixed for r in one[1].reports), default=("", _Epochs()))
-    others = {name: one for name, one in sources.items() if name != device and one.reports}
+    device, epochs = max(
+        sources.items(), key=lambda entry: sum(r.fixed for r in entry[1].reports), default=("", _Epochs())
+    )
+    others = {name: item for name, item in sources.items() if name != device and item.reports}
     return Reception(
         reports=tuple(epochs.reports),
         understood=good > 0,
-        heard_bytes=len(heard.data),
+        heard_bytes=len(transcript.data),
         good=good,
         bad=bad,
         others=tuple(name or "one without a name" for name in others),
-        rivals=(*epochs.doubles, *(one.reports[-1] for one in others.values() if one.reports[-1].fixed)),
+        rivals=(*epochs.doubles, *(other.reports[-1] for other in others.values() if other.reports[-1].fixed)),
         device=device,
         satellites=epochs.satellites,
         hdop=epochs.hdop,
-        began=heard.began,
-        ended_s=heard.ended_s,
+        began=transcript.began,
+        ended_s=transcript.ended_s,
     )
 
 

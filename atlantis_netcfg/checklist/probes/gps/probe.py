@@ -55,9 +55,9 @@ class StreamGps:
             ),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the stream."""
-        answer = heard["positions"]
+        answer = results["positions"]
         assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
         reception = (gpsd if self.wanted.driver is GpsDriver.GPSD else nmea).read(answer)
         if answer.words and answer.trouble is None:
@@ -80,9 +80,9 @@ class RouterosGps:
         queries = {"monitor": routeros.MONITOR, "settings": routeros.SETTINGS, "clock": routeros.CLOCK}
         return tuple(Ask(name, self.host, query) for name, query in queries.items())
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the one position."""
-        monitored, settings, clock = heard["monitor"], heard["settings"], heard["clock"]
+        monitored, settings, clock = results["monitor"], results["settings"], results["clock"]
         assert isinstance(monitored, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
@@ -116,13 +116,13 @@ class Nowhere:
         """Ask nothing."""
         return ()
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Say what is missing."""
-        del heard
+        del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
         return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
-def _judged(reception: Reception, wanted: Wanted) -> Judged:
-    return Judged(judge(reception, wanted), evidence(reception, wanted))
+def _judged(reception: Reception, expected: Wanted) -> Judged:
+    return Judged(judge(reception, expected), evidence(reception, expected))

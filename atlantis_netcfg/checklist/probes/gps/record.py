@@ -142,7 +142,9 @@ class Reception:
     @property
     def losses(self) -> int:
         """How often a fix was followed by none."""
-        return sum(one.fixed and not then.fixed for one, then in zip(self.reports, self.reports[1:], strict=False))
+        return sum(
+            report.fixed and not then.fixed for report, then in zip(self.reports, self.reports[1:], strict=False)
+        )
 
     @property
     def clock_ahead_s(self) -> float | None:
@@ -157,8 +159,8 @@ class Reception:
     def _ahead_s(self) -> list[float]:
         if not self.began:
             return []
-        dated = [one.time - self.began - one.at_s for one in self.fixes if one.time is not None]
-        undated = [at_day(one.of_day - self.began - one.at_s) for one in self.fixes if one.of_day is not None]
+        dated = [report.time - self.began - report.at_s for report in self.fixes if report.time is not None]
+        undated = [at_day(fix.of_day - self.began - fix.at_s) for fix in self.fixes if fix.of_day is not None]
         return dated or undated
 
 
@@ -172,10 +174,10 @@ def median(values: list[float]) -> float:
     return sorted(values)[len(values) // 2]
 
 
-def lines(heard: Transcript) -> Iterator[tuple[float, bytes]]:
+def lines(transcript: Transcript) -> Iterator[tuple[float, bytes]]:
     r"""Give whole lines without their end (`\n`, `\r\n`), each with the time at which it came; a cut one is not."""
     pieces: list[bytes] = []
-    for at_s, data in heard.chunks:
+    for at_s, data in transcript.chunks:
         first, *others = data.split(b"\n")
         pieces.append(first)
         for other in others:

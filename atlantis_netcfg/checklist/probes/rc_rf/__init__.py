@@ -34,7 +34,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
     place = cell.place(endpoint.seen_from)
     gateway = cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else ""
     place_name, address = gateway or "this computer", cell.address(endpoint.address)
-    wanted = Wanted(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
+    expected = Wanted(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
     concerns = (gateway,) if gateway else ()
     return (
         Step(
@@ -42,7 +42,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
             title=f"{cell.name} hears its remote control, and is disarmed",
             kind=Kind.AUTOMATIC,
             phase=Phase.BENCH,
-            probe=RcHeard(wanted, place),
+            probe=RcHeard(expected, place),
             concerns=concerns,
         ),
         Step(
@@ -50,7 +50,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
             title=f"The channels of {cell.name} follow the sticks",
             kind=Kind.ACTIVE,
             phase=Phase.BENCH,
-            probe=SticksMoved(wanted, place),
+            probe=SticksMoved(expected, place),
             consent=Consent(
                 question=f"the propellers are off {cell.name}, or it is disarmed and secured, and nobody is near it",
                 # Held in a corner, a stick arms or disarms.

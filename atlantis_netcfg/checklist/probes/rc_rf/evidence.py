@@ -19,18 +19,18 @@ __all__ = ["evidence", "movement"]
 _READ, _MEASURED = EvidenceType.READ, EvidenceType.MEASURED
 
 
-def evidence(heard: Heard, wanted: Wanted) -> tuple[Evidence, ...]:
+def evidence(received: Heard, expected: Wanted) -> tuple[Evidence, ...]:
     """Give the stream, the systems in it, and what the expected one says."""
-    return tuple(_seen(heard, wanted)) if heard.heard_bytes else ()
+    return tuple(_seen(received, expected)) if received.heard_bytes else ()
 
 
-def _seen(heard: Heard, wanted: Wanted) -> Iterator[Evidence]:
-    versions = " and ".join(map(str, heard.versions)) or "of no known version"
-    stream = f"MAVLink {versions}, {heard.good} frames and {heard.bad} damaged pieces in {heard.ended_s:.0f} s"
-    yield Evidence(type=_MEASURED, what=f"stream at {wanted.end}", value=stream)
-    listed = ", ".join(map(str, heard.autopilots)) or "none"
+def _seen(received: Heard, expected: Wanted) -> Iterator[Evidence]:
+    versions = " and ".join(map(str, received.versions)) or "of no known version"
+    stream = f"MAVLink {versions}, {received.good} frames and {received.bad} damaged pieces in {received.ended_s:.0f} s"
+    yield Evidence(type=_MEASURED, what=f"stream at {expected.end}", value=stream)
+    listed = ", ".join(map(str, received.autopilots)) or "none"
     yield Evidence(type=_READ, what="system ids with an autopilot", value=listed)
-    system = heard.systems.get(wanted.system_id, System())
+    system = received.systems.get(expected.system_id, System())
     if any(system.senders):
         yield Evidence(type=_MEASURED, what="its stream comes from", value=", ".join(system.senders))
     if system.beats:
@@ -39,17 +39,17 @@ def _seen(heard: Heard, wanted: Wanted) -> Iterator[Evidence]:
     if system.channels:
         last = system.channels[-1]
         yield Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
-        yield Evidence(type=_READ, what="rssi", value=_rssi([one.rssi for one in system.channels]))
+        yield Evidence(type=_READ, what="rssi", value=_rssi([channel.rssi for channel in system.channels]))
     if system.receiver:
         receiver = system.receiver[-1]
         words = (("present", receiver.present), ("enabled", receiver.enabled), ("healthy", receiver.healthy))
-        told = ", ".join(word if holds else f"not {word}" for word, holds in words)
-        yield Evidence(type=_READ, what="receiver", value=told)
+        text = ", ".join(word if holds else f"not {word}" for word, holds in words)
+        yield Evidence(type=_READ, what="receiver", value=text)
 
 
-def movement(heard: Heard, wanted: Wanted) -> Iterator[Evidence]:
+def movement(received: Heard, expected: Wanted) -> Iterator[Evidence]:
     """Give the way of each channel that moved."""
-    for number, (low, high) in ranges(heard.systems.get(wanted.system_id, System()).channels).items():
+    for number, (low, high) in ranges(received.systems.get(expected.system_id, System()).channels).items():
         yield Evidence(type=_MEASURED, what=f"channel {number}", value=f"{low} to {high} us")
 
 
@@ -57,8 +57,8 @@ def _values(values: tuple[int | None, ...]) -> str:
     return " ".join("-" if value is None else str(value) for value in values) or "no values"
 
 
-def _rssi(told: list[int]) -> str:
-    known = [rssi for rssi in told if rssi != RSSI_UNKNOWN]
+def _rssi(result: list[int]) -> str:
+    known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if not known:
         return "not known (255)"
     return f"{min(known)} to {max(known)} in a scale of its own"

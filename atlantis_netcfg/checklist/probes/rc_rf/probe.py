@@ -41,9 +41,9 @@ class RcHeard:
         """Listen until enough of the vehicle was heard."""
         return (_listen("stream", self.wanted, self.place, LISTEN_S, enough(self.wanted.system_id)),)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the stream."""
-        return _judged(heard["stream"], self.wanted, judge)
+        return _judged(results["stream"], self.wanted, judge)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,29 +57,31 @@ class SticksMoved:
         """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
         return (_listen("sticks", self.wanted, self.place, STICKS_S, b""),)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the movement."""
-        return _judged(heard["sticks"], self.wanted, lambda stream, wanted: (judge_moved(stream, wanted),), moved=True)
+        return _judged(
+            results["sticks"], self.wanted, lambda stream, expected: (judge_moved(stream, expected),), moved=True
+        )
 
 
-def _listen(name: str, wanted: Wanted, place: Place, listen_s: float, until: bytes) -> Listen:
-    return Listen(name=name, place=place, transport="udp", port=wanted.port, listen_s=listen_s, enough=until)
+def _listen(name: str, expected: Wanted, place: Place, listen_s: float, until: bytes) -> Listen:
+    return Listen(name=name, place=place, transport="udp", port=expected.port, listen_s=listen_s, enough=until)
 
 
 def _judged(
     answer: Answer,
-    wanted: Wanted,
+    expected: Wanted,
     judge_stream: Callable[[Heard, Wanted], tuple[Finding, ...]],
     *,
     moved: bool = False,
 ) -> Judged:
     assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-    stream = read(answer, wanted.address)
-    hot, silent = armed(stream, wanted), unusable(answer, stream, wanted)
+    stream = read(answer, expected.address)
+    hot, silent = armed(stream, expected), unusable(answer, stream, expected)
     first = () if hot is None else (hot,)
     if silent is None:
-        first = (*first, *doubts(stream, wanted))
-    found = (silent,) if silent is not None else judge_stream(stream, wanted)
-    found = (*first, *(one for one in found if not first or one.verdict is not Verdict.PASS))
-    seen = (*evidence(stream, wanted), *(movement(stream, wanted) if moved else ()))
+        first = (*first, *doubts(stream, expected))
+    found = (silent,) if silent is not None else judge_stream(stream, expected)
+    found = (*first, *(finding for finding in found if not first or finding.verdict is not Verdict.PASS))
+    seen = (*evidence(stream, expected), *(movement(stream, expected) if moved else ()))
     return Judged(found, seen)

@@ -30,27 +30,27 @@ NEEDED = 3
 def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     """Channel to the lowest and highest value, of those that moved."""
     found = {}
-    for number in range(max((one.count for one in channels), default=0)):
-        values = [one.values[number] for one in channels if number < one.count]
+    for number in range(max((channel.count for channel in channels), default=0)):
+        values = [item.values[number] for item in channels if number < item.count]
         known = [value for value in values if value is not None]
         if known and max(known) - min(known) >= MOVED_US:
             found[number + 1] = (min(known), max(known))
     return found
 
 
-def judge_moved(heard: Heard, wanted: Wanted) -> Finding:
+def judge_moved(received: Heard, expected: Wanted) -> Finding:
     """Judge a stream in which the vehicle is heard, disarmed."""
-    channels = heard.systems[wanted.system_id].channels
+    channels = received.systems[expected.system_id].channels
     if not channels:
-        return no_channels(heard, wanted)
+        return no_channels(received, expected)
     if len(channels) < NEEDED:
-        message = f"{wanted.name}'s channels came {len(channels)} times only while the sticks were moved"
+        message = f"{expected.name}'s channels came {len(channels)} times only while the sticks were moved"
         return Finding(
             Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
         )
     moved = ranges(channels)
     if not moved:
-        message = f"none of {wanted.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
+        message = f"none of {expected.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
         hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
         return Finding(Verdict.FAIL, "no-movement", message, hint)
     listed = ", ".join(map(str, moved))
@@ -60,17 +60,17 @@ def judge_moved(heard: Heard, wanted: Wanted) -> Finding:
         return Finding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
     if _as_one(channels, axes):
         message = (
-            f"channels {', '.join(map(str, axes))} of {wanted.name} move as one, which two sticks in circles do not"
+            f"channels {', '.join(map(str, axes))} of {expected.name} move as one, which two sticks in circles do not"
         )
         hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
         return Finding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return Finding(Verdict.PASS, "moved", f"{wanted.name}'s channels follow the sticks: {listed}")
+    return Finding(Verdict.PASS, "moved", f"{expected.name}'s channels follow the sticks: {listed}")
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
     """Whether every axis follows the first, the same way or the other."""
-    rows = [[one.values[axis - 1] for axis in axes] for one in channels if one.count >= max(axes)]
-    whole = [values for row in rows if len(values := tuple(one for one in row if one is not None)) == len(axes)]
+    rows = [[channel.values[axis - 1] for axis in axes] for channel in channels if channel.count >= max(axes)]
+    whole = [values for row in rows if len(values := tuple(item for item in row if item is not None)) == len(axes)]
     ways = [*zip(*whole, strict=True)] if len(whole) >= NEEDED else []
     if not ways or any(len({*way}) == 1 for way in ways):
         return True  # they were never seen to move beside each other

@@ -167,32 +167,32 @@ class _Reading:
         if kind in _OVERRIDES:
             self._of(message.target if kind == "MANUAL_CONTROL" else message.target_system).overrides += 1
             return
-        one = self._of(message.get_srcSystem())
-        if kind == "HEARTBEAT" and not self._beats(one, sender, message):
+        item = self._of(message.get_srcSystem())
+        if kind == "HEARTBEAT" and not self._beats(item, sender, message):
             return
         if message.get_srcComponent() == _AUTOPILOT and self.address in {None, sender}:
-            one.take(at_s, self.began, message)
+            item.take(at_s, self.began, message)
 
     def _of(self, number: int) -> _Said:
         return self.said.setdefault(number, _Said())
 
     @staticmethod
-    def _beats(one: _Said, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
+    def _beats(item: _Said, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
         """Note whose heartbeat it is; False: no autopilot's."""
         if message.type == _GROUND_STATION or message.autopilot == _NO_AUTOPILOT:
             return False
-        one.armed = one.armed or bool(message.base_mode & _ARMED)
+        item.armed = item.armed or bool(message.base_mode & _ARMED)
         if message.get_srcComponent() != _AUTOPILOT:
-            one.components.add(message.get_srcComponent())
+            item.components.add(message.get_srcComponent())
             return False
-        one.senders.add(sender)
+        item.senders.add(sender)
         return True
 
 
 _MAVLINK_1 = 0xFE
 
 
-def read(heard: Transcript, address: str | None = None) -> Heard:
+def read(transcript: Transcript, address: str | None = None) -> Heard:
     """Understand the datagrams, also where frames go over their borders. Raises nothing.
 
     `address`: whose datagrams are believed; what others say tells no more than that they are there, or are armed.
@@ -201,10 +201,10 @@ def read(heard: Transcript, address: str | None = None) -> Heard:
     from pymavlink.dialects.v20 import common  # noqa: PLC0415
 
     parsers: dict[str, Any] = {}
-    reading = _Reading(heard.began, address)
-    known = len(heard.senders) == len(heard.chunks)
-    senders = heard.senders if known else ("",) * len(heard.chunks)
-    for (at_s, data), sender in zip(heard.chunks, senders, strict=True):
+    reading = _Reading(transcript.began, address)
+    known = len(transcript.senders) == len(transcript.chunks)
+    senders = transcript.senders if known else ("",) * len(transcript.chunks)
+    for (at_s, data), sender in zip(transcript.chunks, senders, strict=True):
         if sender not in parsers:
             parsers[sender] = common.MAVLink(None)
             parsers[sender].robust_parsing = True
@@ -212,7 +212,7 @@ def read(heard: Transcript, address: str | None = None) -> Heard:
             reading.take(at_s, sender, message)
     systems = {number: reading.said[number].whole() for number in sorted(reading.said)}
     versions = tuple(sorted(reading.versions))
-    return Heard(systems, reading.good, reading.bad, versions, len(heard.data), heard.ended_s)
+    return Heard(systems, reading.good, reading.bad, versions, len(transcript.data), transcript.ended_s)
 
 
 def _channels(at_s: float, message: Any) -> Channels:  # noqa: ANN401 - as above

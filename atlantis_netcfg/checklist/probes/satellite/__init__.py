@@ -38,7 +38,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
 def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
     """Name the items of a second link after it."""
     before = f"{bearer.name}-" if number else ""
-    concerns = tuple(one for one in (bearer.device,) if one is not None)
+    concerns = tuple(item for item in (bearer.device,) if item is not None)
     yield Step(
         name=bearer.name if number else "",
         title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
@@ -65,7 +65,7 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
 
 
 def _firewall(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
-    listed = ", ".join(_target(one) for one in allowed(cell.declaration.pilot, bearer))
+    listed = ", ".join(_target(allowed_target) for allowed_target in allowed(cell.declaration.pilot, bearer))
     return Step(
         name=f"{before}firewall",
         title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
@@ -97,9 +97,9 @@ def _target(target: AllowedTarget) -> str:
     return f"{target.name} ({target.address}{port})"
 
 
-def _there(told: Mapping[str, Any]) -> Finding | None:
+def _there(values: Mapping[str, Any]) -> Finding | None:
     """Say what of the terminal can be seen from the router; that its ARP entry has aged proves nothing."""
-    quality = told.get("quality") or {}
+    quality = values.get("quality") or {}
     if quality.get("port_link") != "up":
         return None
     port = quality.get("port") or "its port"

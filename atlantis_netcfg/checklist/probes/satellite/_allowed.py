@@ -54,16 +54,16 @@ class AllowListProbe:
         """One proof."""
         return (Prove("prove", self.bearer),)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Take over what was found; what could not be tried only warns where something else was proved."""
-        answer = heard.get("prove")
+        answer = results.get("prove")
         if not isinstance(answer, Proved) or answer.trouble is not None:
             return Judged((unasked("the satellite's router", answer),))
         return Judged(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
     def _findings(self, proved: Proved) -> Iterator[Finding]:
-        aimed = [one for one in proved.findings if one.code in _AIMED]
-        seen = [one for one in aimed if one.verdict in _SEEN]
+        aimed = [entry for entry in proved.findings if entry.code in _AIMED]
+        seen = [item for item in aimed if item.verdict in _SEEN]
         if not aimed:
             message = f"nothing was tried over {self.bearer}"
             hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
@@ -73,7 +73,7 @@ class AllowListProbe:
             hint = "try again while the satellite carries the traffic: unplug the other links"
             yield Finding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
-            yield self._proved(len(seen), len(aimed), sum(one.code == _NOT_TRIED for one in aimed))
+            yield self._proved(len(seen), len(aimed), sum(finding.code == _NOT_TRIED for finding in aimed))
         for one in proved.findings:
             weaker = Verdict.WARN if seen and one.code == _NOT_TRIED else one.verdict
             yield replace(one, verdict=weaker, hint=one.hint or self._hints.get(one.code))

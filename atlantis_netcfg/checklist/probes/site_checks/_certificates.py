@@ -90,28 +90,30 @@ class _Certificates:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
     def asks(self) -> tuple[Question, ...]:
-        own = run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
-        return (*ask("router", self.site, "/certificate", *_MENU), *(own if self._gateway_is_in else ()))
+        local = run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
+        return (*ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        told = rows(heard["router"], self.site.router.name, "its certificates", "name")
+        result = rows(results["router"], self.site.router.name, "its certificates", "name")
         missing: list[Finding] = []
         certificates: list[_Certificate] = []
-        if isinstance(told, Finding):
-            missing.append(told)
+        if isinstance(result, Finding):
+            missing.append(result)
         else:
-            missing += self._missing(told)
-            certificates += self._of_router(told)
+            missing += self._missing(result)
+            certificates += self._of_router(result)
         if self._gateway_is_in:
             assert self.site.gateway is not None  # noqa: S101 - just looked
-            own = _of_identity(self.site.gateway.name, self.site.name, heard["identity"])
-            missing += [own] if isinstance(own, Finding) else []
-            certificates += [] if isinstance(own, Finding) else own
-        now = _now(heard)
-        wrong = [finding for one in certificates for finding in _judged(one, now)]
+            local = _of_identity(self.site.gateway.name, self.site.name, results["identity"])
+            missing += [local] if isinstance(local, Finding) else []
+            certificates += [] if isinstance(local, Finding) else local
+        now = _now(results)
+        wrong = [finding for item in certificates for finding in _judged(item, now)]
         evidence = tuple(
-            read(f"{one.called}: valid until", f"{one.until:%Y-%m-%d}") for one in certificates if one.until
+            read(f"{certificate.called}: valid until", f"{certificate.until:%Y-%m-%d}")
+            for certificate in certificates
+            if certificate.until
         )
         return Judged((*wrong, *missing) or (_fine(certificates),), evidence)
 
@@ -120,11 +122,13 @@ class _Certificates:
         """Name to what it is for."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         all_of_it = prerequisites(self.site.declaration, self.site.router)
-        return {one.name: one.reason for one in all_of_it if one.menu == "/certificate"}
+        return {
+            prerequisite.name: prerequisite.reason for prerequisite in all_of_it if prerequisite.menu == "/certificate"
+        }
 
-    def _missing(self, told: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        there = {row.get("name") for row in told}
+        there = {row.get("name") for row in result}
         for name, reason in self._wanted.items():
             if name not in there:
                 message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
@@ -137,9 +141,9 @@ class _Certificates:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
-    def _of_router(self, told: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
+    def _of_router(self, result: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        for row in told:
+        for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
             name = row.get("name", "?")
             used = name in self._wanted or yes(row, "authority")
@@ -162,9 +166,9 @@ class _Certificates:
         return ""
 
 
-def _now(heard: Mapping[str, Answer]) -> datetime:
+def _now(results: Mapping[str, Answer]) -> datetime:
     """When this computer had the answers."""
-    stamps = [answer.heard for answer in heard.values() if isinstance(answer, Ran | Rows)]
+    stamps = [answer.heard for answer in results.values() if isinstance(answer, Ran | Rows)]
     return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
 
 
@@ -200,35 +204,46 @@ def _stamp(text: str) -> datetime | None:
         return None
 
 
-def _judged(one: _Certificate, now: datetime) -> Iterator[Finding]:
-    if one.until is None:
+def _judged(certificate: _Certificate, now: datetime) -> Iterator[Finding]:
+    if certificate.until is None:
         yield unknown(
-            "no-date", f"nobody can tell until when the {one.called} is valid", f"look at {one.holder} by hand"
+            "no-date",
+            f"nobody can tell until when the {certificate.called} is valid",
+            f"look at {certificate.holder} by hand",
         )
-    elif not one.used:
-        if one.until < now or one.expired:
-            message = f"the {one.called} expired on {one.until:%Y-%m-%d}, and nothing that is declared uses it"
-            yield warn("old-certificate", message, f"remove it from {one.holder}")
-    elif one.unfit:
-        yield fail("unfit", f"the {one.called} {one.unfit}", one.renew)
-    elif one.until < now:
-        yield fail("expired", f"the {one.called} expired on {one.until:%Y-%m-%d}", one.renew)
-    elif one.expired:
-        message = f"{one.holder} takes its certificate `{one.name}` for expired, though it is valid until"
-        yield fail("clock-expired", f"{message} {one.until:%Y-%m-%d}", f"set the clock of {one.holder} first")
-    elif one.since is not None and one.since > now + timedelta(minutes=5):
-        message = f"the {one.called} is only valid from {one.since:%Y-%m-%d %H:%M} UTC on"
+    elif not certificate.used:
+        if certificate.until < now or certificate.expired:
+            expired = f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}"
+            message = f"{expired}, and nothing that is declared uses it"
+            yield warn("old-certificate", message, f"remove it from {certificate.holder}")
+    elif certificate.unfit:
+        yield fail("unfit", f"the {certificate.called} {certificate.unfit}", certificate.renew)
+    elif certificate.until < now:
+        yield fail("expired", f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}", certificate.renew)
+    elif certificate.expired:
+        message = (
+            f"{certificate.holder} takes its certificate `{certificate.name}` for expired, though it is valid until"
+        )
+        yield fail(
+            "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
+        )
+    elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
+        message = f"the {certificate.called} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
         yield fail(
             "not-yet-valid", message, "look at the clocks of this computer and of the device: one of them is wrong"
         )
-    elif one.until < now + SOON:
-        days = (one.until - now).days
-        yield warn("expires-soon", f"the {one.called} expires in {days} days, on {one.until:%Y-%m-%d}", one.renew)
+    elif certificate.until < now + SOON:
+        days = (certificate.until - now).days
+        yield warn(
+            "expires-soon",
+            f"the {certificate.called} expires in {days} days, on {certificate.until:%Y-%m-%d}",
+            certificate.renew,
+        )
 
 
 def _fine(certificates: Sequence[_Certificate]) -> Finding:
     """Of those that are used: a declared one that is not there has been told of."""
-    until = [one.until for one in certificates if one.used and one.until is not None]
+    until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:
         return good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
     return good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")

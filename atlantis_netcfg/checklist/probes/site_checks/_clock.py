@@ -94,69 +94,69 @@ class _Clock:
             *run("timedatectl", self.site, "timedatectl show"),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        offsets: dict[str, Offset | Finding] = {router: _of_router(router, heard["clock"])}
+        offsets: dict[str, Offset | Finding] = {router: _of_router(router, results["clock"])}
         if self.site.gateway is not None:
-            offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, heard["timedatectl"])
-        known = {name: one for name, one in offsets.items() if isinstance(one, Offset)}
+            offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
+        known = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
         wrong = [
-            *(one for one in offsets.values() if isinstance(one, Finding)),
+            *(offset for offset in offsets.values() if isinstance(offset, Finding)),
             *_judged(known),
-            *self._set(heard, known),
+            *self._set(results, known),
         ]
-        evidence = [measured(f"clock of {name}, to this computer's", one.words) for name, one in known.items()]
+        evidence = [measured(f"clock of {name}, to this computer's", item.words) for name, item in known.items()]
         agree = f"the clocks of {listed((*known, 'this computer'))} agree"
         fine = good("clocks-agree", f"{agree}, and time servers set them")
-        return Judged(tuple(wrong) or (fine,), (*evidence, *self._told(heard)))
+        return Judged(tuple(wrong) or (fine,), (*evidence, *self._told(results)))
 
-    def _set(self, heard: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
+    def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
-        clock, ntp = _row(heard["clock"]), rows(heard["ntp"], name, "what sets its clock", "enabled")
+        clock, ntp = _row(results["clock"]), rows(results["ntp"], name, "what sets its clock", "enabled")
         if name in known:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
             yield from (ntp,) if isinstance(ntp, Finding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known:
-            said, told = printed(heard["timedatectl"], gateway.name), _pairs(heard["timedatectl"])
-            if isinstance(said, Finding):
-                yield said
-            elif not {told.get("NTP"), told.get("NTPSynchronized")} <= _YES_NO:
+            reply, result = printed(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
+            if isinstance(reply, Finding):
+                yield reply
+            elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
                 yield unreadable(gateway.name, "the service that sets its clock")
-            elif told["NTP"] == "no":
+            elif result["NTP"] == "no":
                 yield _unset(gateway.name)
-            elif told["NTPSynchronized"] == "no":
+            elif result["NTPSynchronized"] == "no":
                 yield _waiting(gateway.name, self.site.name)
-            yield from _zone(gateway.name, told.get("Timezone", ""), zone)
+            yield from _zone(gateway.name, result.get("Timezone", ""), zone)
 
     def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[Finding]:
         """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
-        declared = {str(one.address) for one in self.site.declaration.pilot.time_servers}
+        declared = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
             yield _unset(name)
         elif status in {"waiting", "started"}:
             yield _waiting(name, self.site.name)
         elif status != "synchronized":
-            said = f"`{status}`" if status else "nothing"
-            message = f"the NTP client of {name} says {said}: whether a time server has set its clock is not known"
+            text = f"`{status}`" if status else "nothing"
+            message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
             yield unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
         elif server and server not in declared:
             message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
             hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
             yield unknown("other-time-server", message, hint)
 
-    def _told(self, heard: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        ntp, told = _row(heard["ntp"]), _pairs(heard["timedatectl"]) if self.site.gateway is not None else {}
+        ntp, values = _row(results["ntp"]), _pairs(results["timedatectl"]) if self.site.gateway is not None else {}
         if "status" in ntp:
             server = f" with {ntp['synced-server']}" if ntp.get("synced-server") else ""
             yield read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
-        if self.site.gateway is not None and "NTPSynchronized" in told:
-            yield read(f"NTPSynchronized of {self.site.gateway.name}", told["NTPSynchronized"])
+        if self.site.gateway is not None and "NTPSynchronized" in values:
+            yield read(f"NTPSynchronized of {self.site.gateway.name}", values["NTPSynchronized"])
 
 
 _YES_NO = frozenset({"yes", "no"})
@@ -164,7 +164,7 @@ _YES_NO = frozenset({"yes", "no"})
 
 def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
     """Where two clocks agree with each other and not with ours, it is ours that is wrong."""
-    wrong = {name: one for name, one in known.items() if one.wrong}
+    wrong = {name: offset for name, offset in known.items() if offset.wrong}
     if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
         turned = next(iter(wrong.values()))
         behind = "behind" if turned.least_s > 0 else "ahead"
@@ -172,22 +172,22 @@ def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
         message = f"this computer's clock is {span} {behind} those of {listed(wrong)}"
         yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
         return
-    for name, one in wrong.items():
+    for name, entry in wrong.items():
         hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
-        yield fail("clock-wrong", f"the clock of {name} is {one.words} this computer's", hint)
-    for name, one in known.items():
-        if one.coarse:
-            message = f"{name} took so long to answer that its clock may be {max(one.most_s, -one.least_s):.0f} s off"
+        yield fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
+    for name, item in known.items():
+        if item.coarse:
+            message = f"{name} took so long to answer that its clock may be {max(item.most_s, -item.least_s):.0f} s off"
             yield unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
 
 
 def _together(offsets: list[Offset]) -> bool:
-    return max(one.least_s for one in offsets) - min(one.most_s for one in offsets) <= APART_S
+    return max(item.least_s for item in offsets) - min(offset.most_s for offset in offsets) <= APART_S
 
 
-def _zone(name: str, told: str, zone: str) -> Iterator[Finding]:
-    if told and told != zone:
-        message = f"the clock of {name} shows the time of {told}, and {zone} is declared"
+def _zone(name: str, text: str, zone: str) -> Iterator[Finding]:
+    if text and text != zone:
+        message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
         yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
@@ -201,10 +201,10 @@ def _unset(name: str) -> Finding:
 
 
 def _of_router(name: str, answer: Answer) -> Offset | Finding:
-    told = rows(answer, name, "its clock", "time")
-    if isinstance(told, Finding):
-        return told
-    moment = router_time(told[0]) if told else None
+    result = rows(answer, name, "its clock", "time")
+    if isinstance(result, Finding):
+        return result
+    moment = router_time(result[0]) if result else None
     if moment is None or not isinstance(answer, Rows):
         return unreadable(name, "its clock")
     if not answer.heard:
@@ -232,8 +232,8 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
 def _of_computer(name: str, answer: Answer) -> Offset | Finding:
     """Whatever the program says: when it was started, its clock was read."""
     if not isinstance(answer, Ran) or answer.trouble is not None or not answer.began:
-        told = printed(answer, name)
-        return told if isinstance(told, Finding) else unreadable(name, "its clock")
+        result = printed(answer, name)
+        return result if isinstance(result, Finding) else unreadable(name, "its clock")
     if not answer.heard:
         return _uncompared(name)
     return Offset(answer.began - answer.heard, answer.began - answer.asked)

@@ -109,7 +109,7 @@ class _Heard:
     @property
     def participants(self) -> tuple[_Socket, ...]:
         """Where announcements are heard."""
-        return tuple({one.port: one for one in self.sockets if one.participant is not None}.values())
+        return tuple({item.port: item for item in self.sockets if item.participant is not None}.values())
 
     @property
     def strangers(self) -> int:
@@ -119,16 +119,16 @@ class _Heard:
     @property
     def is_dds(self) -> bool:
         """Whether two ports are bound that belong to each other; one alone may be anybody's."""
-        return any(self._bound(one) and self._bound(one + 1) for one in (_MULTICAST, _UNICAST))
+        return any(self._bound(item) and self._bound(item + 1) for item in (_MULTICAST, _UNICAST))
 
     @property
     def ports(self) -> str:
         """Where it listens for announcements."""
-        known = {one.port for one in self.sockets if one.participant is not None or one.offset == _MULTICAST}
+        known = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
         return ", ".join(map(str, sorted(known)))
 
     def _bound(self, offset: int) -> int:
-        return sum(one.offset == offset for one in self.sockets)
+        return sum(item.offset == offset for item in self.sockets)
 
 
 def of(site: OwnSite) -> Step:
@@ -173,38 +173,38 @@ class _Seen:
     def asks(self) -> tuple[Question, ...]:
         first = _BASE + _DOMAIN * self._wanted.domain + _UNICAST
         ports = tuple(first + _EACH * number for number in range(self._wanted.participants))
-        asked = Discover("participants", Place.GATEWAY, self._address, self._wanted.domain, ports)
-        return (*run("sockets", self.site, f"cat {TABLE}"), asked)
+        discover = Discover("participants", Place.GATEWAY, self._address, self._wanted.domain, ports)
+        return (*run("sockets", self.site, f"cat {TABLE}"), discover)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
-        gateway, wanted = self.site.gateway, self._wanted
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        gateway, dds = self.site.gateway, self._wanted
         assert gateway is not None  # noqa: S101 - the step is a person's without one
-        told, answered = (
-            printed(heard["sockets"], gateway.name),
-            _answered(heard["participants"], gateway.name, self._address),
+        result, answered = (
+            printed(results["sockets"], gateway.name),
+            _answered(results["participants"], gateway.name, self._address),
         )
-        if isinstance(told, Finding):
-            return Judged((told,))
-        if "local_address" not in told:
+        if isinstance(result, Finding):
+            return Judged((result,))
+        if "local_address" not in result:
             return Judged((unreadable(gateway.name, "its UDP sockets"),))
         if isinstance(answered, Finding):
             return Judged((answered,))
-        found = tuple(_heard(told))
-        ours = next((one for one in found if one.domain == wanted.domain), _Heard(wanted.domain, ()))
+        found = tuple(_heard(result))
+        ours = next((entry for entry in found if entry.domain == dds.domain), _Heard(dds.domain, ()))
         near = [one for one in found if one is not ours and one.is_dds]
         shown = [one.ports for one in (ours, *near) if one.ports]
-        there = [one for one in answered if one.domain in {None, wanted.domain}]
+        there = [participant for participant in answered if participant.domain in {None, dds.domain}]
         evidence = (
-            declared("domain of DDS", str(wanted.domain)),
+            declared("domain of DDS", str(dds.domain)),
             read(f"UDP ports of DDS on {gateway.name}", ", ".join(shown) or "none"),
             measured(f"DDS participants that answer at {self._address}", _named(there)),
         )
         if not there and not ours.participants and not ours.is_dds:
-            return Judged((_nobody(gateway.name, wanted, near),), evidence)
-        wrong = tuple(_judged(gateway.name, wanted, ours))
-        lost = any(one.code == "without-profile" and one.verdict is Verdict.FAIL for one in wrong)
+            return Judged((_nobody(gateway.name, dds, near),), evidence)
+        wrong = tuple(_judged(gateway.name, dds, ours))
+        lost = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
         reached = () if lost else (self._reached(gateway.name, there, ours),)
-        fine = tuple(one for one in reached if not wrong or one.verdict is not Verdict.PASS)
+        fine = tuple(finding for finding in reached if not wrong or finding.verdict is not Verdict.PASS)
         return Judged((*wrong, *fine), evidence)
 
     def _reached(self, name: str, there: Sequence[_Participant], bound: _Heard) -> Finding:
@@ -215,7 +215,7 @@ class _Seen:
             )
             hint = f"on {name}: `sudo ss -ulpn` tells who has UDP port {bound.ports}; start the data gateway anew"
             return unknown("nobody-answers", message, hint)
-        reached = [one for one in there if address in one.addresses]
+        reached = [participant for participant in there if address in participant.addresses]
         if not reached:
             message = f"DDS on {name} says that it is reached at {_named(there)}, and others look for it at {address}"
             hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
@@ -229,7 +229,7 @@ _ANSWER = {True: "answers", False: "answer"}
 
 def _named(there: Sequence[_Participant]) -> str:
     """Where they say that they are reached."""
-    return listed(sorted({address for one in there for address in one.addresses})) or "none"
+    return listed(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
 def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | Finding:
@@ -254,7 +254,7 @@ def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ..
         spoke |= {prefix} if aimed else set()
         if announced is not None:
             found[prefix] = announced
-    return tuple(one for prefix, one in found.items() if prefix in spoke)
+    return tuple(participant for prefix, participant in found.items() if prefix in spoke)
 
 
 def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None]:
@@ -284,9 +284,9 @@ def _announced(body: bytes, flags: int, order: str) -> _Participant | None:
     at = 4 + ahead
     if flags & 2:
         at = _parameters(body, at, order)[1]
-    told, _ = _parameters(body, at + 4, "<" if body[at + 1] & 1 else ">")
-    domains = [struct.unpack(f"{one}I", value[:4])[0] for one, name, value in told if name == _DOMAIN_ID]
-    places = [value for _, name, value in told if name == _REACHED_AT]
+    result, _ = _parameters(body, at + 4, "<" if body[at + 1] & 1 else ">")
+    domains = [struct.unpack(f"{item}I", value[:4])[0] for item, name, value in result if name == _DOMAIN_ID]
+    places = [value for _, name, value in result if name == _REACHED_AT]
     over_udp = [value for value in places if len(value) == _LOCATOR and value[:4] in {b"\1\0\0\0", b"\0\0\0\1"}]
     addresses = frozenset(socket.inet_ntoa(value[20:]) for value in over_udp)
     return _Participant(domains[0] if domains else None, addresses)
@@ -307,44 +307,44 @@ def _heard(text: str) -> Iterator[_Heard]:
     rows = filter(None, map(_ROW.match, text.splitlines()))
     sockets = sorted((int(row[2], 16), int(row[3])) for row in rows)
     known = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
-    for domain, those in groupby(known, lambda one: (one.port - _BASE) // _DOMAIN):
+    for domain, those in groupby(known, lambda item: (item.port - _BASE) // _DOMAIN):
         yield _Heard(domain, tuple(those))
 
 
-def _nobody(name: str, wanted: Dds, near: Sequence[_Heard]) -> Finding:
+def _nobody(name: str, dds: Dds, near: Sequence[_Heard]) -> Finding:
     if near:
         message = (
-            f"DDS on {name} runs in domain {listed(str(one.domain) for one in near)}, and {wanted.domain} is declared"
+            f"DDS on {name} runs in domain {listed(str(item.domain) for item in near)}, and {dds.domain} is declared"
         )
         return fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
     hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
-    message = f"nobody speaks DDS on {name} in domain {wanted.domain}, so nothing is announced"
+    message = f"nobody speaks DDS on {name} in domain {dds.domain}, so nothing is announced"
     return unknown("nobody-announces", message, hint)
 
 
-def _judged(name: str, wanted: Dds, heard: _Heard) -> Iterator[Finding]:
-    ours = heard.participants
-    yield from _profile(name, heard)
-    late = [one for one in ours if one.participant is not None and one.participant >= wanted.participants]
+def _judged(name: str, dds: Dds, received: _Heard) -> Iterator[Finding]:
+    ours = received.participants
+    yield from _profile(name, received)
+    late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
     if late:
         message = (
-            f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {wanted.participants}"
+            f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {dds.participants}"
         )
         yield warn("too-many-participants", message, "no peer finds those: stop some, or declare more `participants`")
-    dropped = sum(one.drops for one in ours)
+    dropped = sum(our.drops for our in ours)
     if dropped:
         message = f"{name} has dropped {dropped} announcements of DDS that no program took in time"
         yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
-def _profile(name: str, heard: _Heard) -> Iterator[Finding]:
+def _profile(name: str, received: _Heard) -> Iterator[Finding]:
     hint = "end what runs, source the site's ros.env of the link in use, and start it again"
-    if heard.strangers and not heard.participants:
-        message = f"DDS on {name} runs in domain {heard.domain} without the site's profile: no other site finds it"
+    if received.strangers and not received.participants:
+        message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"
         yield fail("without-profile", message, hint)
-    elif heard.strangers:
-        many, runs, it = f"{heard.strangers} DDS participants", "run", "them"
-        if heard.strangers == 1:
+    elif received.strangers:
+        many, runs, it = f"{received.strangers} DDS participants", "run", "them"
+        if received.strangers == 1:
             many, runs, it = "1 DDS participant", "runs", "it"
         message = f"{many} on {name} {runs} without the site's profile: other sites may not find {it}, or lose {it}"
         yield warn("without-profile", message, hint)

@@ -47,17 +47,17 @@ class _DefaultRoute:
             *run("gateway", self.site, "ip -j route show"),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        told = rows(heard["routes"], name, "its routes", "dst-address")
-        own = self._of_gateway(heard)
-        if isinstance(told, Finding):
-            return Judged((told, *own))
-        routes = [row for row in told if row.get("dst-address") == _DEFAULT]
-        found = tuple(_broad(told)) or tuple(self._of_router(routes, heard))
+        result = rows(results["routes"], name, "its routes", "dst-address")
+        local = self._of_gateway(results)
+        if isinstance(result, Finding):
+            return Judged((result, *local))
+        routes = [row for row in result if row.get("dst-address") == _DEFAULT]
+        found = tuple(_broad(result)) or tuple(self._of_router(routes, results))
         evidence = tuple(read(f"default route of {name}", _worded(row)) for row in routes if _in_force(row))
-        return Judged((*found, *own), evidence)
+        return Judged((*found, *local), evidence)
 
     @property
     def _ways(self) -> tuple[Route, ...]:
@@ -66,7 +66,7 @@ class _DefaultRoute:
             Route(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
         )
 
-    def _of_router(self, routes: Sequence[Mapping[str, str]], heard: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _of_router(self, routes: Sequence[Mapping[str, str]], results: Mapping[str, Answer]) -> Iterator[Finding]:
         active = active_bearers(routes, self._ways)
         if not active:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
@@ -76,12 +76,12 @@ class _DefaultRoute:
         elif active_bearer(routes, self._ways) is None:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
-            yield self._judged(active[0], heard)
+            yield self._judged(active[0], results)
 
-    def _judged(self, active: str, heard: Mapping[str, Answer]) -> Finding:
+    def _judged(self, active: str, results: Mapping[str, Answer]) -> Finding:
         bearers = self.site.declared.bearers
-        place = next(place for place, one in enumerate(bearers) if one.name == active)
-        better = {one.name: looked(heard[f"look {one.name}"], one.name) for one in bearers[:place]}
+        place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
+        better = {item.name: looked(results[f"look {item.name}"], item.name) for item in bearers[:place]}
         up = [
             name for name, found in better.items() if not isinstance(found, Finding) and _state(found) is LinkState.UP
         ]
@@ -107,14 +107,14 @@ class _DefaultRoute:
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
         return fail("metered-by-mistake", message, hint) if paid else warn("not-the-best", message, hint)
 
-    def _of_gateway(self, heard: Mapping[str, Answer]) -> tuple[Finding, ...]:
+    def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[Finding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
-        told = parsed(heard["gateway"], gateway.name, "its default route")
-        if isinstance(told, Finding):
-            return (told,)
-        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), told))
+        result = parsed(results["gateway"], gateway.name, "its default route")
+        if isinstance(result, Finding):
+            return (result,)
+        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), result))
 
 
 def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
@@ -159,21 +159,21 @@ def _state(found: Mapping[str, Any]) -> LinkState | None:
     return None if state in {None, LinkState.UNKNOWN.value} else LinkState(state) if state in set(LinkState) else None
 
 
-def _metric(one: Mapping[str, Any]) -> int:
-    value = one.get("metric", 0)
+def _metric(row: Mapping[str, Any]) -> int:
+    value = row.get("metric", 0)
     return value if isinstance(value, int) else 0
 
 
-def _is_dead(one: Mapping[str, Any]) -> bool:
+def _is_dead(row: Mapping[str, Any]) -> bool:
     """Words of the kernel for a route whose interface has no link."""
-    flags = one.get("flags")
+    flags = row.get("flags")
     return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
 
 
 def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
     hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
-    ways = sorted((one for one in routes if one.get("dst") == "default" and not _is_dead(one)), key=_metric)
-    broad = next((one for one in routes if _is_broad(str(one.get("dst", "")))), None)
+    ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
+    broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
     if broad is not None:
         message = (
             f"{name} sends {broad['dst']} to {broad.get('gateway', broad.get('dev', '?'))}, before its default route"
@@ -184,12 +184,12 @@ def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) ->
         yield fail("gateway-no-route", f"{name} has no default route", hint)
         return
     via, first = ways[0].get("gateway", "nobody"), _metric(ways[0])
-    others = [one.get("gateway", "nobody") for one in ways[1:] if one.get("gateway") != router]
+    others = [item.get("gateway", "nobody") for item in ways[1:] if item.get("gateway") != router]
     if via != router:
         yield fail(
             "gateway-wrong-route", f"the default route of {name} leads to {via}, not to the router {router}", hint
         )
-    elif others and any(_metric(one) == first for one in ways[1:]):
+    elif others and any(_metric(way) == first for way in ways[1:]):
         yield fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
     elif others:
         yield warn(

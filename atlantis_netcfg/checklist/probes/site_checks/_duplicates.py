@@ -43,32 +43,32 @@ class _Duplicates:
             *run("neighbours", self.site, "ip -j neigh show"),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        told = [neighbours(heard["arp"], router)]
+        result = [neighbours(results["arp"], router)]
         if self.site.gateway is not None:
-            told.append(neighbours(heard["neighbours"], self.site.gateway.name))
-        leases = rows(heard["leases"], router, "its leases", "address")
-        seen = [one for part in told if not isinstance(part, Finding) for one in part if self._in_lan(one)]
-        silence = [part for part in (*told, leases) if isinstance(part, Finding)]
+            result.append(neighbours(results["neighbours"], self.site.gateway.name))
+        leases = rows(results["leases"], router, "its leases", "address")
+        seen = [item for part in result if not isinstance(part, Finding) for item in part if self._in_lan(item)]
+        silence = [part for part in (*result, leases) if isinstance(part, Finding)]
         wrong = [*self._twice(seen), *self._wrong(seen), *self._busy(() if isinstance(leases, Finding) else leases)]
-        evidence = tuple(read(f"{one.address}, seen by {one.seen_by}", one.mac) for one in seen)
+        evidence = tuple(read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in seen)
         return Judged(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(seen),), evidence)
 
-    def _in_lan(self, one: Neighbour) -> bool:
-        return IPv4Address(one.address) in self.site.declared.lan.network
+    def _in_lan(self, neighbour: Neighbour) -> bool:
+        return IPv4Address(neighbour.address) in self.site.declared.lan.network
 
     def _twice(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
         cards: dict[str, dict[str, Neighbour]] = {}
-        for one in sorted(seen, key=lambda one: not one.fresh):
+        for one in sorted(seen, key=lambda entry: not entry.fresh):
             cards.setdefault(one.address, {}).setdefault(one.mac, one)
         for address, macs in cards.items():
-            told = listed(f"{mac} (seen by {one.seen_by})" for mac, one in macs.items())
-            if len(macs) > 1 and all(one.fresh for one in macs.values()):
-                yield fail("address-twice", f"{address} is answered by two cards: {told}", _HINT)
+            text = listed(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
+            if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
+                yield fail("address-twice", f"{address} is answered by two cards: {text}", _HINT)
             elif len(macs) > 1:
-                message = f"{address} was answered by another card some time ago: {told}"
+                message = f"{address} was answered by another card some time ago: {text}"
                 yield warn(
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
@@ -76,10 +76,10 @@ class _Duplicates:
     def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
         lan = self.site.declared.lan
         by_address = {str(one.address): one for one in lan.reservations}
-        by_card = {one.mac.lower(): one for one in lan.reservations}
-        now = {one.address for one in seen if one.fresh}
-        current = [one for one in seen if one.fresh or one.address not in now]
-        for one in {(one.address, one.mac): one for one in current}.values():
+        by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
+        now = {entry.address for entry in seen if entry.fresh}
+        current = [item for item in seen if item.fresh or item.address not in now]
+        for one in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
             reserved, owner = by_address.get(one.address), by_card.get(one.mac)
             if reserved is not None and reserved.mac.lower() != one.mac:
                 there = f"{one.mac}{f', the card of {owner.name},' if owner else ''}"
@@ -99,7 +99,7 @@ class _Duplicates:
                 yield warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
     def _fine(self, seen: Sequence[Neighbour]) -> Finding:
-        count = len({one.address for one in seen})
+        count = len({neighbour.address for neighbour in seen})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
             return unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)

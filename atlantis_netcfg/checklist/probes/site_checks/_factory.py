@@ -66,28 +66,36 @@ class _Factory:
         """Those that the declaration gives to nobody, and that lie in no declared network."""
         site = self.site.declared
         networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
-        return tuple(one for one in FACTORY if not any(IPv4Address(one) in network for network in networks))
+        return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        told = [neighbours(heard["arp"], router)]
+        result = [neighbours(results["arp"], router)]
         if self.site.gateway is not None:
-            told.append(neighbours(heard["neighbours"], self.site.gateway.name))
-        names = rows(heard["names"], router, "its neighbours", "mac-address")
-        seen = {(one.address, one.mac): one.interface for part in told if not isinstance(part, Finding) for one in part}
-        pings = {
-            one: rows(heard[f"ping {one}"], router, "who answers its ARP questions", "sent") for one in self._addresses
+            result.append(neighbours(results["neighbours"], self.site.gateway.name))
+        names = rows(results["names"], router, "its neighbours", "mac-address")
+        seen = {
+            (neighbour.address, neighbour.mac): neighbour.interface
+            for part in result
+            if not isinstance(part, Finding)
+            for neighbour in part
         }
-        answered = [one for one, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)]
+        pings = {
+            one: rows(results[f"ping {one}"], router, "who answers its ARP questions", "sent")
+            for one in self._addresses
+        }
+        answered = [
+            entry for entry, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)
+        ]
         wrong = [
             *self._at_addresses(seen, answered),
             *_called(self.site.name, () if isinstance(names, Finding) else names),
         ]
         unasked = [] if all(map(_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
-        silence = [part for part in (*told, names, *pings.values(), *unasked) if isinstance(part, Finding)]
+        silence = [part for part in (*result, names, *pings.values(), *unasked) if isinstance(part, Finding)]
         evidence = (
-            *(measured(f"{one}, asked by ARP", "answers") for one in answered),
+            *(measured(f"{item}, asked by ARP", "answers") for item in answered),
             *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
         )
         told_of = f"nobody in the LAN answers at {listed(self._addresses)}"
@@ -97,7 +105,7 @@ class _Factory:
 
     def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[Finding]:
         for address in self._addresses:
-            there = next(((mac, place) for (one, mac), place in seen.items() if one == address), None)
+            there = next(((mac, place) for (item, mac), place in seen.items() if item == address), None)
             if there is None and address not in answered:
                 continue
             who = f"{there[0]} on {there[1]}" if there else "somebody in the LAN"
@@ -105,13 +113,13 @@ class _Factory:
             yield fail("factory-address", message, "give that device its declared address, or unplug it")
 
 
-def _received(told: Sequence[Mapping[str, str]]) -> bool:
-    return any(row.get("received", "0") not in {"", "0"} for row in told)
+def _received(result: Sequence[Mapping[str, str]]) -> bool:
+    return any(row.get("received", "0") not in {"", "0"} for row in result)
 
 
-def _sent(told: Sequence[Mapping[str, str]] | Finding) -> bool:
+def _sent(result: Sequence[Mapping[str, str]] | Finding) -> bool:
     """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
-    return isinstance(told, Finding) or any(row.get("sent", "0") not in {"", "0"} for row in told)
+    return isinstance(result, Finding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
 
 
 def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:

@@ -41,28 +41,28 @@ class _OneSubnet:
             *run("gateway", self.site, "ip -j addr show"),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         names = {"router": self.site.router.name}
         if self.site.gateway is not None:
             names["gateway"] = self.site.gateway.name
-        told = {name: addresses(heard[question], name) for question, name in names.items()}
-        held = {name: found for name, found in told.items() if not isinstance(found, Finding)}
-        silence = tuple(found for found in told.values() if isinstance(found, Finding))
-        wrong = tuple(one for name, found in held.items() for one in _twice(name, found))
+        values = {name: addresses(results[question], name) for question, name in names.items()}
+        current = {name: found for name, found in values.items() if not isinstance(found, Finding)}
+        silence = tuple(found for found in values.values() if isinstance(found, Finding))
+        wrong = tuple(finding for name, found in current.items() for finding in _twice(name, found))
         evidence = tuple(
-            read(f"{one.interface} of {name}", _worded(one)) for name, found in held.items() for one in found
+            read(f"{item.interface} of {name}", _worded(item)) for name, found in current.items() for item in found
         )
         fine = good("each-subnet-once", f"no interface of {listed(names.values())} has two addresses of one subnet")
         return Judged((*wrong, *silence) or (fine,), evidence)
 
 
 def _twice(name: str, found: tuple[Held, ...]) -> Iterator[Finding]:
-    for one, other in combinations([held for held in found if not held.dead], 2):
-        if one.interface == other.interface and one.address.network.overlaps(other.address.network):
-            message = f"{one.interface} of {name} has {_worded(one)} and {_worded(other)}, which are in one subnet"
+    for item, other in combinations([current for current in found if not current.dead], 2):
+        if item.interface == other.interface and item.address.network.overlaps(other.address.network):
+            message = f"{item.interface} of {name} has {_worded(item)} and {_worded(other)}, which are in one subnet"
             yield fail("subnet-twice", message, _HINT)
 
 
-def _worded(one: Held) -> str:
-    return f"{one.address} ({'leased' if one.leased else 'static'})"
+def _worded(item: Held) -> str:
+    return f"{item.address} ({'leased' if item.leased else 'static'})"

@@ -78,22 +78,22 @@ class _Poe:
     def _monitor(host: str, port: str) -> Ask:
         return Ask(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
-        told = {port: rows(heard[port], name, "the power on its ports", "name") for port in _ports(self.site)}
-        silence = [one for one in told.values() if isinstance(one, Finding)]
-        if len(silence) == len(told):
-            return Judged((_board(name, told) or silence[0],))
-        names = rows(heard[_NAMES], name, "the names of its ports", "default-name")
+        values = {port: rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
+        silence = [entry for entry in values.values() if isinstance(entry, Finding)]
+        if len(silence) == len(values):
+            return Judged((_board(name, values) or silence[0],))
+        names = rows(results[_NAMES], name, "the names of its ports", "default-name")
         if isinstance(names, Finding):
             return Judged((names,))
-        if renamed := tuple(_renamed(name, told, names)):
+        if renamed := tuple(_renamed(name, values, names)):
             return Judged(renamed)
-        ports = {port: row for port, found in told.items() if (row := _row_of(port, found)) is not None}
-        modes = {one.name: one.poe.out for one in self.site.device.ports if one.poe is not None}
+        ports = {port: row for port, found in values.items() if (row := _row_of(port, found)) is not None}
+        modes = {item.name: item.poe.out for item in self.site.device.ports if item.poe is not None}
         wrong = [
-            finding for port in told for finding in _judged(name, port, fed.get(port), ports.get(port), modes[port])
+            finding for port in values for finding in _judged(name, port, fed.get(port), ports.get(port), modes[port])
         ]
         evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
         return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
@@ -114,17 +114,17 @@ def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]
             yield fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
-def _board(name: str, told: Mapping[str, object]) -> Finding | None:
+def _board(name: str, values: Mapping[str, object]) -> Finding | None:
     """A board without PoE knows neither the menu nor the ports."""
-    if any(not isinstance(one, Finding) or one.code != "refused" for one in told.values()):
+    if any(not isinstance(item, Finding) or item.code != "refused" for item in values.values()):
         return None
-    message = f"{name} tells nothing of PoE: it seems to have none, though {listed(told)} are declared to feed"
+    message = f"{name} tells nothing of PoE: it seems to have none, though {listed(values)} are declared to feed"
     hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
     return unknown("no-poe", message, hint)
 
 
-def _row_of(port: str, told: tuple[Mapping[str, str], ...] | Finding) -> Mapping[str, str] | None:
-    return None if isinstance(told, Finding) else next((row for row in told if row.get("name") == port), None)
+def _row_of(port: str, result: tuple[Mapping[str, str], ...] | Finding) -> Mapping[str, str] | None:
+    return None if isinstance(result, Finding) else next((row for row in result if row.get("name") == port), None)
 
 
 def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode) -> Iterator[Finding]:

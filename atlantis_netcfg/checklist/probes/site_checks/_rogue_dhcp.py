@@ -48,72 +48,80 @@ class _RogueDhcp:
 
     def asks(self) -> tuple[Question, ...]:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        cards = tuple(one.mac for one in self.site.declared.lan.reservations)
+        cards = tuple(reservation.mac for reservation in self.site.declared.lan.reservations)
         return (
             Probing("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
             *run("router", self.site, f"ip -j neigh show to {self.site.declared.lan.gateway}"),
             *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        found = offers(heard["offers"], self.site.gateway.name)
-        alerts = tuple(self._alerts(heard))
+        found = offers(results["offers"], self.site.gateway.name)
+        alerts = tuple(self._alerts(results))
         if isinstance(found, Finding):
             return Judged((*alerts, found))
-        each = {(one.server, one.mac): one for one in found}.values()
-        evidence = tuple(measured(f"DHCP offer of {one.server}", _told(one)) for one in each)
+        each = {(offer.server, offer.mac): offer for offer in found}.values()
+        evidence = tuple(measured(f"DHCP offer of {item.server}", _told(item)) for item in each)
         judged = tuple(
-            one for one in self._judged(found, self._card(heard)) if not alerts or one.verdict is not Verdict.PASS
+            finding
+            for finding in self._judged(found, self._card(results))
+            if not alerts or finding.verdict is not Verdict.PASS
         )
         return Judged((*alerts, *judged), evidence)
 
-    def _alerts(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _alerts(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
         """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
-        if self.site.router is None or "alerts" not in heard:
+        if self.site.router is None or "alerts" not in results:
             return
-        told = rows(heard["alerts"], self.site.router.name, "its DHCP alerts", "interface")
-        for row in () if isinstance(told, Finding) else told:
+        result = rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
+        for row in () if isinstance(result, Finding) else result:
             server = row.get("unknown-server", "")
             if server and not yes(row, "disabled"):
                 place = row.get("interface", "its LAN")
                 yield fail("dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _HINT)
 
-    def _card(self, heard: Mapping[str, Answer]) -> str | None:
+    def _card(self, results: Mapping[str, Answer]) -> str | None:
         """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
-        told = neighbours(heard["router"], "")
-        own = str(self.site.declared.lan.gateway)
-        return None if isinstance(told, Finding) else next((one.mac for one in told if one.address == own), None)
+        result = neighbours(results["router"], "")
+        local = str(self.site.declared.lan.gateway)
+        return (
+            None
+            if isinstance(result, Finding)
+            else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
+        )
 
     def _judged(self, found: tuple[Offer, ...], known: str | None) -> Iterator[Finding]:
-        own = str(self.site.declared.lan.gateway)
-        strangers = {(one.server, one.mac): one for one in found if one.server != own}
-        cards = sorted({one.mac for one in found if one.server == own and one.mac is not None})
+        local = str(self.site.declared.lan.gateway)
+        strangers = {(item.server, item.mac): item for item in found if item.server != local}
+        cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})
         strange = [card for card in cards if known not in {None, card}]
-        for one in strangers.values():
-            yield fail("rogue-dhcp", f"{self._named(one)} hands out addresses on the LAN, too: {_told(one)}", _HINT)
+        for stranger in strangers.values():
+            yield fail(
+                "rogue-dhcp", f"{self._named(stranger)} hands out addresses on the LAN, too: {_told(stranger)}", _HINT
+            )
         if len(cards) > 1:
-            message = f"two cards hand out addresses as the router {own}: {cards[0]} and {cards[1]}"
+            message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
             yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
         elif strange:
-            message = f"{strange[0]} hands out addresses as the router {own}, whose card is {known}"
+            message = f"{strange[0]} hands out addresses as the router {local}, whose card is {known}"
             yield fail("not-the-router", message, "find it by its card, and unplug it")
         if not found:
             hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
-            yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {own}", hint)
+            yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
         elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
-            asked = 2 + len(self.site.declared.lan.reservations)
+            requested = 2 + len(self.site.declared.lan.reservations)
             yield good(
-                "only-the-router", f"the router {own} alone offers an address, to whichever of {asked} cards asks"
+                "only-the-router", f"the router {local} alone offers an address, to whichever of {requested} cards asks"
             )
 
-    def _named(self, one: Offer) -> str:
+    def _named(self, offer: Offer) -> str:
         cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}
-        whose = cards.get((one.mac or "").lower())
-        card = one.mac or "card unknown"
-        return f"{one.server} ({card}{f', the card of {whose}' if whose else ''})"
+        whose = cards.get((offer.mac or "").lower())
+        card = offer.mac or "card unknown"
+        return f"{offer.server} ({card}{f', the card of {whose}' if whose else ''})"
 
 
-def _told(one: Offer) -> str:
-    gateway = f" with gateway {one.router}" if one.router else ""
-    return f"it offered {one.address}{gateway}"
+def _told(offer: Offer) -> str:
+    gateway = f" with gateway {offer.router}" if offer.router else ""
+    return f"it offered {offer.address}{gateway}"

@@ -33,7 +33,7 @@ _NO_MATCHERS = frozenset(
     {"chain", "action", "comment", "disabled", "jump-target", "log", "log-prefix", "reject-with", "hw-offload"}
     | {"address-list", "address-list-timeout"}
 )
-_MATCHERS = tuple(one.name for one in MENUS["/ip/firewall/filter"].fields if one.name not in _NO_MATCHERS)
+_MATCHERS = tuple(field.name for field in MENUS["/ip/firewall/filter"].fields if field.name not in _NO_MATCHERS)
 """Every property by which a rule catches some packets and not others: one that is not read may be a hole."""
 _RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
 _RUN = "run the site before anything else: every byte that slips through is paid"
@@ -44,7 +44,9 @@ def of(site: OwnSite) -> Step:
     satellites = site.view.satellites if site.view is not None else ()
     unless = "" if satellites else "the site has no satellite"
     boxes = tuple(
-        one.device for one in site.declared.bearers if one.device and one.name in {up.name for up in satellites}
+        bearer.device
+        for bearer in site.declared.bearers
+        if bearer.device and bearer.name in {up.name for up in satellites}
     )
     return step(
         "satellite-filter",
@@ -67,32 +69,34 @@ class _Filter:
         return self.site.view.satellites
 
     def asks(self) -> tuple[Question, ...]:
-        names = {one.name for one in self._satellites}
+        names = {satellite.name for satellite in self._satellites}
         looks = (question for question in look(self.site) if question.bearer in names)
         return (*ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        told = rows(heard["rules"], self.site.router.name, "its firewall", "chain")
-        if isinstance(told, Finding):
-            return Judged((told,))
-        rules = [row for row in told if not yes(row, "disabled") and not yes(row, "invalid")]
-        wrong = [finding for one in self._satellites for finding in _judged(one, rules)]
-        fine = [self._counted(one, heard) for one in self._satellites]
+        result = rows(results["rules"], self.site.router.name, "its firewall", "chain")
+        if isinstance(result, Finding):
+            return Judged((result,))
+        rules = [row for row in result if not yes(row, "disabled") and not yes(row, "invalid")]
+        wrong = [finding for entry in self._satellites for finding in _judged(entry, rules)]
+        fine = [self._counted(item, results) for item in self._satellites]
         evidence = [
-            declared(f"allowed over {one.name}", listed(f"{target.name} ({_where(target)})" for target in one.targets))
-            for one in self._satellites
+            declared(
+                f"allowed over {uplink.name}", listed(f"{target.name} ({_where(target)})" for target in uplink.targets)
+            )
+            for uplink in self._satellites
         ]
         evidence += [
-            read(f"rules of chain {one.chain}", str(sum(row.get("chain") == one.chain for row in rules)))
-            for one in self._satellites
+            read(f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules)))
+            for satellite in self._satellites
         ]
         return Judged(tuple(wrong or fine), tuple(evidence))
 
-    def _counted(self, satellite: Uplink, heard: Mapping[str, Answer]) -> Finding:
+    def _counted(self, satellite: Uplink, results: Mapping[str, Answer]) -> Finding:
         """Counters that cannot be read take nothing away: the rules were seen."""
-        told = looked(heard[f"look {satellite.name}"], satellite.name)
-        quality = {} if isinstance(told, Finding) else told.get("quality") or {}
+        values = looked(results[f"look {satellite.name}"], satellite.name)
+        quality = {} if isinstance(values, Finding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
         kept = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
         allowed = listed(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
@@ -106,18 +110,18 @@ def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
 def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
     for chain in ("forward", "output"):
         yield from _asked(satellite, [row for row in rules if row.get("chain") == chain], chain)
-    own = [row for row in rules if row.get("chain") == satellite.chain]
-    if not own or own[-1].get("action") != "drop" or _narrow(own[-1]):
+    local = [row for row in rules if row.get("chain") == satellite.chain]
+    if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
         yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
-    wanted = {(one.address, str(one.port or ""), one.transport or "") for one in satellite.targets}
-    letting = [row for row in own if row.get("action") not in _HOLDS]
+    expected = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
+    letting = [row for row in local if row.get("action") not in _HOLDS]
     there = {_target(row) for row in letting}
     whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
-    for target in sorted(there - wanted):
+    for target in sorted(there - expected):
         message = f"the allow-list of {satellite.name} also lets through {_worded(target)}"
         hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
         yield fail("too-wide", message, hint)
-    for target in sorted(wanted - whole):
+    for target in sorted(expected - whole):
         message = f"the allow-list of {satellite.name} does not let through {_worded(target)}"
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
 

@@ -64,7 +64,7 @@ class OwnSite:
     @property
     def hosts(self) -> tuple[str, ...]:
         """Whom the checks speak of."""
-        return tuple(one.name for one in (self.router, self.gateway) if one is not None)
+        return tuple(item.name for item in (self.router, self.gateway) if item is not None)
 
 
 def own_site(cell: Cell) -> OwnSite:

@@ -57,17 +57,17 @@ class _Static:
             *(question for path in FILES for question in run(path, self.site, f"cat {path}")),
         )
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        held = _on_sockets(heard, self.site.router.name)
-        found = [held] if isinstance(held, Finding) else list(self._of_router(self.site.router.name, held))
+        current = _on_sockets(results, self.site.router.name)
+        found = [current] if isinstance(current, Finding) else list(self._of_router(self.site.router.name, current))
         evidence = [declared(f"address of {name}", address) for name, address in self._wanted()]
         gateway = self.site.gateway
         if gateway is not None:
-            own = addresses(heard["gateway"], gateway.name)
-            found += [own] if isinstance(own, Finding) else self._of_gateway(gateway, own, heard)
-            if not isinstance(own, Finding):
-                evidence += [read(f"{one.interface} of {gateway.name}", str(one.address)) for one in own]
+            local = addresses(results["gateway"], gateway.name)
+            found += [local] if isinstance(local, Finding) else self._of_gateway(gateway, local, results)
+            if not isinstance(local, Finding):
+                evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
         return Judged(tuple(found), tuple(evidence))
 
     def _wanted(self) -> Iterator[tuple[str, str]]:
@@ -79,65 +79,69 @@ class _Static:
         for link in (*view.uplinks, *view.served):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, held: tuple[Held, ...]) -> Iterator[Finding]:
-        wrong = list(_wrong(name, tuple(self._wanted()), held))
+    def _of_router(self, name: str, current: tuple[Held, ...]) -> Iterator[Finding]:
+        wrong = list(_wrong(name, tuple(self._wanted()), current))
         yield from wrong
         if not wrong:
             count = len(tuple(self._wanted()))
             yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
-    def _of_gateway(self, gateway: Computer, own: tuple[Held, ...], heard: Mapping[str, Answer]) -> list[Finding]:
-        wanted = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
-        there = next((one for one in own if one.address.ip == wanted.ip), None)
-        wrong = _as_it_runs(gateway, wanted, there)
+    def _of_gateway(self, gateway: Computer, local: tuple[Held, ...], received: Mapping[str, Answer]) -> list[Finding]:
+        interface = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
+        there = next((item for item in local if item.address.ip == interface.ip), None)
+        wrong = _as_it_runs(gateway, interface, there)
         if wrong is not None:
             return [wrong]
-        kept = self._in_files(gateway, wanted, heard)
-        fine = good("gateway-as-declared", f"{gateway.name} has {wanted}, and will have it after a restart")
+        kept = self._in_files(gateway, interface, received)
+        fine = good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
         return [kept or fine]
 
-    def _in_files(self, gateway: Computer, wanted: IPv4Interface, heard: Mapping[str, Answer]) -> Finding | None:
+    def _in_files(self, gateway: Computer, interface: IPv4Interface, received: Mapping[str, Answer]) -> Finding | None:
         """What is wrong with the files that the next start reads; None: they say what runs."""
-        texts = {path: heard[path] for path in FILES}
-        trouble = next((one for one in texts.values() if not isinstance(one, Ran) or one.trouble is not None), None)
+        texts = {path: received[path] for path in FILES}
+        trouble = next(
+            (result for result in texts.values() if not isinstance(result, Ran) or result.trouble is not None), None
+        )
         if trouble is not None:
             return silent(gateway.name, getattr(trouble, "trouble", None) or Trouble.SILENT, trouble.words)
-        files = {path: one.out for path, one in texts.items() if isinstance(one, Ran) and one.rc == 0}
+        files = {path: answer.out for path, answer in texts.items() if isinstance(answer, Ran) and answer.rc == 0}
         host = self.site.declaration.hosts[gateway.name]
         promised = gateway_network(self.site.declaration, host)
         if promised is not None:
-            return _promised(gateway.name, promised.path, files.get(promised.path), promised.content, wanted)
-        if gateway.leased or any(_says(text, wanted) for text in files.values()):
+            return _promised(gateway.name, promised.path, files.get(promised.path), promised.content, interface)
+        if gateway.leased or any(_says(text, interface) for text in files.values()):
             return None
         message = (
-            f"{gateway.name} has {wanted}, but no file of ours says so: nobody knows whether it survives a restart"
+            f"{gateway.name} has {interface}, but no file of ours says so: nobody knows whether it survives a restart"
         )
         hint = f"declare `network:` of {gateway.name} and run the site, or restart it once and repeat the check"
         return unknown("no-file", message, hint)
 
 
-def _on_sockets(heard: Mapping[str, Answer], router: str) -> tuple[Held, ...] | Finding:
+def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[Held, ...] | Finding:
     """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
-    held = addresses(heard["router"], router)
-    ports = rows(heard["sockets"], router, "the names of its ports", "default-name")
-    if isinstance(held, Finding):
-        return held
+    current = addresses(results["router"], router)
+    ports = rows(results["sockets"], router, "the names of its ports", "default-name")
+    if isinstance(current, Finding):
+        return current
     if isinstance(ports, Finding):
         return ports
     socket = {row.get("name", ""): row.get("default-name", "") for row in ports}
-    return tuple(replace(one, interface=socket.get(one.interface, one.interface)) for one in held)
+    return tuple(replace(item, interface=socket.get(item.interface, item.interface)) for item in current)
 
 
-def _says(text: str, wanted: IPv4Interface) -> bool:
+def _says(text: str, interface: IPv4Interface) -> bool:
     """A comment does not configure anything."""
     lines = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
-    return any(str(wanted) in line for line in lines)
+    return any(str(interface) in line for line in lines)
 
 
-def _promised(name: str, path: str, text: str | None, content: str, wanted: IPv4Interface) -> Finding | None:
+def _promised(name: str, path: str, text: str | None, content: str, interface: IPv4Interface) -> Finding | None:
     hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
-        return fail("no-file", f"{name} has {wanted}, but {path} is not there: it will be gone after a restart", hint)
+        return fail(
+            "no-file", f"{name} has {interface}, but {path} is not there: it will be gone after a restart", hint
+        )
     if text.strip() != content.strip():
         return fail(
             "file-differs", f"{path} of {name} does not say what is declared: a restart changes its address", hint
@@ -145,28 +149,28 @@ def _promised(name: str, path: str, text: str | None, content: str, wanted: IPv4
     return None
 
 
-def _as_it_runs(gateway: Computer, wanted: IPv4Interface, there: Held | None) -> Finding | None:
+def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: Held | None) -> Finding | None:
     if there is None:
-        return fail("address-missing", f"{gateway.name} does not have its declared address {wanted}", _RUN)
+        return fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
     if there.interface == _LOOPBACK:
-        message = f"{gateway.name} has its declared address {wanted} on {there.interface}, where nobody reaches it"
+        message = f"{gateway.name} has its declared address {interface} on {there.interface}, where nobody reaches it"
         return fail("wrong-interface", message, _RUN)
-    if there.address != wanted:
-        message = f"{gateway.name} has {there.address}, and the declared mask is /{wanted.network.prefixlen}"
+    if there.address != interface:
+        message = f"{gateway.name} has {there.address}, and the declared mask is /{interface.network.prefixlen}"
         return fail("wrong-mask", message, _RUN)
     if there.leased and not gateway.leased:
-        message = f"{gateway.name} has leased {wanted}, which is declared static: it goes when the lease ends"
+        message = f"{gateway.name} has leased {interface}, which is declared static: it goes when the lease ends"
         return fail("address-leased", message, _RUN)
     if gateway.leased and not there.leased:
-        message = f"{gateway.name} has {wanted} by hand, while it is declared to get it by DHCP"
+        message = f"{gateway.name} has {interface} by hand, while it is declared to get it by DHCP"
         return warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
     return None
 
 
-def _wrong(name: str, wanted: tuple[tuple[str, str], ...], held: tuple[Held, ...]) -> Iterator[Finding]:
-    for interface, text in wanted:
+def _wrong(name: str, expected: tuple[tuple[str, str], ...], current: tuple[Held, ...]) -> Iterator[Finding]:
+    for interface, text in expected:
         address = IPv4Interface(text)
-        there = next((one for one in held if one.address.ip == address.ip), None)
+        there = next((item for item in current if item.address.ip == address.ip), None)
         if there is None:
             yield fail("address-missing", f"{name} does not have its declared address {text} on {interface}", _RUN)
         elif there.address != address:

@@ -82,37 +82,37 @@ class _Vpn:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
     def asks(self) -> tuple[Question, ...]:
-        asked: tuple[Question, ...] = ()
+        request: tuple[Question, ...] = ()
         if self.site.router is not None and self.site.device.vpn_client is not None:
-            asked += ask("clients", self.site, "/interface/ovpn-client", "name", "running", "disabled")
-            asked += ask(
+            request += ask("clients", self.site, "/interface/ovpn-client", "name", "running", "disabled")
+            request += ask(
                 "addresses", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"
             )
         if self._gateway_is_in:
-            asked += run("gateway", self.site, "ip -j addr show")
+            request += run("gateway", self.site, "ip -j addr show")
             if self._server is not None:
-                asked += run(
+                request += run(
                     "ping", self.site, f"ping -n -c {_PINGS} -i 1 -W 10 -I {TUNNEL} {self._server}", within_s=40.0
                 )
-        return (*asked, *look(self.site))
+        return (*request, *look(self.site))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
-        found = list(self._of_router(heard))
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        found = list(self._of_router(results))
         if self._gateway_is_in:
-            found += self._of_gateway(heard)
-        return Judged(tuple(found), tuple(self._told(heard)))
+            found += self._of_gateway(results)
+        return Judged(tuple(found), tuple(self._told(results)))
 
-    def _of_router(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
-        if "clients" not in heard or self.site.router is None or self.site.view is None:
+    def _of_router(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        if "clients" not in results or self.site.router is None or self.site.view is None:
             return
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
         assert client is not None  # noqa: S101 - the question is asked for routers with one
         assert tunnel is not None  # noqa: S101 - the same
-        told = rows(heard["clients"], name, "its tunnels", "name")
-        if isinstance(told, Finding):
-            yield told
+        result = rows(results["clients"], name, "its tunnels", "name")
+        if isinstance(result, Finding):
+            yield result
             return
-        row = next((row for row in told if row.get("name") == tunnel.interface), None)
+        row = next((row for row in result if row.get("name") == tunnel.interface), None)
         if row is None:
             hint = f"`provision vpn install host={name}`, and after it `provision site={self.site.name}`"
             yield fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
@@ -125,38 +125,38 @@ class _Vpn:
                 "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED
             )
         else:
-            yield self._address(name, tunnel.interface, str(client.address), heard["addresses"])
+            yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, wanted: str, answer: Answer) -> Finding:
-        held = addresses(answer, name)
-        if isinstance(held, Finding):
-            return held
-        there = [str(one.address.ip) for one in held if one.interface == interface and not one.dead]
-        return _compared("router", f"{interface} of {name}", wanted, there)
+    def _address(self, name: str, interface: str, expected: str, answer: Answer) -> Finding:
+        current = addresses(answer, name)
+        if isinstance(current, Finding):
+            return current
+        there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
+        return _compared("router", f"{interface} of {name}", expected, there)
 
-    def _of_gateway(self, heard: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
         gateway = self.site.gateway
         assert gateway is not None  # noqa: S101 - the caller has looked
-        held = addresses(heard["gateway"], gateway.name)
-        if isinstance(held, Finding):
-            yield held
+        current = addresses(results["gateway"], gateway.name)
+        if isinstance(current, Finding):
+            yield current
             return
-        there = [str(one.address.ip) for one in held if one.interface == TUNNEL]
+        there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
         if not there:
             hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
             yield fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
             return
         yield _compared("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
-        if "ping" in heard:
-            yield from self._pinged(gateway.name, heard)
+        if "ping" in results:
+            yield from self._pinged(gateway.name, results)
         else:
             hint = "declare `vpn_address` of the VPN server, so that it can be asked"
             yield unknown(
                 "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
             )
 
-    def _pinged(self, name: str, heard: Mapping[str, Answer]) -> Iterator[Finding]:
-        answer, server = heard["ping"], self._server or ""
+    def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        answer, server = results["ping"], self._server or ""
         if isinstance(answer, Ran) and answer.trouble is not None:
             yield silent(name, answer.trouble, answer.words)
             return
@@ -165,11 +165,11 @@ class _Vpn:
             yield unreadable(name, "a ping")
             return
         strange = tuple(_ping.odd(f"the VPN server {server}", echoes))
-        yield from strange or (self._counted(echoes, server, heard),)
+        yield from strange or (self._counted(echoes, server, results),)
 
-    def _counted(self, echoes: _ping.Echoes, server: str, heard: Mapping[str, Answer]) -> Finding:
+    def _counted(self, echoes: _ping.Echoes, server: str, results: Mapping[str, Answer]) -> Finding:
         sent, received = echoes.sent, echoes.received
-        if not received and self._over_satellite(heard):
+        if not received and self._over_satellite(results):
             message = f"the VPN server {server} answered none of {sent} pings, over a satellite that may pause for 70 s"
             return unknown("server-silent", message, "repeat the check; three silent rounds are more than a pause")
         if not received:
@@ -178,20 +178,23 @@ class _Vpn:
                 "server-silent", f"the VPN server {server} answered none of {sent} pings through the tunnel", hint
             )
         took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        told = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
+        text = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
         return (
-            good("server-answers", told)
+            good("server-answers", text)
             if received == sent
-            else warn("server-lossy", told, f"look at `provision links site={self.site.name}`")
+            else warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
         )
 
-    def _over_satellite(self, heard: Mapping[str, Answer]) -> bool:
-        satellites = [one.name for one in self.site.declared.bearers if one.kind is BearerKind.SATELLITE]
-        told = [heard.get(f"look {name}") for name in satellites]
-        return any(isinstance(one, Looked) and one.bearer is not None and one.bearer.get("active") for one in told)
+    def _over_satellite(self, results: Mapping[str, Answer]) -> bool:
+        satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind is BearerKind.SATELLITE]
+        answer = [results.get(f"look {name}") for name in satellites]
+        return any(
+            isinstance(result, Looked) and result.bearer is not None and result.bearer.get("active")
+            for result in answer
+        )
 
-    def _told(self, heard: Mapping[str, Answer]) -> Iterator[Evidence]:
-        ping = heard.get("ping")
+    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+        ping = results.get("ping")
         line = (
             next((line for line in ping.out.splitlines() if " transmitted" in line), "")
             if isinstance(ping, Ran)
@@ -199,15 +202,15 @@ class _Vpn:
         )
         if line:
             yield measured(f"pings of {self._server} through the tunnel", line)
-        clients = heard.get("clients")
-        told = rows(clients, "", "", "name") if clients is not None else ()
-        for row in () if isinstance(told, Finding) else told:
+        clients = results.get("clients")
+        result = rows(clients, "", "", "name") if clients is not None else ()
+        for row in () if isinstance(result, Finding) else result:
             yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 
 
-def _compared(code: str, what: str, wanted: str, there: list[str]) -> Finding:
-    if wanted in there:
-        return good(f"{code}-tunnel", f"{what} is up, with its declared address {wanted}")
+def _compared(code: str, what: str, expected: str, there: list[str]) -> Finding:
+    if expected in there:
+        return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected}")
     has = there[0] if there else "no address"
-    message = f"{what} is up with {has}, and {wanted} is declared"
+    message = f"{what} is up with {has}, and {expected} is declared"
     return fail(f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address")

@@ -38,8 +38,8 @@ def unknown(code: str, message: str, hint: str) -> Finding:
 def silent(who: str, trouble: Trouble, words: str) -> Finding:
     """Somebody was asked and gave no whole answer: nothing is known of it."""
     code, message, hint = _SILENT.get(trouble, _SILENT[Trouble.SILENT])
-    told = f": {words}" if words else ""
-    return unknown(code, message.format(who=who) + told, hint.format(who=who))
+    text = f": {words}" if words else ""
+    return unknown(code, message.format(who=who) + text, hint.format(who=who))
 
 
 _SILENT = {

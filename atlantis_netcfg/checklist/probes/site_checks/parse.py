@@ -73,9 +73,9 @@ def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, st
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     if answer.rows is None:
-        told = f": {answer.words}" if answer.words else ""
+        text = f": {answer.words}" if answer.words else ""
         hint = f"this version of RouterOS may not have it: look at {who} by hand"
-        return unknown("refused", f"{who} does not tell {what}{told}", hint)
+        return unknown("refused", f"{who} does not tell {what}{text}", hint)
     if answer.rows and not any(key in row for row in answer.rows):
         return unreadable(who, what)
     return answer.rows
@@ -88,8 +88,8 @@ def printed(answer: Answer, who: str) -> str | Finding:
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     if answer.rc != 0:
-        said = (answer.err.strip().splitlines() or [f"exit {answer.rc}"])[-1]
-        return unknown("program-failed", f"a program on {who} failed: {said[:160]}", f"try the same on {who} by hand")
+        text = (answer.err.strip().splitlines() or [f"exit {answer.rc}"])[-1]
+        return unknown("program-failed", f"a program on {who} failed: {text[:160]}", f"try the same on {who} by hand")
     return answer.out
 
 
@@ -102,24 +102,24 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
         found = json.loads(text or "[]")
     except (ValueError, RecursionError):
         return unreadable(who, what)
-    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+    if not isinstance(found, list) or not all(isinstance(item, dict) for item in found):
         return unreadable(who, what)
     return found
 
 
 def addresses(answer: Answer, who: str) -> tuple[Held, ...] | Finding:
     """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
-    told: Iterable[Mapping[str, Any]] | Finding
+    result: Iterable[Mapping[str, Any]] | Finding
     if isinstance(answer, Rows):
-        told = rows(answer, who, "its addresses", "address")
-        held = () if isinstance(told, Finding) else tuple(_of_router(told))
+        result = rows(answer, who, "its addresses", "address")
+        current = () if isinstance(result, Finding) else tuple(_of_router(result))
     else:
-        told = parsed(answer, who, "its addresses")
-        held = () if isinstance(told, Finding) else tuple(_of_computer(told))
-    if isinstance(told, Finding):
-        return told
-    known = tuple(one for one in held if one is not None)
-    return known if known and len(known) == len(held) else unreadable(who, "its addresses")
+        result = parsed(answer, who, "its addresses")
+        current = () if isinstance(result, Finding) else tuple(_of_computer(result))
+    if isinstance(result, Finding):
+        return result
+    known = tuple(item for item in current if item is not None)
+    return known if known and len(known) == len(current) else unreadable(who, "its addresses")
 
 
 def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held | None]:
@@ -134,12 +134,12 @@ def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held | None]:
             yield Held(row.get("interface", "?"), address, "dynamic" in flags, dead=dead, flags=flags)
 
 
-def _of_computer(told: list[dict[str, Any]]) -> Iterable[Held | None]:
-    for one in told:
-        for entry in one.get("addr_info") or ():
+def _of_computer(result: list[dict[str, Any]]) -> Iterable[Held | None]:
+    for row in result:
+        for entry in row.get("addr_info") or ():
             if isinstance(entry, dict) and entry.get("family") == "inet":
                 address = _interface(f"{entry.get('local')}/{entry.get('prefixlen')}")
-                known = Held(str(one.get("ifname", "?")), address, entry.get("dynamic") is True) if address else None
+                known = Held(str(row.get("ifname", "?")), address, entry.get("dynamic") is True) if address else None
                 yield known
 
 
@@ -155,8 +155,8 @@ def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | Finding:
     if isinstance(answer, Rows):
         found = rows(answer, who, "its table of ARP", "address")
         return found if isinstance(found, Finding) else tuple(_arp(found, who))
-    told = parsed(answer, who, "its neighbours")
-    return told if isinstance(told, Finding) else tuple(_neigh(told, who))
+    result = parsed(answer, who, "its neighbours")
+    return result if isinstance(result, Finding) else tuple(_neigh(result, who))
 
 
 def _arp(found: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
@@ -168,11 +168,11 @@ def _arp(found: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
             yield Neighbour(address, mac.lower(), row.get("interface", "?"), who, status != _STALE)
 
 
-def _neigh(told: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
-    for one in told:
-        address, mac, state = str(one.get("dst", "")), one.get("lladdr"), one.get("state") or ()
+def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
+    for row in result:
+        address, mac, state = str(row.get("dst", "")), row.get("lladdr"), row.get("state") or ()
         if isinstance(mac, str) and is_address(address) and not _GONE & set(state):
-            yield Neighbour(address, mac.lower(), str(one.get("dev", "?")), who, _STALE not in state)
+            yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
 def offers(answer: Answer, who: str) -> tuple[Offer, ...] | Finding:

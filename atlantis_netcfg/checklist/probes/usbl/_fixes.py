@@ -101,18 +101,18 @@ def told(driver: AcousticDriver, transcript: Transcript) -> tuple[Told, ...]:
 
 
 def _evologics(transcript: Transcript) -> Iterator[Told]:
-    heard = evologics.pieces(transcript.data)
-    settings = evologics.settings(heard)
+    received = evologics.pieces(transcript.data)
+    settings = evologics.settings(received)
     declared = settings.values.get("Sound Speed") if settings else None
     low, high = SOUND_SPEED_MPS
     speed = declared if declared is not None and low <= declared <= high else _USUAL_MPS
-    came = _Arrivals(transcript)
-    for fix in evologics.fixes(heard):
+    arrivals = _Arrivals(transcript)
+    for fix in evologics.fixes(received):
         yield Told(
             remote=fix.remote,
             end=fix.end,
-            waited_s=transcript.ended_s - came.at_s(fix.end),
-            came=transcript.began + came.at_s(fix.end),
+            waited_s=transcript.ended_s - arrivals.at_s(fix.end),
+            came=transcript.began + arrivals.at_s(fix.end),
             stamp=fix.measured_s,
             form="direction" if fix.position_m is None else "position",
             range_m=None if fix.propagation_us is None else fix.propagation_us * 1e-6 * speed,
@@ -127,7 +127,7 @@ def _evologics(transcript: Transcript) -> Iterator[Told]:
 
 
 def _seatrac(transcript: Transcript) -> Iterator[Told]:
-    came = _Arrivals(transcript)
+    arrivals = _Arrivals(transcript)
     for answer in seatrac.answers(transcript.data):
         if answer.number not in {seatrac.PING_RESPONSE, seatrac.NAV_QUERY_RESPONSE}:
             continue
@@ -137,8 +137,8 @@ def _seatrac(transcript: Transcript) -> Iterator[Told]:
         yield Told(
             remote=fix.beacon,
             end=answer.end,
-            waited_s=transcript.ended_s - came.at_s(answer.end),
-            came=transcript.began + came.at_s(answer.end),
+            waited_s=transcript.ended_s - arrivals.at_s(answer.end),
+            came=transcript.began + arrivals.at_s(answer.end),
             stamp=answer.record,
             form=f"{answer.number:02X}",
             range_m=fix.range_m,
@@ -164,7 +164,7 @@ class _Arrivals:
         return min(self._ended_s, self._at[chunk]) if chunk < len(self._at) else self._ended_s
 
 
-def impossible(who: str, fix: Told, own: int | None, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+def impossible(who: str, fix: Told, local: int | None, width_m: float | None, driver: AcousticDriver) -> Finding | None:
     """Say what is wrong with a fix beyond doubt; None: it may be true.
 
     `own`: address of the modem that tells it; `width_m`: of the site's waters, where they are declared.
@@ -173,11 +173,11 @@ def impossible(who: str, fix: Told, own: int | None, width_m: float | None, driv
     if fix.delay_s < -_FUTURE_S:
         message = f"{who} tells a fix of {whose} that is measured {-fix.delay_s:.0f} s from now by its own clock"
         return Finding(Verdict.FAIL, "time-impossible", message, _REPLAY)
-    if fix.remote == own:
+    if fix.remote == local:
         message = f"{who} tells fixes of {whose}, which is its own"
         return Finding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
-    if own is not None and fix.to not in {None, 0, own}:
-        message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {own}"
+    if local is not None and fix.to not in {None, 0, local}:
+        message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
         hint = "look which beacon is connected here: another one's answers are not its own fixes"
         return Finding(Verdict.FAIL, "other-beacon", message, hint)
     return _misplaced(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
@@ -255,9 +255,9 @@ class Fixes:
         """The script of the acoustic column, with a listening behind it."""
         return (self.question,)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the fixes that came while it was listened."""
-        transcript = said(self.modem, self.name, heard[self.question.name])
+        transcript = said(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         fixes = told(self.modem.driver, transcript)
@@ -266,11 +266,11 @@ class Fixes:
         remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
         if not any(fix.remote in remotes for fix in fixes):
             return Judged((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
-        own = self._own(transcript)
+        local = self._own(transcript)
         findings = tuple(
             finding
             for remote in remotes
-            for finding in self._of(remote, [fix for fix in fixes if fix.remote == remote], own, transcript)
+            for finding in self._of(remote, [fix for fix in fixes if fix.remote == remote], local, transcript)
         )
         return Judged((*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes)))
 
@@ -287,9 +287,9 @@ class Fixes:
 
     def _whose(self, transcript: Transcript) -> Iterator[Finding]:
         """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
-        own = self._own(transcript)
-        if own is not None and self.declared is not None and own != self.declared:
-            message = f"{self._who} has the acoustic address {own}, and {self.declared} is declared"
+        local = self._own(transcript)
+        if local is not None and self.declared is not None and local != self.declared:
+            message = f"{self._who} has the acoustic address {local}, and {self.declared} is declared"
             hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
             yield Finding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
@@ -319,7 +319,7 @@ class Fixes:
         message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
         return Finding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
-    def _of(self, remote: int, fixes: list[Told], own: int | None, transcript: Transcript) -> Iterator[Finding]:
+    def _of(self, remote: int, fixes: list[Told], local: int | None, transcript: Transcript) -> Iterator[Finding]:
         """Judge what was told of one modem: possible, of now, and more than one measurement."""
         if not fixes:
             message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
@@ -332,7 +332,7 @@ class Fixes:
             return
         # One measurement is as old as when it was told first.
         measured = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
-        wrong = {id(fix): finding for fix in measured if (finding := self._wrong(fix, own)) is not None}
+        wrong = {id(fix): finding for fix in measured if (finding := self._wrong(fix, local)) is not None}
         good = [fix for fix in measured if id(fix) not in wrong]
         if len(good) <= len(wrong):
             yield next(wrong[id(fix)] for fix in reversed(measured) if id(fix) in wrong)
@@ -342,9 +342,9 @@ class Fixes:
             message = f"{len(wrong)} of {len(measured)} fixes of the address {remote} cannot be: {_first(wrong)}"
             yield Finding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
-    def _wrong(self, fix: Told, own: int | None) -> Finding | None:
+    def _wrong(self, fix: Told, local: int | None) -> Finding | None:
         of = f"of the address {fix.remote}"
-        finding = impossible(self._who, fix, own, self.width_m, self.modem.driver)
+        finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
             return finding
         if fix.delay_s > self.max_age_s:
@@ -393,14 +393,14 @@ def _again(fixes: list[Told]) -> str | None:
     for form in {fix.form for fix in fixes}:
         stamps = [fix.stamp for fix in fixes if fix.form == form]
         runs = [stamp for place, stamp in enumerate(stamps) if not place or stamp != stamps[place - 1]]
-        back = [one for one, then in pairwise(runs) if _before(then, one)]
+        back = [item for item, then in pairwise(runs) if _before(then, item)]
         if len(runs) > len(set(runs)) or back:
             return "fixes that it has told before"
     return None
 
 
-def _before(then: object, one: object) -> bool:
-    return isinstance(then, float) and isinstance(one, float) and then < one
+def _before(then: object, item: object) -> bool:
+    return isinstance(then, float) and isinstance(item, float) and then < item
 
 
 def _first(wrong: Mapping[int, Finding]) -> str:

@@ -78,25 +78,31 @@ class Ping:
         )
         return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and who answered."""
-        transcript = said(self.modem, self.name, heard[self._question().name])
+        transcript = said(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, Judged):
             return transcript
         answers = seatrac.answers(transcript.data)
         if not answers:
             return Judged((damage(self.name, transcript) or not_understood(self.modem, self.name),))
         # The vehicle's own software may ping as well: only what follows our own ping is its answer.
-        pings = [one for one in answers if one.number == seatrac.PING and one.record[1:2] == bytes([self.beacon])]
+        pings = [
+            answer for answer in answers if answer.number == seatrac.PING and answer.record[1:2] == bytes([self.beacon])
+        ]
         finding = self._sent(pings[-1], answers, transcript) if pings else self._kept(answers)
         return Judged((finding,), tuple(_evidence(answers)))
 
     def _sent(self, sent: seatrac.Answer, answers: tuple[seatrac.Answer, ...], transcript: Transcript) -> Finding:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
-        fixes = (one for one in told(self.modem.driver, transcript) if one.form == response and one.end > sent.end)
-        fix = next((one for one in fixes if one.remote == self.beacon), None)
-        later = tuple(one for one in answers if one.end > sent.end and one.record[1:2] == bytes([self.beacon]))
+        fixes = (
+            entry for entry in told(self.modem.driver, transcript) if entry.form == response and entry.end > sent.end
+        )
+        fix = next((item for item in fixes if item.remote == self.beacon), None)
+        later = tuple(
+            answer for answer in answers if answer.end > sent.end and answer.record[1:2] == bytes([self.beacon])
+        )
         error = seatrac.last(later, seatrac.PING_ERROR)
         if fix is not None and error is None and sent.record[:1] == b"\x00":
             wrong = impossible(f"the beacon of {self.name}", fix, self.own, self.width_m, self.modem.driver)

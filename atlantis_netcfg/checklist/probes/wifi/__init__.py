@@ -49,7 +49,7 @@ def _own(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
         kind=Kind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=probe,
-        concerns=tuple(one for one in concerns if one is not None),
+        concerns=tuple(concern for concern in concerns if concern is not None),
     )
 
 

@@ -49,7 +49,7 @@ class AssociatedProbe:
     def asks(self) -> tuple[Question, ...]:
         """Give the radio's view, the interface and the way to the vehicle."""
         radio = self.endpoint.interface
-        asked = (
+        requested = (
             Run("link", self.place, ("iw", "dev", radio, "link")),
             Run("stations", self.place, ("iw", "dev", radio, "station", "dump")),
             Run("info", self.place, ("iw", "dev", radio, "info")),
@@ -57,26 +57,26 @@ class AssociatedProbe:
             _path.ask_card(self.place, radio),
         )
         if self.address is None:
-            return asked
-        return (*asked, _path.ask_way(self.place, self.address), _ping.ask(self.place, self.address))
+            return requested
+        return (*requested, _path.ask_way(self.place, self.address), _ping.ask(self.place, self.address))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Association first: without it nothing else speaks of this vehicle."""
-        addr = heard.get("addr")
-        absent = (*not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(heard.get("link")))
+        addr = results.get("addr")
+        absent = (*not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
         if absent:
             return Judged(absent[:1])
-        link = self._link(heard)
+        link = self._link(results)
         if link is None:
-            said = _out(heard, "link").strip() or _err(heard, "link").strip() or "nothing"
-            message = f"`iw` says of {self._radio} what nobody understands: {said.splitlines()[0][:100]}"
+            text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
+            message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
             return Judged((Finding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
-        if apart := self._apart(link, heard):
+        if apart := self._apart(link, results):
             return Judged((apart,), self._evidence(link, None))
-        station = _iw.read_station(_out(heard, "stations"), link.bssid or "")
-        reached = self._reached(heard)
-        found = (*self._identity(link, station), *self._radio_says(link, station, heard), *reached.findings)
+        station = _iw.read_station(_out(results, "stations"), link.bssid or "")
+        reached = self._reached(results)
+        found = (*self._identity(link, station), *self._radio_says(link, station, results), *reached.findings)
         return Judged(found, (*self._evidence(link, station), *reached.evidence))
 
     @property
@@ -106,12 +106,12 @@ class AssociatedProbe:
             message = f"{PLACES[self.place]} has no radio that its kernel knows"
             yield Finding(Verdict.FAIL, "no-radio", message, hint)
 
-    def _link(self, heard: Mapping[str, Answer]) -> _iw.Link | None:
-        return _iw.read_link(_out(heard, "link"))
+    def _link(self, results: Mapping[str, Answer]) -> _iw.Link | None:
+        return _iw.read_link(_out(results, "link"))
 
-    def _apart(self, link: _iw.Link, heard: Mapping[str, Answer]) -> Finding | None:
+    def _apart(self, link: _iw.Link, results: Mapping[str, Answer]) -> Finding | None:
         """Say that the radio is not associated with the vehicle; None: it is, as far as can be told."""
-        kind = _iw.read_type(_out(heard, "info"))
+        kind = _iw.read_type(_out(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
             message = f"{self._radio} is no client of an access point, but of type {kind}"
             hint = f"the vehicle is the access point here: what has set {self.endpoint.interface} up so?"
@@ -148,36 +148,36 @@ class AssociatedProbe:
             yield Finding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
 
     def _radio_says(
-        self, link: _iw.Link, station: _iw.Station | None, heard: Mapping[str, Answer]
+        self, link: _iw.Link, station: _iw.Station | None, results: Mapping[str, Answer]
     ) -> Iterator[Finding]:
         yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
         sent, received = _rates(link, station)
         yield from judge_rate(self.endpoint, sent, received, self.name, self._radio)
-        width = _iw.read_width(_out(heard, "info"))
+        width = _iw.read_width(_out(results, "info"))
         yield from _channel.judge_channel(self.country, link.frequency_mhz, width, self.name)
-        rules = _iw.read_rules(_out(heard, "rules"))
+        rules = _iw.read_rules(_out(results, "rules"))
         yield from _channel.judge_country(self.country, rules, PLACES[self.place])
 
-    def _reached(self, heard: Mapping[str, Answer]) -> Judged:
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
         """Ping it; what goes another way than by this radio says nothing of it."""
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
             return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
-        way = _path.read_way(heard.get("route"), self.address)
-        card = _path.read_card(heard.get("addr"))
+        way = _path.read_way(results.get("route"), self.address)
+        card = _path.read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:
             message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
             hint = f"type it there: ip route get {self.address}; then correct the address or the route"
             return Judged((Finding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),))
-        if way is None and not tuple(not_run(self.place, "ip", heard.get("route"))):
+        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
             return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
-        wanted = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return _ping.judge(wanted, heard.get("ping"))
+        expected = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return _ping.judge(expected, results.get("ping"))
 
     def _evidence(self, link: _iw.Link, station: _iw.Station | None) -> tuple[Evidence, ...]:
         at = self._radio
@@ -186,13 +186,13 @@ class AssociatedProbe:
             ("access point heard by", f"{link.ssid or '?'} ({link.bssid})" if link.bssid else "none", ""),
             ("channel of", link.frequency_mhz, "MHz"),
             ("signal at", _level(link, station), "dBm"),
-            ("chains of", ", ".join(f"{one:g}" for one in station.chains_dbm) if station else None, "dBm"),
+            ("chains of", ", ".join(f"{item:g}" for item in station.chains_dbm) if station else None, "dBm"),
             ("rate sent at by", sent, "Mbit/s"),
             ("rate received at by", received, "Mbit/s"),
         )
-        told = tuple(read(f"{what} {at}", value, unit) for what, value, unit in shown if value not in {None, ""})
+        result = tuple(read(f"{what} {at}", value, unit) for what, value, unit in shown if value not in {None, ""})
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*told, declared("signal wanted", bounds))
+        return (*result, declared("signal wanted", bounds))
 
 
 def _level(link: _iw.Link, station: _iw.Station | None) -> float | None:
@@ -207,11 +207,11 @@ def _rates(link: _iw.Link, station: _iw.Station | None) -> tuple[float | None, f
     )
 
 
-def _out(heard: Mapping[str, Answer], name: str) -> str:
-    ran = heard.get(name)
+def _out(results: Mapping[str, Answer], name: str) -> str:
+    ran = results.get(name)
     return ran.out if isinstance(ran, Ran) and ran.trouble is None else ""
 
 
-def _err(heard: Mapping[str, Answer], name: str) -> str:
-    ran = heard.get(name)
+def _err(results: Mapping[str, Answer], name: str) -> str:
+    ran = results.get(name)
     return ran.err if isinstance(ran, Ran) else ""

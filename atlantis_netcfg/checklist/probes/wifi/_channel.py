@@ -48,12 +48,12 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
 
 def judge_country(country: str, rules: Rules, where: str) -> Iterator[Finding]:
     """Compare the country that the computer's radios obey with the pilot's; who does not say is not judged."""
-    wanted = COUNTRIES[country]
-    others = [one for one in rules.countries if one not in {wanted, *_NO_COUNTRY}]
-    hint = f"on it: sudo iw reg set {wanted}, and `REGDOMAIN={wanted}` in /etc/default/crda so that it stays"
+    expected = COUNTRIES[country]
+    others = [item for item in rules.countries if item not in {expected, *_NO_COUNTRY}]
+    hint = f"on it: sudo iw reg set {expected}, and `REGDOMAIN={expected}` in /etc/default/crda so that it stays"
     if others:
-        message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {wanted}"
+        message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {expected}"
         yield Finding(Verdict.WARN, "country-differs", message, hint)
-    elif rules.countries and wanted not in rules.countries:
-        message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {wanted}"
+    elif rules.countries and expected not in rules.countries:
+        message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {expected}"
         yield Finding(Verdict.WARN, "country-unset", message, hint)

@@ -128,7 +128,7 @@ def _levels(text: str) -> tuple[float | None, tuple[float, ...]]:
     found = _LEVEL.match(text)
     if found is None:
         return None, ()
-    chains = tuple(float(one) for one in re.findall(r"-\d+", found[2] or ""))
+    chains = tuple(float(item) for item in re.findall(r"-\d+", found[2] or ""))
     return float(found[1]), chains
 
 

@@ -42,7 +42,7 @@ def judge_level(endpoint: WifiEndpoint, level: float | None, who: str, where: st
 
 def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[Finding]:
     """Compare the chains of the receiver with each other."""
-    levels = [one for one in chains if one is not None]
+    levels = [chain for chain in chains if chain is not None]
     if len(levels) > 1 and max(levels) - min(levels) > IMBALANCE_DB:
         apart = max(levels) - min(levels)
         message = f"the chains of {where} hear {who} {apart:g} dB apart, more than {IMBALANCE_DB:g} dB"

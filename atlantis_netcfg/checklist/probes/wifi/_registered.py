@@ -54,22 +54,22 @@ class RegisteredProbe:
             return tables
         return (*tables, _path.ask_way(self.place, self.address), _ping.ask(self.place, self.address))
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
-        parts = [self._told(heard), self._reached(heard)]
+        parts = [self._told(results), self._reached(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
         findings = tuple(finding for part in parts for finding in part.findings)
         return Judged(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
-    def _told(self, heard: Mapping[str, Answer]) -> Judged:
+    def _told(self, results: Mapping[str, Answer]) -> Judged:
         host = self.endpoint.seen_by
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
             hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
             return Judged((Finding(Verdict.WARN, "association-unseen", message, hint),))
-        answers = {family: heard.get(family) for family in Family}
-        if all(not isinstance(one, Rows) or one.trouble is not None for one in answers.values()):
+        answers = {family: results.get(family) for family in Family}
+        if all(not isinstance(result, Rows) or result.trouble is not None for result in answers.values()):
             return Judged((unasked(host, answers[Family.WIRELESS]),))
         tables = {family: rows for family, answer in answers.items() if (rows := rows_of(answer)) is not None}
         if not tables:
@@ -104,7 +104,7 @@ class RegisteredProbe:
         yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
 
     def _evidence(self, host: str, peer: WifiPeer) -> tuple[Evidence, ...]:
-        chains = ", ".join("?" if one is None else f"{one:g}" for one in peer.chains_dbm)
+        chains = ", ".join("?" if item is None else f"{item:g}" for item in peer.chains_dbm)
         shown = (
             ("station registered at", peer.mac, ""),
             ("signal at", peer.signal_dbm, "dBm"),
@@ -114,17 +114,17 @@ class RegisteredProbe:
             ("rate received at by", peer.rx_rate_mbps, "Mbit/s"),
             ("registered for, at", peer.uptime_s, "s"),
         )
-        told = tuple(read(f"{what} {host}", value, unit) for what, value, unit in shown if value is not None)
+        result = tuple(read(f"{what} {host}", value, unit) for what, value, unit in shown if value is not None)
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*told, declared("signal wanted", bounds))
+        return (*result, declared("signal wanted", bounds))
 
-    def _reached(self, heard: Mapping[str, Answer]) -> Judged:
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
             return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
-        way = _path.read_way(heard.get("route"), self.address)
-        if own := tuple(_path.own_address(self.place, self.name, self.address, way)):
-            return Judged(own)
-        wanted = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return _ping.judge(wanted, heard.get("ping"))
+        way = _path.read_way(results.get("route"), self.address)
+        if local := tuple(_path.own_address(self.place, self.name, self.address, way)):
+            return Judged(local)
+        expected = _ping.Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return _ping.judge(expected, results.get("ping"))

@@ -60,18 +60,18 @@ def _item(sheet: Sheet, item: Item, kept: _Kept) -> None:
 
 
 def _findings(sheet: Sheet, item: Item) -> None:
-    told = [one for one in item.findings if len(item.findings) > 1 or one.message != item.message]
-    for one in told:
-        sign = SYMBOLS[State(one.verdict.value)]
-        sheet.tell(f"{sign} {one.verdict} {one.message} ({one.code})", size=SMALL, indent=_INDENT + 3)
-        if one.hint and one.hint != item.hint:
-            sheet.tell(f"→ {one.hint}", size=SMALL, indent=_INDENT + 6)
+    result = [finding for finding in item.findings if len(item.findings) > 1 or finding.message != item.message]
+    for entry in result:
+        sign = SYMBOLS[State(entry.verdict.value)]
+        sheet.tell(f"{sign} {entry.verdict} {entry.message} ({entry.code})", size=SMALL, indent=_INDENT + 3)
+        if entry.hint and entry.hint != item.hint:
+            sheet.tell(f"→ {entry.hint}", size=SMALL, indent=_INDENT + 6)
 
 
 def _evidence(sheet: Sheet, item: Item, kept: _Kept) -> None:
     for words, every in evidence_groups(item):
-        told = "; ".join(f"{one.what}: {one.value}" for one in every)
-        sheet.tell(f"{told} ({words})", size=SMALL, indent=_INDENT + 3)
+        text = "; ".join(f"{evidence.what}: {evidence.value}" for evidence in every)
+        sheet.tell(f"{text} ({words})", size=SMALL, indent=_INDENT + 3)
         last = every[-1]
         if last.file is not None:
             file = kept[last.file, last.sha256]

@@ -58,11 +58,11 @@ def since_green(sheet: Sheet, document: Document) -> None:
         return
     sheet.head("What changed since the last green")
     sheet.tell(f"Run {green.run} of {clock(green.at)} was green.")
-    for one in green.changes:
+    for change in green.changes:
         before, after = (
-            SYMBOLS[State(word)] + f" {word}" if word else "no such item" for word in (one.before, one.after)
+            SYMBOLS[State(word)] + f" {word}" if word else "no such item" for word in (change.before, change.after)
         )
-        sheet.tell(f"{one.id}: {before} → {after}: {one.message}", indent=_INDENT)
+        sheet.tell(f"{change.id}: {before} → {after}: {change.message}", indent=_INDENT)
     if not green.changes:
         sheet.tell("Nothing has changed.")
 
@@ -71,8 +71,8 @@ def not_checked(sheet: Sheet, document: Document) -> None:
     """What was not checked, and why."""
     sheet.head("What was not checked, and why")
     unsettled = [item for item in document.items if state(item) in {State.OPEN, State.INCONCLUSIVE}]
-    for one in document.left_out:
-        sheet.tell(f"{one.what}: {one.why}", indent=_INDENT)
+    for entry in document.left_out:
+        sheet.tell(f"{entry.what}: {entry.why}", indent=_INDENT)
     for item in unsettled:
         sheet.tell(f"{SYMBOLS[state(item)]} {item.title}: {item.message}", indent=_INDENT)
     if not document.left_out and not unsettled:
@@ -92,5 +92,5 @@ def not_rehearsed(sheet: Sheet, document: Document) -> None:
 def _plain(sheet: Sheet, heading: str, sentences: tuple[str, ...]) -> None:
     if sentences:
         sheet.head(heading)
-    for one in sentences:
-        sheet.tell(one, indent=_INDENT)
+    for sentence in sentences:
+        sheet.tell(sentence, indent=_INDENT)

@@ -56,7 +56,7 @@ def printable(text: str) -> str:
     """Text as the fonts can print it: a character that they lack is written as `U+1F600`, none is dropped."""
     known = _glyphs()
     shown = visible(text).replace("\t", " ")
-    return "".join(one if ord(one) in known or one == "\n" else f"U+{ord(one):04X}" for one in shown)
+    return "".join(item if ord(item) in known or item == "\n" else f"U+{ord(item):04X}" for item in shown)
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

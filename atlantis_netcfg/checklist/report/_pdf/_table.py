@@ -32,7 +32,7 @@ def table(sheet: Sheet, document: Document) -> None:
     if arranged.rows:
         _heads(sheet, arranged)
     place = False
-    for row in sorted(arranged.rows, key=lambda one: one.is_location):
+    for row in sorted(arranged.rows, key=lambda grid_row: grid_row.is_location):
         sheet.room(_ROW + 2)
         if row.is_location and not place:
             place = True

@@ -33,15 +33,15 @@ def _rehearsed(sheet: Sheet, document: Document) -> None:
     sheet.set_y(sheet.y + 2)
     sheet.tell("REHEARSAL: nothing real was checked.", size=11, bold=True)
     sheet.tell("Devices were emulated; so was all that they answered.")
-    for one in document.broken:
-        sheet.tell(f"Broken on purpose: {one}")
+    for item in document.broken:
+        sheet.tell(f"Broken on purpose: {item}")
 
 
 def _verdict(sheet: Sheet, document: Document) -> None:
     state, words = headline(document)
-    told = ", ".join(f"{number} {one}" for one, number in counts(document.items).items()) or "there are no items"
+    message = ", ".join(f"{number} {item}" for item, number in counts(document.items).items()) or "there are no items"
     sheet.set_y(sheet.y + 3)
-    for text, size, bold in ((f"{SYMBOLS[state]} {words}", 13.0, True), (told, 9.0, False)):
+    for text, size, bold in ((f"{SYMBOLS[state]} {words}", 13.0, True), (message, 9.0, False)):
         sheet.plain(size, bold=bold)
         sheet.tint(state)
         height = sheet.font_size * 1.5

@@ -39,7 +39,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
     """Describe the gateway `host` with these vehicles around it."""
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, Gateway)  # noqa: S101 - the caller has looked
-    reserved = {one.name: one for one in lan.reservations}
+    reserved = {reservation.name: reservation for reservation in lan.reservations}
     server = declaration.hosts[declaration.pilot.vpn.server].device
     computer = lan_computer(
         host.name,
@@ -92,8 +92,8 @@ def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
     assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
     if host.device.vpn_address is None:
         return {}
-    own = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
-    return {IDENTITY: (own, CertificateSpec(subject=own.issuer))}
+    certificate = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
+    return {IDENTITY: (certificate, CertificateSpec(subject=certificate.issuer))}
 
 
 def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[WifiEndpoint]:
@@ -114,11 +114,11 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[Int
         if wifi.interface in seen:
             continue
         seen.add(wifi.interface)
-        own = None if wifi.address is None else f"{wifi.address + 100}/24"
+        local = None if wifi.address is None else f"{wifi.address + 100}/24"
         yield InterfaceSpec(
             name=wifi.interface,
             mac=f"02:00:5E:00:FE:{number:02X}",
-            addresses=() if own is None else (AddressSpec(address=own, lease_s=3000),),
+            addresses=() if local is None else (AddressSpec(address=local, lease_s=3000),),
             wireless=True,
             association=AssociationSpec(
                 ssid=wifi.ssid or "EXAMPLE",

@@ -48,22 +48,22 @@ class RehearsedEars:
     """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
     stands: Sequence[Stand]
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         if place is Place.ROUTER:
-            return await self.routers.ask(place, host, questions, heard)
-        streams = [(key, found) for key, one in questions if (found := self._moved(one)) is not None]
+            return await self.routers.ask(place, host, questions, result)
+        streams = [(key, found) for key, request in questions if (found := self._moved(request)) is not None]
         answers: dict[str, Answer] = {}
         names = {key for key, _ in streams}
         for key, question in questions:
             if key not in names:
                 answers[key] = self._answer(question)
-                heard(key, answers[key])
+                result(key, answers[key])
         if streams:
             asked = dict(questions)
 
             def told(key: str, answer: Answer) -> None:
-                heard(key, self._sent(asked[key], answer))
+                result(key, self._sent(asked[key], answer))
 
             ended = await ask_here(streams, told)
             answers.update({key: self._sent(asked[key], answer) for key, answer in ended.items()})
@@ -73,14 +73,14 @@ class RehearsedEars:
         """A datagram comes from where the thing would be that its twin stands for."""
         if not isinstance(answer, Transcript) or not isinstance(question, Listen) or not answer.senders:
             return answer
-        stand = next(one for one in self.stands if one.means(question))
+        stand = next(item for item in self.stands if item.means(question))
         return replace(answer, senders=(stand.address,) * len(answer.senders))
 
     def _moved(self, question: Question) -> Listen | None:
         """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
         if not isinstance(question, Listen):
             return None
-        stand = next((one for one in self.stands if one.means(question)), None)
+        stand = next((item for item in self.stands if item.means(question)), None)
         return None if stand is None else replace(question, **stand.place())
 
     def _answer(self, question: Question) -> Answer:
@@ -96,12 +96,12 @@ class RehearsedEars:
 
     @staticmethod
     def _ran(question: Run, computer: Computer) -> Ran:
-        asked = time.time()
+        requested = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
         if rc == NOT_FOUND:
             trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
-        return Ran(trouble, words, rc, out, err, computer.now, asked, time.time())
+        return Ran(trouble, words, rc, out, err, computer.now, requested, time.time())
 
     @staticmethod
     def _discovered(question: Discover, computer: Computer) -> Discovered:
@@ -116,5 +116,5 @@ class RehearsedEars:
         found = computer.offers(question.interface, question.cards)
         if found is None:
             return Offered(Trouble.MISSING, f"this computer has no interface {question.interface}")
-        offers = (Offer(one.server, one.mac.lower(), one.address, one.router) for one in found)
+        offers = (Offer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
         return Offered(None, "", tuple(offers))

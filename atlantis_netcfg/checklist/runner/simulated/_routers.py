@@ -139,7 +139,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
     return {
         "cards": _cards(declaration, host.site) | {str(site.lan.gateway): ROUTER_MAC},
         "loads": {port: {} for port in _fed(declaration, host.name)},
-        "leases": {str(one.address): "bound" for one in site.lan.reservations},
+        "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
         "tunnels": tunnels,
         "time_server": str(declaration.pilot.time_servers[0].address),
         "called": [],
@@ -148,7 +148,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
 
 
 def _cards(declaration: Declaration, site: str) -> dict[str, str]:
-    cards = {str(one.address): one.mac for one in declaration.sites[site].lan.reservations}
+    cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
     for host in declaration.site_hosts(site):
         if isinstance(host.device, Gateway) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac

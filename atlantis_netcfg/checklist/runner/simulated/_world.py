@@ -72,18 +72,18 @@ class World:
 
     def receiver(self, vehicle: str, **changes: Any) -> None:  # noqa: ANN401 - fields of GnssSpec
         """Change a vehicle's receiver."""
-        one = self.receivers[vehicle]
-        self.receivers[vehicle] = replace(one, spec=one.spec.model_copy(update=changes))
+        item = self.receivers[vehicle]
+        self.receivers[vehicle] = replace(item, spec=item.spec.model_copy(update=changes))
 
     def modem(self, vehicle: str, **changes: Any) -> None:  # noqa: ANN401 - fields of its spec
         """Change a vehicle's acoustic modem."""
-        one = self.modems[vehicle]
-        self.modems[vehicle] = replace(one, spec=one.spec.model_copy(update=changes))
+        item = self.modems[vehicle]
+        self.modems[vehicle] = replace(item, spec=item.spec.model_copy(update=changes))
 
     def autopilot(self, vehicle: str, **changes: Any) -> None:  # noqa: ANN401 - fields of AutopilotSpec
         """Change a vehicle's autopilot."""
-        one = self.autopilots[vehicle]
-        self.autopilots[vehicle] = replace(one, spec=one.spec.model_copy(update=changes))
+        item = self.autopilots[vehicle]
+        self.autopilots[vehicle] = replace(item, spec=item.spec.model_copy(update=changes))
 
     def gateway(self, change: Callable[[ComputerSpec], dict[str, Any]]) -> None:
         """Change the gateway computer: `change` gives the fields that are otherwise."""
@@ -137,14 +137,14 @@ def _modem(cell: Cell) -> Iterator[tuple[str, Modem]]:
 def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
     acoustic: AcousticEndpoint | None = cell.endpoints.acoustic
     usbl: UsblEndpoint | None = cell.endpoints.usbl
-    own = acoustic.acoustic_address if acoustic is not None else None
+    local = acoustic.acoustic_address if acoustic is not None else None
     hears = usbl.hears if usbl is not None else ()
     driver = acoustic.driver if acoustic is not None else usbl.driver if usbl is not None else None
     if driver is AcousticDriver.EVOLOGICS:
         reaches = (acoustic.partner,) if acoustic is not None and acoustic.partner is not None else ()
-        return EvologicsSpec(local_address=own or 1, hears=hears or (2,), reaches=reaches, in_water=True)
+        return EvologicsSpec(local_address=local or 1, hears=hears or (2,), reaches=reaches, in_water=True)
     pinged = (usbl.ping,) if usbl is not None and usbl.ping is not None else ()
-    return SeatracSpec(beacon=own or 1, hears=hears or (2,), reaches=pinged, in_water=True)
+    return SeatracSpec(beacon=local or 1, hears=hears or (2,), reaches=pinged, in_water=True)
 
 
 def _autopilot(cell: Cell) -> Iterator[tuple[str, Autopilot]]:

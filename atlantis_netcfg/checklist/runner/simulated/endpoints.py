@@ -51,30 +51,30 @@ class Stand:
 def standing(world: World) -> Iterator[tuple[Stand, ...]]:
     """Start every twin that the world describes; they end with the context."""
     with ExitStack() as stack:
-        stands = [_receiver(stack, one) for one in world.receivers.values()]
-        stands += [_modem(stack, one) for one in world.modems.values()]
-        stands += [_autopilot(stack, one) for one in world.autopilots.values()]
+        stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
+        stands += [_modem(stack, modem) for modem in world.modems.values()]
+        stands += [_autopilot(stack, autopilot) for autopilot in world.autopilots.values()]
         yield tuple(stands)
 
 
-def _receiver(stack: ExitStack, one: Receiver) -> Stand:
-    if one.device:
-        port = stack.enter_context(RunningNmeaPort(one.spec))
-        return Stand("serial", device=one.device, here_device=port.path)
-    server = RunningGpsd(one.spec) if one.gpsd else RunningNmea(one.spec)
+def _receiver(stack: ExitStack, receiver: Receiver) -> Stand:
+    if receiver.device:
+        port = stack.enter_context(RunningNmeaPort(receiver.spec))
+        return Stand("serial", device=receiver.device, here_device=port.path)
+    server = RunningGpsd(receiver.spec) if receiver.gpsd else RunningNmea(receiver.spec)
     stack.enter_context(server)
-    return Stand("tcp", one.address, one.port, here_port=server.port)
+    return Stand("tcp", receiver.address, receiver.port, here_port=server.port)
 
 
-def _modem(stack: ExitStack, one: Modem) -> Stand:
-    twin = RunningEvologics(one.spec) if isinstance(one.spec, EvologicsSpec) else RunningSeatrac(one.spec)
+def _modem(stack: ExitStack, modem: Modem) -> Stand:
+    twin = RunningEvologics(modem.spec) if isinstance(modem.spec, EvologicsSpec) else RunningSeatrac(modem.spec)
     stack.enter_context(twin)
-    if one.device:
-        return Stand("serial", device=one.device, here_device=twin.path)
-    return Stand("tcp", one.address, one.port, here_port=twin.port)
+    if modem.device:
+        return Stand("serial", device=modem.device, here_device=twin.path)
+    return Stand("tcp", modem.address, modem.port, here_port=twin.port)
 
 
-def _autopilot(stack: ExitStack, one: Autopilot) -> Stand:
+def _autopilot(stack: ExitStack, autopilot: Autopilot) -> Stand:
     """The stream goes to a port that was free a moment ago: the declared one may be in use on this computer."""
-    twin = stack.enter_context(RunningAutopilot(one.spec))
-    return Stand("udp", one.address, one.port, here_port=twin.port)
+    twin = stack.enter_context(RunningAutopilot(autopilot.spec))
+    return Stand("udp", autopilot.address, autopilot.port, here_port=twin.port)

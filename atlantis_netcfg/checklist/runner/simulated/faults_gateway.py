@@ -39,7 +39,8 @@ def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> 
             raise KeyError(name)
         return {
             "interfaces": tuple(
-                one.model_copy(update=change(one)) if one.name == name else one for one in computer.interfaces
+                interface.model_copy(update=change(interface)) if interface.name == name else interface
+                for interface in computer.interfaces
             )
         }
 
@@ -70,7 +71,7 @@ def _another_way(computer: ComputerSpec) -> dict[str, Any]:
 
 def _neighbour(address: str, mac: str) -> Callable[[World], None]:
     def change(computer: ComputerSpec) -> dict[str, Any]:
-        others = tuple(one for one in computer.neighbours if one.address != address)
+        others = tuple(neighbour for neighbour in computer.neighbours if neighbour.address != address)
         return {"neighbours": (*others, NeighbourSpec(address=address, dev="eth0", mac=mac))}
 
     return _gateway(change)
@@ -119,13 +120,15 @@ FAULTS: Mapping[str, Fault] = {
         "the gateway has leased a second address of its subnet on the same card",
         ("SITE/site/one-subnet-twice",),
         _interface(
-            "eth0", lambda one: {"addresses": (*one.addresses, AddressSpec(address="10.64.1.130/24", lease_s=3000))}
+            "eth0", lambda item: {"addresses": (*item.addresses, AddressSpec(address="10.64.1.130/24", lease_s=3000))}
         ),
     ),
     "address-leased": Fault(
         "the gateway's static address is only leased",
         ("SITE/site/static-addresses",),
-        _interface("eth0", lambda one: {"addresses": (AddressSpec(address=one.addresses[0].address, lease_s=1800),)}),
+        _interface(
+            "eth0", lambda entry: {"addresses": (AddressSpec(address=entry.addresses[0].address, lease_s=1800),)}
+        ),
     ),
     "address-unkept": Fault(
         "no file gives the gateway its address at the next start",
@@ -164,7 +167,11 @@ FAULTS: Mapping[str, Fault] = {
     "gateway-tunnel": Fault(
         "the gateway is not in the VPN",
         ("SITE/site/vpn", "SITE/site/dds"),
-        _gateway(lambda computer: {"interfaces": tuple(one for one in computer.interfaces if one.name != "tun0")}),
+        _gateway(
+            lambda computer: {
+                "interfaces": tuple(interface for interface in computer.interfaces if interface.name != "tun0")
+            }
+        ),
     ),
     "server-silent": Fault(
         "the VPN server does not answer", ("SITE/site/vpn",), _echo("10.80.0.1", loss_percent=100.0)

@@ -45,8 +45,8 @@ class GitServer:
         """Whether what was told (RFC 7617) holds the token."""
         if self.token is None:
             return True
-        told = base64.b64decode(authorization.partition(" ")[2] or "", validate=False).decode(errors="replace")
-        return hmac.compare_digest(told.partition(":")[2].encode(), self.token.encode())
+        text = base64.b64decode(authorization.partition(" ")[2] or "", validate=False).decode(errors="replace")
+        return hmac.compare_digest(text.partition(":")[2].encode(), self.token.encode())
 
 
 @contextmanager
@@ -113,7 +113,7 @@ class _Git(BaseHTTPRequestHandler):
             (name, value) for name, _, value in (line.partition(": ") for line in head.decode().split("\r\n"))
         )
         status = int(dict(headers).get("Status", "200").split()[0])
-        self._send(HTTPStatus(status), tuple(one for one in headers if one[0] not in ("Status", "")), answer)
+        self._send(HTTPStatus(status), tuple(header for header in headers if header[0] not in ("Status", "")), answer)
 
     def _variables(self, length: int) -> dict[str, str]:
         parts = urlsplit(self.path)

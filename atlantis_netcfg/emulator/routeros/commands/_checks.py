@@ -182,7 +182,7 @@ def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
 def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
     """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
     modem = core.spec.modem
-    given = [int(one) for one in values.get("band", "").split(",") if one]
+    given = [int(word) for word in values.get("band", "").split(",") if word]
     if modem is not None and not set(given) <= set(modem.bands):
         raise Trap("invalid value for argument band", Category.ARGUMENT)
 

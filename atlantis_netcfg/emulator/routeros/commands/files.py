@@ -119,13 +119,13 @@ def export(core: Core, call: Call) -> Result:
     _arguments(core, call)
     if "where" in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} where")
-    wanted = "show-sensitive" in call.arguments or not (
+    desired = "show-sensitive" in call.arguments or not (
         core.schema.at_least("7.0") or "hide-sensitive" in call.arguments
     )
     form = Form(
         verbose="verbose" in call.arguments,
         terse="terse" in call.arguments,
-        show_sensitive=wanted and "sensitive" in core.policies(call.caller),
+        show_sensitive=desired and "sensitive" in core.policies(call.caller),
     )
     text = export_text(core, call.menu, form)
     if "file" in call.arguments:

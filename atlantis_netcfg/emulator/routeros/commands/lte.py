@@ -35,8 +35,8 @@ def monitor(core: Core, call: Call) -> Result:
     row = _shown(core, mine)
     if "pin-status" in row and core.deviates(Deviation.PIN_WORDS):
         row["pin-status"] = "CHV1 state 7"
-    wanted = call.arguments.get("proplist", call.arguments.get(".proplist"))
-    names = set(wanted.split(",")) if wanted else set(row)
+    desired = call.arguments.get("proplist", call.arguments.get(".proplist"))
+    names = set(desired.split(",")) if desired else set(row)
     return Result(rows=[{name: value for name, value in row.items() if name in names}])
 
 
@@ -65,8 +65,8 @@ def _shown(core: Core, mine: Settings) -> _Row:
     if phase is Phase.PUK:
         return {"pin-status": "SIM PUK required", "functionality": "full", **_BOX}
     if phase is Phase.PIN:
-        said = "wrong PIN" if core.sim.refused else "SIM PIN required"
-        return {"pin-status": said, "functionality": "full", **_BOX}
+        text = "wrong PIN" if core.sim.refused else "SIM PIN required"
+        return {"pin-status": text, "functionality": "full", **_BOX}
     words = {Phase.SEARCHING: "searching", Phase.DENIED: "denied", Phase.REGISTERED: "registered"}
     row = {"pin-status": "no password required", "status": words.get(phase, "connected"), **_BOX, **_CARD}
     return row if phase in {Phase.SEARCHING, Phase.DENIED} else row | _cell(core, phase)

@@ -45,5 +45,5 @@ def _port(core: Core, named: str) -> Item:
 def _row(core: Core, item: Item) -> dict[str, str]:
     table = core.store.table("/interface/ethernet")
     setting = core.store.text(table, item, "poe-out") or "auto-on"
-    own = {"name": core.store.text(table, item, "name") or "", "poe-out": setting}
-    return own | load_of(core, (item.factory or {})["name"], setting)
+    local = {"name": core.store.text(table, item, "name") or "", "poe-out": setting}
+    return local | load_of(core, (item.factory or {})["name"], setting)

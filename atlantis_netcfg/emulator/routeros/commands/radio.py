@@ -35,12 +35,12 @@ def monitor(core: Core, call: Call) -> Result:
     for name in call.arguments:
         if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
             raise unknown(name)
-    wanted = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
-    if wanted is None:
+    desired = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if desired is None:
         raise MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
-    radios = [(item, mine) for item, mine in _radios(core, call.menu) if wanted in _names(core, call.menu, item)]
+    radios = [(item, mine) for item, mine in _radios(core, call.menu) if desired in _names(core, call.menu, item)]
     if not radios:
         raise no_such_item()
     return Result(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
@@ -185,10 +185,10 @@ def _with_inherited(core: Core, table: Table, row: _Row) -> _Row:
     item = next((each for each in table.items if id_text(each.id) == row.get(".id")), None)
     if item is None:
         return row
-    own = {
+    local = {
         name.removeprefix("configuration.") if table.menu.path != WIFI else name: value
         for name, value in inherited(core.store, table, item).items()
         if value is not None
     }
-    shown = {name: table.args[name].kind.show(value) for name, value in own.items() if name in table.args}
+    shown = {name: table.args[name].kind.show(value) for name, value in local.items() if name in table.args}
     return {**{name: value for name, value in shown.items() if not table.args[name].secret}, **row}

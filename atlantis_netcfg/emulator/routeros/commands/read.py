@@ -51,11 +51,11 @@ def _test(query: str, row: Mapping[str, str], *, orders_texts: bool) -> bool:
     return row.get(name, "") == value if equals else bool(row.get(name))
 
 
-def _less(own: str, other: str, *, greater: bool, orders_texts: bool) -> bool:
+def _less(local: str, other: str, *, greater: bool, orders_texts: bool) -> bool:
     """Compare numbers, or texts letter by letter. Assumption: api-query-order."""
     if greater:
-        own, other = other, own
-    return int(own) < int(other) if own.isdecimal() and other.isdecimal() else orders_texts and own < other
+        local, other = other, local
+    return int(local) < int(other) if local.isdecimal() and other.isdecimal() else orders_texts and local < other
 
 
 def _operate(text: str, stack: list[bool]) -> None:
@@ -126,16 +126,16 @@ def print_(core: Core, call: Call) -> Result:
     found = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
     if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
         return Result(ret=str(len(found)))
-    wanted = _proplist(call)
-    if wanted is None and "stats" not in call.arguments:
+    desired = _proplist(call)
+    if desired is None and "stats" not in call.arguments:
         found = [without_counters(row) for row in found]
-    elif wanted is not None:
+    elif desired is not None:
         args = () if call.menu in COMPUTED else core.store.table(call.menu).args
         there = {".id", *args, *(name for row in found for name in row)}
-        absent = next((name for name in wanted if name not in there), None)
+        absent = next((name for name in desired if name not in there), None)
         if absent is not None and core.deviates(Deviation.PROPERTIES):
             raise unknown(absent)
-        found = [{name: row[name] for name in wanted if name in row} for row in found]
+        found = [{name: row[name] for name in desired if name in row} for row in found]
     return Result(rows=found, listing=True)
 
 
@@ -167,12 +167,12 @@ def get(core: Core, call: Call) -> Result:
         if name not in known:
             raise unknown(name)
     row = _one(core, call)
-    wanted = call.arguments.get("value-name")
-    if wanted is None:
+    desired = call.arguments.get("value-name")
+    if desired is None:
         return Result(ret=";".join(f"{key}={value}" for key, value in row.items()))
-    if wanted not in row and (call.menu in COMPUTED or wanted not in core.store.table(call.menu).args):
+    if desired not in row and (call.menu in COMPUTED or desired not in core.store.table(call.menu).args):
         raise Trap("input does not match any value of value-name", Category.ARGUMENT)
-    return Result(ret=row.get(wanted, ""))
+    return Result(ret=row.get(desired, ""))
 
 
 def _one(core: Core, call: Call) -> dict[str, str]:
@@ -205,9 +205,9 @@ def inspect(core: Core, call: Call) -> Result:
     if request not in requests:
         raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
     found = [row for row in requests[request](core, call) if matches(call.queries, row)]
-    wanted = _proplist(call)
+    desired = _proplist(call)
     return Result(
-        rows=found if wanted is None else [{name: row[name] for name in wanted if name in row} for row in found]
+        rows=found if desired is None else [{name: row[name] for name in desired if name in row} for row in found]
     )
 
 

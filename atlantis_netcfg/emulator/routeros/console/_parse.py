@@ -445,7 +445,7 @@ class Parser:
                 alternatives[-1].append(self._condition())
             elif word in ("or", "||"):
                 alternatives.append([])
-        command.where = tuple(tuple(one) for one in alternatives if one)
+        command.where = tuple(tuple(alternative) for alternative in alternatives if alternative)
 
     def _condition(self) -> Condition:
         start = self.text.at

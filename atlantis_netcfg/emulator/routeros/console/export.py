@@ -44,7 +44,7 @@ def export_text(core: Core, menu: str, form: Form) -> str:
     top = header(core) if form.header else ()
     if not form.terse:
         return print_export(Export(top, statements))
-    lines = [f"# {line}".rstrip() for line in top] + [print_statement(one, path=True) for one in statements]
+    lines = [f"# {line}".rstrip() for line in top] + [print_statement(item, path=True) for item in statements]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -64,9 +64,9 @@ def header(core: Core) -> tuple[str, ...]:
 
 def _paths(core: Core, menu: str) -> list[str]:
     known = [path for path, table in core.store.tables.items() if table.menu.exported]
-    wanted = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
+    desired = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
     places = {path: place for place, path in enumerate(EXPORT_ORDER)}
-    return sorted(wanted, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
+    return sorted(desired, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
 
 
 def _place(core: Core, path: str) -> int:

@@ -288,8 +288,8 @@ class _Runner:
             return str(len(found)), [str(len(found))]
         if "stats" not in words:
             found = [without_counters(row) for row in found]
-        wanted = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
-        view = View(call.menu, words, wanted if wanted != ("",) else (), self.width)
+        desired = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
+        view = View(call.menu, words, desired if desired != ("",) else (), self.width)
         if "as-value" in words:
             return _as_value(summed(self.core, view, found)), []
         if self.width is not None:

@@ -67,9 +67,9 @@ class ConsoleSide:
 
     def notices(self, caller: Caller) -> list[str]:
         """What the console tells this session without being asked; each is handed out once."""
-        own = [text for number, text in self._core.notices if number == caller.number]
-        self._core.notices = [one for one in self._core.notices if one[0] != caller.number]
-        return own
+        local = [text for number, text in self._core.notices if number == caller.number]
+        self._core.notices = [notice for notice in self._core.notices if notice[0] != caller.number]
+        return local
 
     def again(self, caller: Caller) -> Caller:
         """Another session of the same login: SSH opens one for each of its channels."""
@@ -104,7 +104,7 @@ class ConsoleSide:
 
     def greeted(self, question: str) -> None:
         """The question needs not be asked again."""
-        self._core.greetings = tuple(one for one in self._core.greetings if one != question)
+        self._core.greetings = tuple(greeting for greeting in self._core.greetings if greeting != question)
 
     def default_configuration(self) -> str:
         """What the factory put on it, as text."""

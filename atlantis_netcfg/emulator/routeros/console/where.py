@@ -53,7 +53,7 @@ Where = tuple[tuple[Condition, ...], ...]
 
 def fits(row: Mapping[str, str], where: Where) -> bool:
     """Tell whether a row is meant."""
-    return not where or any(all(condition.fits(row) for condition in one) for one in where)
+    return not where or any(all(condition.fits(row) for condition in item) for item in where)
 
 
 def _ordered(text: str) -> tuple[int, int, str]:

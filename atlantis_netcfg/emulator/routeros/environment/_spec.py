@@ -90,17 +90,17 @@ def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
 
 def mac_of(core: Core, address: IPv4Address) -> str:
     """The card that answers for an address; one made of the address where the place does not say."""
-    told = core.spec.around.cards.get(str(address))
-    return (told or f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}").upper()
+    result = core.spec.around.cards.get(str(address))
+    return (result or f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}").upper()
 
 
 def connected(core: Core) -> frozenset[int]:
     """The OpenVPN clients whose server lets them in."""
-    wanted = core.spec.around.tunnels
-    if not wanted or not core.schema.has_menu(CLIENTS):
+    desired = core.spec.around.tunnels
+    if not desired or not core.schema.has_menu(CLIENTS):
         return frozenset()
     table = core.store.table(CLIENTS)
-    return frozenset(item.id for item in table.items if core.store.text(table, item, "name") in wanted)
+    return frozenset(item.id for item in table.items if core.store.text(table, item, "name") in desired)
 
 
 def tunnel_addresses(core: Core, path: str) -> list[_Row]:
@@ -113,9 +113,9 @@ def tunnel_addresses(core: Core, path: str) -> list[_Row]:
 def _tunnel_address(core: Core, number: int) -> _Row:
     name = core.topology.name(number)
     given = IPv4Interface(core.spec.around.tunnels[name])
-    own = {"address": str(given), "network": str(given.network.network_address), "interface": name}
+    local = {"address": str(given), "network": str(given.network.network_address), "interface": name}
     flags = {"invalid": "false", "slave": "false", "dynamic": "true", "disabled": "false"}
-    return {".id": id_text(core.store.dynamic_id("/ip/address", "ovpn", number)), **own} | {
+    return {".id": id_text(core.store.dynamic_id("/ip/address", "ovpn", number)), **local} | {
         "actual-interface": name,
         **flags,
     }
@@ -159,17 +159,22 @@ def heard_names(core: Core) -> list[_Row]:
     """Rows of `/ip/neighbor`: who is called what on the interfaces where discovery listens."""
     settings = core.store.table("/ip/neighbor/discovery-settings")
     found = []
-    for number, one in enumerate(core.spec.around.called, start=1):
-        interface = core.topology.by_name(one.interface)
+    for number, called in enumerate(core.spec.around.called, start=1):
+        interface = core.topology.by_name(called.interface)
         if (
             interface is None
             or not core.topology.up(interface.id)
             or not _listens(core, settings.items[0], interface.id)
         ):
             continue
-        address = {} if one.address is None else {"address": one.address, "address4": one.address}
-        row = {".id": id_text(number), "interface": one.interface, **address, "mac-address": one.mac.upper()}
-        row |= {"identity": one.identity, "platform": one.platform, "version": one.version, "board": one.board}
+        address = {} if called.address is None else {"address": called.address, "address4": called.address}
+        row = {".id": id_text(number), "interface": called.interface, **address, "mac-address": called.mac.upper()}
+        row |= {
+            "identity": called.identity,
+            "platform": called.platform,
+            "version": called.version,
+            "board": called.board,
+        }
         found.append({**row, "age": "12s", "discovered-by": "mndp", "unpack": "none"})
     return found
 

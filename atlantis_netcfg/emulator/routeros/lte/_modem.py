@@ -69,8 +69,8 @@ def settings_of(core: Core) -> Settings | None:
         enabled=given.get("disabled") != "yes",
         pin=given.get("pin", ""),
         allow_roaming=given.get("allow-roaming") == "yes",
-        bands=frozenset(int(one) for one in given.get("band", "").split(",") if one),
-        modes=frozenset(one for one in given.get("network-mode", "").split(",") if one),
+        bands=frozenset(int(entry) for entry in given.get("band", "").split(",") if entry),
+        modes=frozenset(word for word in given.get("network-mode", "").split(",") if word),
         operator=given.get("operator", ""),
         apn=profile.get("apn", ""),
         network_apn=profile.get("use-network-apn") == "yes",
@@ -101,8 +101,8 @@ def phase_of(core: Core, mine: Settings) -> Phase:
 
 def _on_air(modem: ModemSpec, sim: SimSpec, mine: Settings) -> Phase:
     cell = modem.cell
-    wanted = mine.bands or frozenset(modem.bands)
-    deaf = cell is None or not wanted & set(cell.bands) & set(modem.bands)
+    desired = mine.bands or frozenset(modem.bands)
+    deaf = cell is None or not desired & set(cell.bands) & set(modem.bands)
     if cell is None or deaf or (mine.modes and "lte" not in mine.modes) or mine.operator not in {"", cell.plmn}:
         return Phase.SEARCHING
     if cell.denies:
@@ -129,7 +129,7 @@ def settle(core: Core) -> None:
     phase = phase_of(core, mine)
     answer = {Phase.NO_SIM: "+CME ERROR: 10", Phase.PIN: "+CPIN: SIM PIN", Phase.PUK: "+CPIN: SIM PUK"}.get(phase)
     if answer is not None:
-        _tell(core, f"{mine.name}: rcvd {answer}", asked=f"{mine.name}: sent AT+CPIN?")
+        _tell(core, f"{mine.name}: rcvd {answer}", requested=f"{mine.name}: sent AT+CPIN?")
     _connect(core, mine, up=phase is Phase.CONNECTED)
 
 
@@ -158,12 +158,12 @@ def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[s
     return {**(before.model_dump() if before is not None else {}), **changes}
 
 
-def _tell(core: Core, line: str, *, asked: str | None = None) -> None:
+def _tell(core: Core, line: str, *, requested: str | None = None) -> None:
     """Write what the modem answers to the log, once for each answer."""
     if not line or line == core.sim.told:
         return
     core.sim.told = line
-    for text in (asked, line):
+    for text in (requested, line):
         if text is not None:
             core.note("lte,async", text)
 
@@ -187,8 +187,8 @@ def made(core: Core, path: str) -> list[dict[str, str]]:
     number = id_text(core.store.dynamic_id(path, "lte", mine.item.id))
     flags = {"dynamic": "true", "disabled": "false"}
     if path == "/ip/address":
-        own = {"address": f"{modem.cell.address}/32", "network": modem.cell.address, "interface": mine.name}
-        return [{".id": number, **own, "actual-interface": mine.name, "invalid": "false", "slave": "false", **flags}]
+        local = {"address": f"{modem.cell.address}/32", "network": modem.cell.address, "interface": mine.name}
+        return [{".id": number, **local, "actual-interface": mine.name, "invalid": "false", "slave": "false", **flags}]
     if not mine.default_route:
         return []
     way = {"dst-address": "0.0.0.0/0", "routing-table": "main", "gateway": mine.name, "distance": mine.distance}

@@ -104,11 +104,11 @@ _COMMON = (
 )
 
 
-def _rules(path: str, noun: str, *own: Arg) -> Menu:
+def _rules(path: str, noun: str, *local: Arg) -> Menu:
     """Make a table of rules: its own arguments, those of every rule, and the matchers."""
     matchers = (Arg(name, kind) for name, kind in _MATCHERS)
     action = Arg("action", Choice(offered(path, "action")), "accept", always=True)
-    args = sorted((action, *own, *_COMMON, *matchers), key=lambda arg: arg.name)
+    args = sorted((action, *local, *_COMMON, *matchers), key=lambda arg: arg.name)
     return Menu(path, Shape.LIST, tuple(args), noun, flags=("dynamic", "invalid"))
 
 

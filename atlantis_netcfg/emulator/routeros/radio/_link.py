@@ -44,18 +44,18 @@ def signal_dbm(sender: Settings, receiver: Settings, frequency_mhz: int, air: Ai
     return eirp - free_space_loss_db(air.distance_m, frequency_mhz) - air.loss_db + receiver.gain_dbi
 
 
-def why_not(one: Settings, other: Settings, air: Air) -> str:
+def why_not(settings: Settings, other: Settings, air: Air) -> str:
     """Return why the two are not connected; empty: they agree."""
-    return next(_reasons(one, other, air), "")
+    return next(_reasons(settings, other, air), "")
 
 
-def _reasons(one: Settings, other: Settings, air: Air) -> Iterator[str]:
-    if not (one.enabled and other.enabled):
+def _reasons(settings: Settings, other: Settings, air: Air) -> Iterator[str]:
+    if not (settings.enabled and other.enabled):
         yield "a radio is disabled"
-    if one.is_ap == other.is_ap:
-        yield "both ends are access points" if one.is_ap else "no end is an access point"
+    if settings.is_ap == other.is_ap:
+        yield "both ends are access points" if settings.is_ap else "no end is an access point"
         return
-    ap, station = (one, other) if one.is_ap else (other, one)
+    ap, station = (settings, other) if settings.is_ap else (other, settings)
     yield from _roles(ap, station)
     if silent := why_silent(ap, air):
         yield silent
@@ -270,9 +270,9 @@ class RadioLink:
         peer = None
         if self.up and theirs is not None:
             channel = (mine if mine.is_ap else theirs).channel_mhz
-            heard = signal_dbm(theirs, mine, channel, self.air)
+            received = signal_dbm(theirs, mine, channel, self.air)
             there = signal_dbm(mine, theirs, channel, self.air)
-            peer = Peer(theirs, heard, there, channel, self.since, max(1, round(self.air.distance_m / 1000)))
+            peer = Peer(theirs, received, there, channel, self.since, max(1, round(self.air.distance_m / 1000)))
         if not mine.is_ap:
             return RadioState("connected-to-ess" if peer is not None else "searching-for-network", peer)
         if why_silent(mine, self.air):

@@ -135,7 +135,7 @@ def _lists(core: Core, radio: Item) -> tuple[frozenset[str], frozenset[str]]:
 
 def _wifi(core: Core, table: Table, item: Item) -> Settings:
     given = {name: value for name, value in inherited(core.store, table, item).items() if value is not None}
-    own = core.store.text
+    local = core.store.text
     kinds = frozenset(kind for kind in given.get("security.authentication-types", "").split(",") if kind)
     mode = given.get("configuration.mode", "ap")
     ranges = _ranges(given.get("channel.frequency", "default"))
@@ -143,9 +143,9 @@ def _wifi(core: Core, table: Table, item: Item) -> Settings:
     power = given.get("configuration.tx-power")
     return Settings(
         driver=Driver.WIFI,
-        mac=own(table, item, "mac-address") or "",
+        mac=local(table, item, "mac-address") or "",
         radio_name=core.spec.name,
-        enabled=own(table, item, "disabled") != "yes",
+        enabled=local(table, item, "disabled") != "yes",
         mode=mode,
         bridges_stations=True,
         protocol="802.11",

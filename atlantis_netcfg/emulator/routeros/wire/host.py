@@ -143,10 +143,10 @@ class Doors:
 
     async def align(self, services: Mapping[str, Service]) -> None:
         """Open and close sockets until they are as `services` says."""
-        wanted = {(name, services[name].port) for name in SERVICES if name in services and services[name].enabled}
-        for key in set(self._open) - wanted:
+        desired = {(name, services[name].port) for name in SERVICES if name in services and services[name].enabled}
+        for key in set(self._open) - desired:
             self._open.pop(key).close()
-        for key in sorted(wanted - set(self._open)):
+        for key in sorted(desired - set(self._open)):
             await self._listen(key)
 
     async def _listen(self, key: tuple[str, int]) -> None:

@@ -19,12 +19,18 @@ class ActionModule(Door):
     """Door from a play to `atlantis_netcfg.operations`."""
 
     @staticmethod
-    def perform(asked: Asked) -> Mapping[str, Any]:
+    def perform(requested: Asked) -> Mapping[str, Any]:
         """Converge the hosts of the play; in check mode, only plan."""
         from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.site import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        told: dict[str, Any] = cleaned(
-            perform(asked.inventory, asked.hosts, asked.request, plan_only=asked.plan_only, decrypt=asked.decrypt)
+        values: dict[str, Any] = cleaned(
+            perform(
+                requested.inventory,
+                requested.hosts,
+                requested.request,
+                plan_only=requested.plan_only,
+                decrypt=requested.decrypt,
+            )
         )
-        return told
+        return values

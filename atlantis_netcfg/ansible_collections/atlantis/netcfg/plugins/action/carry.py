@@ -45,15 +45,15 @@ class ActionModule(Thin):
         bundle = self._opened()
         if host not in bundle.manifest.hosts:
             raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, and not for {host}")
-        told = self._ask(bundle, None, variables)
-        if not told.get("failed") and not told["known"]:
-            told = self._ask(bundle, host, variables)
+        values = self._ask(bundle, None, variables)
+        if not values.get("failed") and not values["known"]:
+            values = self._ask(bundle, host, variables)
         carried = 0
-        if not told.get("failed") and told["missing"]:
-            carried, told = self._send(bundle, host, told, variables)
-        result.update(told)
-        if not told.get("failed"):
-            result.update(_told(bundle, told, carried, sent=not self._task.check_mode))
+        if not values.get("failed") and values["missing"]:
+            carried, values = self._send(bundle, host, values, variables)
+        result.update(values)
+        if not values.get("failed"):
+            result.update(_told(bundle, values, carried, sent=not self._task.check_mode))
         return result
 
     def _opened(self) -> Bundle:
@@ -88,22 +88,22 @@ class ActionModule(Thin):
             )
 
     def _send(
-        self, bundle: Bundle, host: str, told: dict[str, Any], variables: dict[str, Any]
+        self, bundle: Bundle, host: str, values: dict[str, Any], variables: dict[str, Any]
     ) -> tuple[int, dict[str, Any]]:
         """Send what is missing; give its bytes and the board's answer."""
         from atlantis_netcfg.bundle import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
 
-        wanted = set(told["missing"])
-        there = {file.sha256 for file in bundle.manifest.of(host).values()} - wanted
+        desired = set(values["missing"])
+        there = {file.sha256 for file in bundle.manifest.of(host).values()} - desired
         size = bytes_to_carry(bundle, host, there)
         if self._task.check_mode:
-            return size, told
+            return size, values
         self._refuse_unpaid(size, variables)
         try:
             with temporary.folder("carry", temporary.roomy()) as folder:
                 archive = folder / "archive"
-                bundle.pack(host, wanted, archive)
-                self._connection.put_file(str(archive), told["upload"])
+                bundle.pack(host, desired, archive)
+                self._connection.put_file(str(archive), values["upload"])
         except AnsibleError as error:
             raise AnsibleActionFail(
                 f"the link to {host} broke while {_size(size)} of the bundle were carried: {error}\n"
@@ -126,14 +126,14 @@ def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1000:.0f} kB"
 
 
-def _told(bundle: Bundle, told: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
+def _told(bundle: Bundle, values: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
     words = "carried" if sent else "to carry"
     changes = [f"bundle {bundle.manifest.id}: {_size(carried)} {words}"] if carried else []
-    changes += told["changes"]
+    changes += values["changes"]
     return {
         "changed": bool(changes),
         "changes": changes,
         "carried_bytes": carried,
-        "repository": f"{told['path']}/repository",
-        "sources": f"{told['path']}/sources",
+        "repository": f"{values['path']}/repository",
+        "sources": f"{values['path']}/sources",
     }

@@ -21,9 +21,9 @@ class ActionModule(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Give message, difference, and whether this device changed or failed."""
-        told: dict[str, Any] = super().run(tmp, task_vars)
+        values: dict[str, Any] = super().run(tmp, task_vars)
         device = self._task.args["result"]
-        told.update(changed=device["changed"], failed=not device["ok"], msg=device["message"])
+        values.update(changed=device["changed"], failed=not device["ok"], msg=device["message"])
         if device["shown"]:
-            told["diff"] = {"prepared": device["shown"]}
-        return told
+            values["diff"] = {"prepared": device["shown"]}
+        return values

@@ -17,8 +17,8 @@ class ActionModule(Door):
     """Door from a play to `atlantis_netcfg.operations.terminals`."""
 
     @staticmethod
-    def perform(asked: Asked) -> Mapping[str, Any]:
+    def perform(requested: Asked) -> Mapping[str, Any]:
         """Judge the terminals of the play; in check mode, record nothing."""
         from atlantis_netcfg.operations.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        return perform(asked.inventory, asked.hosts, asked.request, plan_only=asked.plan_only)
+        return perform(requested.inventory, requested.hosts, requested.request, plan_only=requested.plan_only)

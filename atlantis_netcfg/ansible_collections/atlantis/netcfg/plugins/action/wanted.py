@@ -20,8 +20,10 @@ class ActionModule(Door):
     _VALID_ARGS = frozenset({"request", "part"})
 
     @staticmethod
-    def perform(asked: Asked) -> Mapping[str, Any]:
+    def perform(requested: Asked) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
         from atlantis_netcfg.operations.computers import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        return perform(asked.inventory, asked.hosts, asked.request, asked.part, plan_only=asked.plan_only)
+        return perform(
+            requested.inventory, requested.hosts, requested.request, requested.part, plan_only=requested.plan_only
+        )

@@ -66,10 +66,10 @@ class Outcome:
 class Converge:
     """One run; `clock` gives the computer's time in seconds since 1970."""
 
-    def __init__(self, apt: Apt, sources: Sources, wanted: Wanted, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, apt: Apt, sources: Sources, desired: Wanted, clock: Callable[[], float] = time.time) -> None:
         self.apt = apt
         self.sources = sources
-        self.wanted = wanted
+        self.wanted = desired
         self.clock = clock
         self.outcome = Outcome()
         self._before: dict[str, Package] | None = None
@@ -108,8 +108,8 @@ class Converge:
         return self.apt.bundle is None and not self.sources.updated
 
     def _preflight(self) -> None:
-        wanted = self.wanted
-        refuse_another_system(self.apt, wanted.distribution, wanted.codename, wanted.architectures)
+        desired = self.wanted
+        refuse_another_system(self.apt, desired.distribution, desired.codename, desired.architectures)
         notes = [check_key(key, self.clock()) for key in self.wanted.keys]
         self.outcome.notes += [note for note in notes if note is not None]
 
@@ -159,15 +159,15 @@ class Converge:
         if self.wanted.limit_bytes is None or not self.sources.updated:
             return False
         known = self._known(missing)
-        return all(any(fits(one, version) for one in known.get(name, ())) for name, version in missing.items())
+        return all(any(fits(item, version) for item in known.get(name, ())) for name, version in missing.items())
 
     def _afford_lists(self) -> None:
         limit = self.wanted.limit_bytes
         size = bytes_of_lists(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
-            told = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {in_words(size)}"
-            raise self._too_dear(f"the lists of packages have to be fetched first: {told}")
+            text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {in_words(size)}"
+            raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
 
     def _too_dear(self, what: str) -> Refused:
         why = f" ({self.wanted.limit_words})" if self.wanted.limit_words else ""
@@ -223,7 +223,7 @@ class Converge:
                 "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
-            if not any(fits(one, version) for one in known[name]):
+            if not any(fits(item, version) for item in known[name]):
                 raise Refused(
                     f"{name} {version} is not to be had; there is {', '.join(dict.fromkeys(known[name]))}",
                     "declare one of these, or take the version out of the declaration; a bundle keeps old ones",

@@ -34,15 +34,15 @@ class Costs:
     """What the packages take when they are installed."""
 
 
-def to_install(said: str) -> dict[str, str]:
+def to_install(text: str) -> dict[str, str]:
     """The packages and versions that a simulation (`apt-get -s`) would install."""
-    return {match["name"].partition(":")[0]: match["version"] for match in _INST.finditer(said)}
+    return {match["name"].partition(":")[0]: match["version"] for match in _INST.finditer(text)}
 
 
 def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Costs:
     """What `apt-get ARGUMENTS` costs, that installs `packages`."""
-    wanted = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).said)
-    download = sum(int(match["bytes"]) for match in wanted if match["scheme"] not in ("file", "copy", "cdrom"))
+    matchs = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).said)
+    download = sum(int(match["bytes"]) for match in matchs if match["scheme"] not in ("file", "copy", "cdrom"))
     if not packages:
         return Costs(download, 0)
     shown = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
@@ -56,9 +56,9 @@ def bytes_of_lists(apt: Apt) -> int | None:
     found = 0
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.name.endswith("InRelease"):
-            told = path.read_text(errors="replace")
-            for index in set(re.findall(rf"(\S+/binary-{apt.architecture}/Packages)(?:\.\w+)?$", told, re.MULTILINE)):
-                sizes = re.findall(rf"^ [0-9a-f]{{64}} +(\d+) {re.escape(index)}(?:\.\w+)?$", told, re.MULTILINE)
+            text = path.read_text(errors="replace")
+            for index in set(re.findall(rf"(\S+/binary-{apt.architecture}/Packages)(?:\.\w+)?$", text, re.MULTILINE)):
+                sizes = re.findall(rf"^ [0-9a-f]{{64}} +(\d+) {re.escape(index)}(?:\.\w+)?$", text, re.MULTILINE)
                 found += min((int(size) for size in sizes), default=0)
     return found or None
 
@@ -73,8 +73,8 @@ def refuse_if_full(apt: Apt, costs: Costs) -> None:
             first, sum_before = needed.get(device, (place, 0))
             needed[device] = (first, sum_before + size)
     for place, size in needed.values():
-        told = os.statvfs(apt.tree.at(place))
-        free = told.f_bavail * told.f_frsize
+        result = os.statvfs(apt.tree.at(place))
+        free = result.f_bavail * result.f_frsize
         if free < size:
             raise Refused(
                 f"the disk of the computer is too full: {in_words(size)} are needed at {place}, "

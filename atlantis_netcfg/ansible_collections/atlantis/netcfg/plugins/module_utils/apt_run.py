@@ -59,12 +59,12 @@ def refuse_another_system(
     """Raise Refused where the computer runs another system than all this is made for; None: any is good."""
     text = (apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
     pairs = (line.partition("=") for line in text.splitlines())
-    told = {name: value.strip().strip("'\"") for name, _, value in pairs}
-    is_now = (told.get("ID", "?"), told.get("VERSION_CODENAME", "?"))
-    wanted = (distribution or is_now[0], codename or is_now[1])
-    if is_now != wanted:
+    values = {name: value.strip().strip("'\"") for name, _, value in pairs}
+    is_now = (values.get("ID", "?"), values.get("VERSION_CODENAME", "?"))
+    desired = (distribution or is_now[0], codename or is_now[1])
+    if is_now != desired:
         raise Refused(
-            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(wanted)}",
+            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired)}",
             "make a card with the right system (`provision image --help`), or declare the release that fits this one",
         )
     if architectures and apt.architecture not in architectures:
@@ -136,8 +136,8 @@ class Apt:
         finally:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
-                said = file.read().decode(errors="replace").replace("\r", "\n")
-        return Output(code, said)
+                text = file.read().decode(errors="replace").replace("\r", "\n")
+        return Output(code, text)
 
     def drop_lists(self, *, only_empty: bool) -> None:
         """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""

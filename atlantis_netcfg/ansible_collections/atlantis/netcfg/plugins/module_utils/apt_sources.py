@@ -51,9 +51,9 @@ def check_key(key: Key, now: float) -> str | None:
         found = public_keys(key.content)
     except NotAKey as why:
         raise Refused(f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size") from None
-    if [one.fingerprint for one in found] != [key.fingerprint]:
+    if [public_key.fingerprint for public_key in found] != [key.fingerprint]:
         raise Refused(
-            f"the key for {key.path} is {', '.join(one.fingerprint for one in found)}, declared is {key.fingerprint}",
+            f"the key for {key.path} is {', '.join(item.fingerprint for item in found)}, declared is {key.fingerprint}",
             "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
         )
     return _in_time(found[0], now)

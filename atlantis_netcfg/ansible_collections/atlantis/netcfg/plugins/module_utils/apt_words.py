@@ -166,46 +166,46 @@ _PROGRESS = re.compile(r"\d%")
 _SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
 
 
-def of_update(said: str, code: int, urls: Sequence[str], architecture: str) -> Refused | None:
+def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> Refused | None:
     """What hindered an update of the lists of packages from `urls`; None: nothing did, for them and `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
-    told = [line for line in problems(said) if "doesn't support architecture" not in line or missing in line]
-    found = _first(_COMPUTER, told)
+    lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
+    found = _first(_COMPUTER, lines)
     if found is not None:
         return found
-    found = _first(_SOURCES, [line for line in told if any(url.rstrip("/") in line for url in urls)])
+    found = _first(_SOURCES, [line for line in lines if any(url.rstrip("/") in line for url in urls)])
     if found is not None or (code == 0 and urls):
         return found
-    return (_first(_SOURCES, told) or _raw("the lists of packages could not be updated", said)) if code else None
+    return (_first(_SOURCES, lines) or _raw("the lists of packages could not be updated", text)) if code else None
 
 
-def of_install(said: str, names: Iterable[str]) -> Refused:
+def of_install(text: str, names: Iterable[str]) -> Refused:
     """What hindered apt or dpkg from installing."""
-    script = _SCRIPT.search(said)
-    told = said.splitlines()
-    full = _first(_COMPUTER, told)
+    script = _SCRIPT.search(text)
+    lines = text.splitlines()
+    full = _first(_COMPUTER, lines)
     if full is not None:
         return full
     if script is not None:
         return Refused(
-            f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(said, script.start())}",
+            f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(text, script.start())}",
             "what it says above is the reason; after it is mended type the same again: it goes on from there",
         )
-    found = _first(_PACKAGES, told, names=" ".join(names)) or _first(_SOURCES, problems(said))
-    return found or _raw("the packages could not be installed", said)
+    found = _first(_PACKAGES, lines, names=" ".join(names)) or _first(_SOURCES, problems(text))
+    return found or _raw("the packages could not be installed", text)
 
 
-def others(said: str, urls: Sequence[str]) -> list[str]:
+def others(text: str, urls: Sequence[str]) -> list[str]:
     """The sources beside `urls` that could not be updated, which hinders nothing by itself."""
-    failed = [line for line in problems(said) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)]
+    failed = [line for line in problems(text) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)]
     hosts = dict.fromkeys(match for line in failed for match in re.findall(r"https?://([^/\s]+)", line))
     return [f"the lists of {', '.join(hosts)} could not be updated, those from before are used"] if hosts else []
 
 
-def problems(said: str) -> list[str]:
+def problems(text: str) -> list[str]:
     """The errors, warnings and notes of apt, each in one line with what follows it indented."""
     found: list[str] = []
-    for line in said.splitlines():
+    for line in text.splitlines():
         if _SAYS.match(line):
             found.append(line)
         elif line.startswith("  ") and found:
@@ -223,11 +223,11 @@ def _first(rows: Iterable[_Row], lines: Sequence[str], **more: str) -> Refused |
     return None
 
 
-def _around(said: str, at: int) -> str:
-    lines = [line for line in said[:at].splitlines()[:-1] if line.strip()]
+def _around(text: str, at: int) -> str:
+    lines = [line for line in text[:at].splitlines()[:-1] if line.strip()]
     return "\n".join(lines[-_LINES:])
 
 
-def _raw(what: str, said: str) -> Refused:
-    lines = [line.rstrip() for line in said.splitlines() if line.strip() and not _PROGRESS.search(line)]
+def _raw(what: str, text: str) -> Refused:
+    lines = [line.rstrip() for line in text.splitlines() if line.strip() and not _PROGRESS.search(line)]
     return Refused(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")

@@ -62,15 +62,15 @@ def configure(home: str, offline: str | None, urls: Iterable[str]) -> None:
 
 
 def _instead(address: str, *of: str) -> str:
-    return f'[url "{address}"]\n' + "".join(f"\tinsteadOf = {one}\n" for one in of)
+    return f'[url "{address}"]\n' + "".join(f"\tinsteadOf = {item}\n" for item in of)
 
 
 class _Failed(Exception):
     """What git said when it failed."""
 
-    def __init__(self, said: str) -> None:
-        super().__init__(said)
-        self.said = said
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.said = text
 
 
 @dataclass(frozen=True)
@@ -132,15 +132,15 @@ class Git:
                 if not self._has(revision):
                     raise
             return revision
-        wanted = f"+refs/tags/{revision}:refs/tags/{revision}"
+        desired = f"+refs/tags/{revision}:refs/tags/{revision}"
         try:
-            self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", wanted)
+            self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", desired)
         except _Failed as failed:
             if trouble(failed.said) is Trouble.REVISION:
                 self._no_branch()
             if "shallow" not in failed.said:
                 raise
-            self._online("fetch", "--no-tags", "--quiet", "origin", wanted)
+            self._online("fetch", "--no-tags", "--quiet", "origin", desired)
         return self._git("rev-parse", f"refs/tags/{revision}^{{commit}}").strip()
 
     def _has(self, commit: str) -> bool:
@@ -174,8 +174,8 @@ class Git:
                     self._online(*update)
                 except _Failed as again:
                     raise self._of_submodule(again) from None
-        told = self._git("submodule", "status", "--recursive").splitlines()
-        absent = [line[1:].split()[1] for line in told if line[0] in "-U"]
+        lines = self._git("submodule", "status", "--recursive").splitlines()
+        absent = [line[1:].split()[1] for line in lines if line[0] in "-U"]
         if absent:
             raise Refused(
                 f"the submodule {absent[0]} of {self.repository.url}, revision {self.repository.revision}, is missing",
@@ -186,8 +186,8 @@ class Git:
         """A failure of a submodule names it, because the repository itself is in order."""
         if trouble(failed.said) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
             return failed
-        told = self._refused(failed)
-        return Refused(f"a submodule of {self.repository.url} could not be fetched: {told.message}", told.hint)
+        refused = self._refused(failed)
+        return Refused(f"a submodule of {self.repository.url} could not be fetched: {refused.message}", refused.hint)
 
     def _online(self, *words: str) -> str:
         """Run a command that needs the link: while that is broken, again after a pause."""
@@ -211,11 +211,11 @@ class Git:
             stderr=subprocess.STDOUT,
             check=False,
         )
-        said = done.stdout.decode(errors="replace")
+        text = done.stdout.decode(errors="replace")
         if done.returncode != 0:
-            self.say(said.rstrip())
-            raise _Failed(said)
-        return said
+            self.say(text.rstrip())
+            raise _Failed(text)
+        return text
 
     def _environment(self) -> dict[str, str]:
         answers = askpass(self.home, self.name)
@@ -234,10 +234,13 @@ class Git:
                     os.unlink(os.path.join(folder, file))
 
     def _refused(self, failed: _Failed) -> Refused:
-        one = self.repository
+        repository = self.repository
         if self.offline is not None and trouble(failed.said) in (Trouble.GONE, Trouble.REVISION):
             return Refused(
-                f"{self.offline} does not hold {one.url}, revision {one.revision}:\n{last_words(failed.said)}",
+                f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
+                f"{last_words(failed.said)}",
                 "make the bundle anew where there is internet, after the last change of the declaration",
             )
-        return about_git(failed.said, one.url, one.revision, tokened=askpass(self.home, self.name) is not None)
+        return about_git(
+            failed.said, repository.url, repository.revision, tokened=askpass(self.home, self.name) is not None
+        )

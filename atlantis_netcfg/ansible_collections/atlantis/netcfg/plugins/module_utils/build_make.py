@@ -29,10 +29,10 @@ _TAIL = 200_000
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
-def jobs_within(meminfo: str, cores: int, wanted: int | None = None) -> int:
+def jobs_within(meminfo: str, cores: int, desired: int | None = None) -> int:
     """How many compilers run at once: one a core, and no more than fit into the free memory (`/proc/meminfo`)."""
     free = next((int(line.split()[1]) for line in meminfo.splitlines() if line.startswith("MemAvailable:")), 0)
-    return max(1, min(cores, wanted or cores, free // _MEMORY_OF_A_JOB_KIB))
+    return max(1, min(cores, desired or cores, free // _MEMORY_OF_A_JOB_KIB))
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class Make:
         """See that everything that was built finds its libraries. Raises Refused."""
         programs = sorted(self._binaries())
         # ldd ends with 1 for what is linked statically, which lacks nothing.
-        said = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, sourced=True)
+        text = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, sourced=True)
         program = ""
-        for line in said.splitlines():
+        for line in text.splitlines():
             if line.endswith(":") and not line.startswith("\t"):
                 program = os.path.relpath(line[:-1], self.folder)
             elif "not found" in line:
@@ -103,8 +103,8 @@ class Make:
         if done.returncode != 0:
             with open(self.log, "rb") as log:
                 log.seek(max(started, os.path.getsize(self.log) - _TAIL))
-                said = log.read().decode(errors="replace")
-            raise about_building(what, said)
+                text = log.read().decode(errors="replace")
+            raise about_building(what, text)
 
     def _shell(self, command: str, where: str, arguments: list[str], *, sourced: bool) -> str:
         done = subprocess.run(  # noqa: S603
@@ -116,10 +116,10 @@ class Make:
             stderr=subprocess.STDOUT,
             check=False,
         )
-        said = done.stdout.decode(errors="replace")
+        text = done.stdout.decode(errors="replace")
         if done.returncode != 0:
-            raise about_building("the library", said)
-        return said
+            raise about_building("the library", text)
+        return text
 
     def _sources(self, *, sourced: bool) -> str:
         install = os.path.join(self.folder, "library", "install", "setup.sh")

@@ -66,14 +66,14 @@ class Plan:
     """Its version and its target."""
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Plan:
+    def of(cls, values: Mapping[str, Any]) -> Plan:
         """Read what `as_dict` gave."""
-        examples = told["examples"]
+        examples = values["examples"]
         return cls(
-            Repository(**told["library"]),
+            Repository(**values["library"]),
             Repository(**examples) if examples is not None else None,
-            told["ros_setup"],
-            told["compiler"],
+            values["ros_setup"],
+            values["compiler"],
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -84,7 +84,7 @@ class Plan:
     def repositories(self) -> dict[str, Repository]:
         """By the folder that each stands in."""
         both = {"library": self.library, "examples": self.examples}
-        return {name: one for name, one in both.items() if one is not None}
+        return {name: repository for name, repository in both.items() if repository is not None}
 
     @property
     def key(self) -> str:
@@ -95,7 +95,7 @@ class Plan:
     @property
     def words(self) -> str:
         """As a person knows it."""
-        return " and ".join(f"{name} {_short(one.revision)}" for name, one in self.repositories.items())
+        return " and ".join(f"{name} {_short(repository.revision)}" for name, repository in self.repositories.items())
 
 
 def _short(revision: str) -> str:
@@ -117,11 +117,13 @@ class Shelf:
         path = os.path.join(self.at(key), MARKER)
         try:
             with open(path, "rb") as file:
-                told = json.loads(file.read())
+                result = json.loads(file.read())
         except (OSError, ValueError):
             return None
-        found = isinstance(told, dict) and told.get("key") == key
-        return told if found and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh")) else None
+        found = isinstance(result, dict) and result.get("key") == key
+        return (
+            result if found and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh")) else None
+        )
 
     def complete(self, key: str, marker: Mapping[str, Any]) -> None:
         """Declare a build complete, once every file of it is safely on the card."""
@@ -175,17 +177,17 @@ class Shelf:
         """URL -> tag -> commit, as built; a damaged file counts as none."""
         try:
             with open(os.path.join(self.prefix, "tags.json"), "rb") as file:
-                told = json.loads(file.read())
+                result = json.loads(file.read())
         except (OSError, ValueError):
             return {}
-        return told if isinstance(told, dict) and all(isinstance(one, dict) for one in told.values()) else {}
+        return result if isinstance(result, dict) and all(isinstance(item, dict) for item in result.values()) else {}
 
     def note_tags(self, plan: Plan, commits: Mapping[str, str]) -> None:
         """Record the commit that each tag has led to."""
         tags = self.tags()
-        for name, one in plan.repositories.items():
-            if not is_commit(one.revision):
-                tags.setdefault(one.url, {})[one.revision] = commits[name]
+        for name, repository in plan.repositories.items():
+            if not is_commit(repository.revision):
+                tags.setdefault(repository.url, {})[repository.revision] = commits[name]
         if tags != self.tags():
             _TREE.write(os.path.join(self.prefix, "tags.json"), _json(tags))
 

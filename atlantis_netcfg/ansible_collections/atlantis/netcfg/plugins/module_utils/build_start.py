@@ -116,25 +116,25 @@ class Build:
             return {"state": "wanted"}
         plan = Plan(self.library, self.examples, self.ros_setup, found or "")
         shelf = Shelf(self.places.prefix)
-        told = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
+        values = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
         marker = shelf.marker(plan.key)
         if marker is not None:
             self._take(plan, shelf, marker)
-            return {**told, "state": "ready", "commits": marker["commits"]}
+            return {**values, "state": "ready", "commits": marker["commits"]}
         if self._runs(plan.key):
             if started is not None:
                 raise Refused(
                     f"the build of {plan.words} is still at work on the gateway",
-                    f"type the same again later: it goes on by itself; {told['log']} shows how far it is",
+                    f"type the same again later: it goes on by itself; {values['log']} shows how far it is",
                 )
-            return {**told, "state": "running", "run": self._running(plan.key)}
+            return {**values, "state": "running", "run": self._running(plan.key)}
         if started is not None:
             raise self._ended(plan, started)
         self.changes.append(f"build of {plan.words} started")
         if self.check:
-            return {**told, "state": "wanted"}
+            return {**values, "state": "wanted"}
         self._prerequisites(found)
-        return {**told, "state": "running", "run": self._start(plan, shelf)}
+        return {**values, "state": "running", "run": self._start(plan, shelf)}
 
     def _take(self, plan: Plan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
         if shelf.linked("current") != plan.key:
@@ -200,7 +200,7 @@ class Build:
         ]
         command = ["systemd-run", "--quiet", "--collect", f"--unit={_unit(key)}"]
         command += [f"--description=ATLANTIS builds the interoperability library ({key})"]
-        command += [f"--property={one}" for one in properties]
+        command += [f"--property={item}" for item in properties]
         return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
 
     def _ended(self, plan: Plan, started: str) -> Refused:
@@ -225,8 +225,8 @@ class Build:
                 f"ROS 2 is not installed on the gateway: there is no {self.ros_setup}",
                 "declare `ros2:` beside `interop:`, with the release that is meant",
             )
-        wanted = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
-        missing = [name for name in wanted if not is_there(name)] + ([] if found else ["c++"])
+        desired = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
+        missing = [name for name in desired if not is_there(name)] + ([] if found else ["c++"])
         if missing:
             raise Refused(
                 f"the gateway lacks {', '.join(missing)} to build with",

@@ -79,17 +79,17 @@ _SIGNS = (
 )
 
 
-def trouble(said: str) -> Trouble:
+def trouble(text: str) -> Trouble:
     """What kind of failure git tells of."""
-    return next((kind for kind, sign in _SIGNS if re.search(sign, said, re.IGNORECASE)), Trouble.OTHER)
+    return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), Trouble.OTHER)
 
 
-def about_git(said: str, url: str, revision: str, *, tokened: bool) -> Refused:  # noqa: PLR0911 - one for each trouble
+def about_git(text: str, url: str, revision: str, *, tokened: bool) -> Refused:  # noqa: PLR0911 - one for each trouble
     """A failure of git in words; `tokened`: a token is declared for this repository."""
-    kind = trouble(said)
+    kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
-    last = last_words(said)
+    last = last_words(text)
     if kind is Trouble.CERTIFICATE:
         return Refused(
             f"the certificate of {host} is not accepted:\n{last}",
@@ -136,22 +136,22 @@ def about_git(said: str, url: str, revision: str, *, tokened: bool) -> Refused: 
     return Refused(f"git could not fetch {at}:\n{last}", "")
 
 
-def about_building(what: str, said: str) -> Refused:
+def about_building(what: str, text: str) -> Refused:
     """A failure of colcon, cmake, make or a compiler in words."""
-    last = last_words(said)
-    if re.search(r"No space left on device|Disk quota exceeded", said):
+    last = last_words(text)
+    if re.search(r"No space left on device|Disk quota exceeded", text):
         return _full(f"while {what} was built")
-    if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", said):
+    if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
         return Refused(
             f"the memory of the gateway did not suffice to build {what}:\n{last}",
             "stop what else runs there, or add swap, and type the same again",
         )
-    if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", said):
+    if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", text):
         return Refused(
             f"to build {what}, cmake wants `{missing.group(1)}`, which is not installed on the gateway",
             "find its package (`apt-file search NAMEConfig.cmake`), and add it to `interop.packages`",
         )
-    if missing := re.search(r"fatal error: (\S+): No such file or directory", said):
+    if missing := re.search(r"fatal error: (\S+): No such file or directory", text):
         return Refused(
             f"to build {what}, the header {missing.group(1)} is wanted, which is not there:\n{last}",
             "find its package (`apt-file search HEADER`), and add it to `interop.packages`",
@@ -159,11 +159,11 @@ def about_building(what: str, said: str) -> Refused:
     return Refused(f"{what} could not be built:\n{last}", "the partner who made it can read this")
 
 
-def last_words(said: str) -> str:
+def last_words(text: str) -> str:
     """The last lines that say what went wrong; without any such line, the last lines."""
-    lines = [line.rstrip()[:_LONG] for line in said.splitlines() if line.strip()]
-    told = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]
-    return "\n".join(_once(told)[-_LINES:] or lines[-_LINES:])
+    lines = [line.rstrip()[:_LONG] for line in text.splitlines() if line.strip()]
+    messages = [line for line in lines if _MEANINGFUL.search(line) and not _ECHOES.search(line)]
+    return "\n".join(_once(messages)[-_LINES:] or lines[-_LINES:])
 
 
 def _once(lines: Iterable[str]) -> list[str]:

@@ -78,12 +78,12 @@ def _build(job: dict[str, Any], plan: Plan, shelf: Shelf, home: str, sleep: Call
         jobs = jobs_within(meminfo.read(), os.cpu_count() or 1, job["jobs"])
     make = Make(folder, plan.ros_setup, jobs, job["log"], _say)
     make.clean()
-    configure(home, job["offline"], [one.url for one in plan.repositories.values()])
+    configure(home, job["offline"], [repository.url for repository in plan.repositories.values()])
     commits, current = {}, shelf.linked("current")
-    for name, one in plan.repositories.items():
-        _say(f"fetching the {name}, revision {one.revision}, from {one.url}" + _place(job["offline"]))
+    for name, item in plan.repositories.items():
+        _say(f"fetching the {name}, revision {item.revision}, from {item.url}" + _place(job["offline"]))
         seed = os.path.join(shelf.at(current), name) if current is not None else None
-        commits[name] = Git(one, name, os.path.join(folder, name), home, job["offline"], _say, sleep).fetch(seed)
+        commits[name] = Git(item, name, os.path.join(folder, name), home, job["offline"], _say, sleep).fetch(seed)
         _say(f"the {name} is at commit {commits[name]}")
     _forget(home, plan)
     notes = _moved(plan, shelf, commits)
@@ -100,12 +100,12 @@ def _moved(plan: Plan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
     """Tell of tags that lead elsewhere than when they were last built."""
     tags = shelf.tags()
     notes = []
-    for name, one in plan.repositories.items():
-        before = tags.get(one.url, {}).get(one.revision, commits[name])
-        if not is_commit(one.revision) and before != commits[name]:
+    for name, repository in plan.repositories.items():
+        before = tags.get(repository.url, {}).get(repository.revision, commits[name])
+        if not is_commit(repository.revision) and before != commits[name]:
             notes.append(
-                f"the tag {one.revision} of the {name} has moved: it led to commit {before} when it was last built, and"
-                f" leads to {commits[name]} now; ask the partner whether that is meant"
+                f"the tag {repository.revision} of the {name} has moved: it led to commit {before} when it was last"
+                f" built, and leads to {commits[name]} now; ask the partner whether that is meant"
             )
     for note in notes:
         _say(note)

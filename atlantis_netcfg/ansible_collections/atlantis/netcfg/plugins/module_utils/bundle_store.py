@@ -78,32 +78,32 @@ class Store:
         `files` None: those that were told when the bundle was put together. `check`: change nothing.
         """
         with _words(self.folder):
-            told = files if files is not None else self._told(name)
-            if told is None:
+            result = files if files is not None else self._told(name)
+            if result is None:
                 return Settled(False, False, (), ())
-            if self._whole(name, told):
-                return Settled(True, True, (), () if check else tuple(self._prune(name, told)))
+            if self._whole(name, result):
+                return Settled(True, True, (), () if check else tuple(self._prune(name, result)))
             if not check:
                 self._ready()
-                self._take_in({one.sha256: one for one in told})
-            missing = tuple(sorted({one.sha256 for one in told if not self._has(one, check=check)}))
+                self._take_in({one.sha256: one for one in result})
+            missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
             if missing or check:
-                self._refuse_if_full({one.sha256: one.size for one in told if one.sha256 in missing})
+                self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
                 return Settled(False, True, missing, ())
-            self._compose(name, told)
-            return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, told)))
+            self._compose(name, result)
+            return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
 
     def _told(self, name: str) -> tuple[Held, ...] | None:
         try:
             with open(os.path.join(self.folder, name, _LIST), "rb") as file:
-                return tuple(Held(**one) for one in json.loads(file.read()))
+                return tuple(Held(**load) for load in json.loads(file.read()))
         except (FileNotFoundError, ValueError, TypeError):
             return None
 
-    def _whole(self, name: str, told: tuple[Held, ...]) -> bool:
-        if self._told(name) != told:
+    def _whole(self, name: str, result: tuple[Held, ...]) -> bool:
+        if self._told(name) != result:
             return False
-        return all(_is(os.path.join(self.folder, name, one.path), one) for one in told)
+        return all(_is(os.path.join(self.folder, name, item.path), item) for item in result)
 
     def _ready(self) -> None:
         os.makedirs(self.folder, mode=0o755, exist_ok=True)
@@ -113,7 +113,7 @@ class Store:
             if os.lstat(place).st_uid != owner:
                 os.chown(place, owner, -1, follow_symlinks=False)
 
-    def _take_in(self, wanted: Mapping[str, Held]) -> None:
+    def _take_in(self, desired: Mapping[str, Held]) -> None:
         """Move what has arrived into the store, file by file; then the archives go."""
         for entry in sorted(os.listdir(self._incoming)):
             path = os.path.join(self._incoming, entry)
@@ -121,13 +121,13 @@ class Store:
                 os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb"
             ) as file, tarfile.open(fileobj=file, mode="r|") as archive:
                 for member in archive:
-                    one = wanted.get(member.name)
-                    content = archive.extractfile(member) if one is not None else None
-                    if one is not None and content is not None and not self._has(one, check=False):
-                        self._keep(one, content)
+                    item = desired.get(member.name)
+                    content = archive.extractfile(member) if item is not None else None
+                    if item is not None and content is not None and not self._has(item, check=False):
+                        self._keep(item, content)
             os.unlink(path)
 
-    def _keep(self, one: Held, content: IO[bytes]) -> None:
+    def _keep(self, item: Held, content: IO[bytes]) -> None:
         scratch = os.path.join(self._store, ".new")
         digest = hashlib.sha256()
         try:
@@ -138,16 +138,16 @@ class Store:
                 file.flush()
                 os.fchmod(file.fileno(), 0o644)
                 os.fsync(file.fileno())
-            if digest.hexdigest() == one.sha256:
-                os.replace(scratch, os.path.join(self._store, one.sha256))
+            if digest.hexdigest() == item.sha256:
+                os.replace(scratch, os.path.join(self._store, item.sha256))
         finally:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(scratch)
 
-    def _has(self, one: Held, *, check: bool) -> bool:
+    def _has(self, item: Held, *, check: bool) -> bool:
         """Whether the store holds it; what is damaged there is removed."""
-        path = os.path.join(self._store, one.sha256)
-        if _is(path, one):
+        path = os.path.join(self._store, item.sha256)
+        if _is(path, item):
             return True
         if not check:
             with contextlib.suppress(FileNotFoundError):
@@ -166,25 +166,25 @@ class Store:
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
             )
 
-    def _compose(self, name: str, told: tuple[Held, ...]) -> None:
+    def _compose(self, name: str, result: tuple[Held, ...]) -> None:
         new, place = os.path.join(self.folder, f".{name}.new"), os.path.join(self.folder, name)
         shutil.rmtree(new, ignore_errors=True)
         os.mkdir(new, 0o755)
-        for one in told:
-            os.makedirs(os.path.dirname(os.path.join(new, one.path)), mode=0o755, exist_ok=True)
-            os.link(os.path.join(self._store, one.sha256), os.path.join(new, one.path))
+        for entry in result:
+            os.makedirs(os.path.dirname(os.path.join(new, entry.path)), mode=0o755, exist_ok=True)
+            os.link(os.path.join(self._store, entry.sha256), os.path.join(new, entry.path))
         if os.path.isdir(os.path.join(new, _PRIVATE)):
             os.chmod(os.path.join(new, _PRIVATE), 0o700)
         with open(os.path.join(new, _LIST), "w", encoding="utf-8") as file:
-            json.dump([vars(one) for one in told], file)
+            json.dump([vars(item) for item in result], file)
         os.sync()
         shutil.rmtree(place, ignore_errors=True)
         os.rename(new, place)
         os.sync()
 
-    def _prune(self, name: str, told: tuple[Held, ...]) -> Iterator[str]:
+    def _prune(self, name: str, result: tuple[Held, ...]) -> Iterator[str]:
         """Remove older bundles, and whatever belongs to none."""
-        kept = {one.sha256 for one in told}
+        kept = {item.sha256 for item in result}
         for entry in sorted(os.listdir(self.folder)):
             path = os.path.join(self.folder, entry)
             if entry in (name, _STORE, _INCOMING):
@@ -198,10 +198,10 @@ class Store:
                     os.unlink(os.path.join(place, entry))
 
 
-def _is(path: str, one: Held) -> bool:
+def _is(path: str, item: Held) -> bool:
     """Whether that content stands there."""
     try:
-        if os.lstat(path).st_size != one.size:
+        if os.lstat(path).st_size != item.size:
             return False
         digest = hashlib.sha256()
         with open(path, "rb") as file:
@@ -209,7 +209,7 @@ def _is(path: str, one: Held) -> bool:
                 digest.update(chunk)
     except (FileNotFoundError, NotADirectoryError):
         return False
-    return digest.hexdigest() == one.sha256
+    return digest.hexdigest() == item.sha256
 
 
 @contextlib.contextmanager

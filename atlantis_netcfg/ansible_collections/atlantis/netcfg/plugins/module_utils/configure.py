@@ -82,7 +82,7 @@ class Configure:
             if self._left.isdisjoint(step.after):
                 self._take(step)
         self._bring_units()
-        self.notes += [one.note for one in self.wishes.brought if self.tree.find(one.path) is None]
+        self.notes += [brought.note for brought in self.wishes.brought if self.tree.find(brought.path) is None]
         self.findings += [
             (check.finding, check.hint) for check in self.wishes.checks if self.run(list(check.run)).code != 0
         ]
@@ -109,11 +109,11 @@ class Configure:
     def _read_unit_files(self) -> None:
         wishes = self.wishes
         paths = [*(file.path for file in wishes.files), *(link.path for link in wishes.links), *wishes.absent]
-        wanted = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
-        if not self.stamps.holds(_MANAGER, wanted):
+        desired = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
+        if not self.stamps.holds(_MANAGER, desired):
             self._reload_manager()
             if not self.check:
-                self.stamps.note(_MANAGER, wanted)
+                self.stamps.note(_MANAGER, desired)
 
     def _reload_manager(self) -> None:
         if not self.check:
@@ -122,16 +122,16 @@ class Configure:
 
     def _take(self, step: Step) -> None:
         after = self._digests(step.after)
-        wanted = {**after, "run": _digest(json.dumps(step.run).encode())}
+        desired = {**after, "run": _digest(json.dumps(step.run).encode())}
         gone = set(after.values()) == {ABSENT}
-        if self.stamps.holds(step.name, after if gone else wanted):
+        if self.stamps.holds(step.name, after if gone else desired):
             return
         if not self.check:
-            self.stamps.begin(step.name, wanted)
+            self.stamps.begin(step.name, desired)
             done = self.run(list(step.run))
             succeed(done, f"step `{step.name}` failed", "it is tried again by the next run")
             self.notes += [line[len(_NOTE) :] for line in done.said.splitlines() if line.startswith(_NOTE)]
-            self.stamps.note(step.name, wanted)
+            self.stamps.note(step.name, desired)
         self.changes.append(f"step {step.name}")
 
     def _bring_units(self) -> None:
@@ -142,18 +142,18 @@ class Configure:
             state = self._state(unit)
             if state is None:
                 continue
-            if unit.enabled is not None and not state.enabled_as(wanted=unit.enabled):
+            if unit.enabled is not None and not state.enabled_as(desired=unit.enabled):
                 if not self.check:
-                    self.systemd.enable(unit.name, wanted=unit.enabled)
+                    self.systemd.enable(unit.name, desired=unit.enabled)
                 self.changes.append(f"unit {unit.name} {'enabled' if unit.enabled else 'disabled'}")
-            wanted = self._digests(unit.after)
-            if self._order(unit, state, wanted):
-                started.append((unit, wanted))
+            desired = self._digests(unit.after)
+            if self._order(unit, state, desired):
+                started.append((unit, desired))
         if started and not self.check:
             self.systemd.settle()
-            for unit, wanted in started:
+            for unit, desired in started:
                 self.systemd.must_run(unit.name, waited=unit.wait)
-                self.stamps.note(_stamp(unit), wanted)
+                self.stamps.note(_stamp(unit), desired)
 
     def _state(self, unit: Unit) -> State | None:
         """Look at a unit; None if there is nothing to be done, because there is no such unit and none is wanted."""
@@ -174,28 +174,28 @@ class Configure:
             return state
         raise Refused(f"there is no unit {unit.name} on this computer", "the package that brings it is not installed")
 
-    def _order(self, unit: Unit, state: State, wanted: dict[str, str]) -> bool:
+    def _order(self, unit: Unit, state: State, desired: dict[str, str]) -> bool:
         """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""
         runs = state.active in ("active", "reloading", "activating")
         stamp = _stamp(unit)
-        fresh = self.stamps.holds(stamp, wanted)
+        fresh = self.stamps.holds(stamp, desired)
         if unit.active is False or (unit.active is None and not runs):
             if runs and not self.check:
                 self.systemd.order("stop", unit.name)
             if not fresh and not self.check:
-                self.stamps.note(stamp, wanted)
+                self.stamps.note(stamp, desired)
             if runs:
                 self.changes.append(f"unit {unit.name} stopped")
             return False
         if runs and fresh:
             return False
-        verb, told = ("start", "started")
+        verb, text = ("start", "started")
         if runs:
-            verb, told = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
+            verb, text = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
         if not self.check:
-            self.stamps.begin(stamp, wanted)
+            self.stamps.begin(stamp, desired)
             self.systemd.order(verb, unit.name, wait=unit.wait)
-        self.changes.append(f"unit {unit.name} {told}")
+        self.changes.append(f"unit {unit.name} {text}")
         return True
 
     def _digests(self, paths: Iterable[str]) -> dict[str, str]:

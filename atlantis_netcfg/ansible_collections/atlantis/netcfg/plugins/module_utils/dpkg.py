@@ -60,20 +60,20 @@ class Package:
 
 def installed(apt: Apt) -> dict[str, Package]:
     """Every package that dpkg knows, by name; of several architectures the computer's own."""
-    own = apt.architecture
-    told = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
-    if told.code:
+    local = apt.architecture
+    output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
+    if output.code:
         raise Refused(
-            f"dpkg cannot read its database: {told.said.strip()}",
+            f"dpkg cannot read its database: {output.said.strip()}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
         )
     found: dict[str, Package] = {}
-    for line in told.said.splitlines():
+    for line in output.said.splitlines():
         if line.count("\t") != _FIELDS.count("\\t"):
             continue  # a warning about an entry, between the entries
-        name, architecture, wanted, flag, state, version = line.split("\t")
-        if architecture in (own, "all") or name not in found:
-            found[name] = Package(name, version, wanted, flag == "reinstreq", state)
+        name, architecture, desired, flag, state, version = line.split("\t")
+        if architecture in (local, "all") or name not in found:
+            found[name] = Package(name, version, desired, flag == "reinstreq", state)
     return found
 
 
@@ -87,9 +87,9 @@ def half_done(apt: Apt, packages: dict[str, Package]) -> list[Package]:
     return left or ([packages["dpkg"]] if journal and "dpkg" in packages else [])
 
 
-def fits(version: str, wanted: str | None) -> bool:
+def fits(version: str, desired: str | None) -> bool:
     """Whether an installed version is the wanted one; None: any is; a `*` at its end stands for the rest."""
-    return wanted is None or version == wanted or (wanted.endswith("*") and fnmatchcase(version, wanted))
+    return desired is None or version == desired or (desired.endswith("*") and fnmatchcase(version, desired))
 
 
 def wait_for_others(tree: Tree, wait_s: float, sleep: Callable[[float], None] = time.sleep) -> None:
@@ -112,8 +112,8 @@ def _holder(tree: Tree, lock: str) -> str | None:
     """Who holds a lock of fcntl(2), if anybody does; such locks end with their process, whatever file is left."""
     try:
         with Path(tree.at(lock)).open("rb+") as file:
-            asked = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
-            kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(file, fcntl.F_GETLK, asked))
+            data = struct.pack(_FLOCK, fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+            kind, _, _, _, pid = struct.unpack(_FLOCK, fcntl.fcntl(file, fcntl.F_GETLK, data))
     except OSError:
         return None
     return None if kind == fcntl.F_UNLCK else f"process {pid}{_command(pid)}"
@@ -121,8 +121,8 @@ def _holder(tree: Tree, lock: str) -> str | None:
 
 def _command(pid: int) -> str:
     try:
-        told = Path(f"/proc/{pid}/cmdline").read_bytes()
+        data = Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return ""
-    words = told.replace(b"\0", b" ").decode(errors="replace").strip()
+    words = data.replace(b"\0", b" ").decode(errors="replace").strip()
     return f" ({words})" if words else ""

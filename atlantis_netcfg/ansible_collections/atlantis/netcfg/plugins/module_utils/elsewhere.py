@@ -44,14 +44,14 @@ class Setting:
     value: str
 
 
-def contradicting(tree: Tree, wanted: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
+def contradicting(tree: Tree, desired: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
     """Every place outside the files `ours` that sets one of these variables to another value than the wanted one."""
     return [
         setting
-        for path in (_places(tree) if wanted else ())
+        for path in (_places(tree) if desired else ())
         if path not in ours
-        for setting in settings(path, (tree.read(path) or b"").decode(errors="replace"), wanted)
-        if setting.value != wanted[setting.name]
+        for setting in settings(path, (tree.read(path) or b"").decode(errors="replace"), desired)
+        if setting.value != desired[setting.name]
     ]
 
 
@@ -65,11 +65,11 @@ def _places(tree: Tree) -> Iterator[str]:
     """Files that are there; links among them are read, since a shell reads them too."""
     accounts = (tree.read("/etc/passwd") or b"").decode(errors="replace").splitlines()
     homes = {fields[_HOME] for fields in (line.split(":") for line in accounts) if len(fields) > _HOME}
-    own = [f"{home}/{name}" for home in sorted(homes) if home.strip("/") for name in OF_AN_ACCOUNT]
+    local = [f"{home}/{name}" for home in sorted(homes) if home.strip("/") for name in OF_AN_ACCOUNT]
     root = Path(tree.root)
     for pattern in (*OF_ALL, *OF_SYSTEMD):
         yield from (f"/{path.relative_to(root)}" for path in sorted(root.glob(pattern[1:])))
-    yield from (path for path in own if tree.read(path) is not None)
+    yield from (path for path in local if tree.read(path) is not None)
 
 
 def settings(path: str, text: str, names: Mapping[str, str]) -> Iterator[Setting]:

@@ -39,10 +39,10 @@ class Floor:
 
 def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], Done] = run) -> str:
     """Give the version that is installed. Raises Refused where it is too old, or where it cannot be told."""
-    told = run([floor.program, "--version"])
-    if told.code == _NOT_THERE and absent_passes:
+    result = run([floor.program, "--version"])
+    if result.code == _NOT_THERE and absent_passes:
         return ""
-    found = re.match(r"\S+ (\d+(?:\.\d+)+)", told.said)
+    found = re.match(r"\S+ (\d+(?:\.\d+)+)", result.said)
     if found is None:
         raise Refused(
             f"{floor.program} does not tell its version, so that it is not started",
@@ -53,9 +53,9 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     version = package.said.strip() if package.code == 0 and _upstream(package.said) == upstream else ""
     if _passes(floor, upstream, version, run):
         return version or upstream
-    wanted = " or ".join(text for one in floor.branches for text in (one.upstream, *one.packages))
+    desired = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
     raise Refused(
-        f"{floor.package} {version or upstream} has holes that are known and mended: {wanted}, or later, is needed."
+        f"{floor.package} {version or upstream} has holes that are known and mended: {desired}, or later, is needed."
         " It was not started",
         f"on that computer: `apt-get update && apt-get install {floor.package}`; "
         "where its distribution has nothing newer, it needs a newer release",
@@ -65,12 +65,12 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
 def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]], Done]) -> bool:
     """Whether it is of a mended branch and late enough there; a later branch than all of them is."""
     number = _numbers(upstream)
-    if number[:2] > max(_numbers(one.branch) for one in floor.branches):
+    if number[:2] > max(_numbers(branch.branch) for branch in floor.branches):
         return True
-    own = next((one for one in floor.branches if _numbers(one.branch) == number[:2]), None)
-    if own is None:
+    local = next((item for item in floor.branches if _numbers(item.branch) == number[:2]), None)
+    if local is None:
         return False
-    return number >= _numbers(own.upstream) or any(_follows(package, mended, run) for mended in own.packages)
+    return number >= _numbers(local.upstream) or any(_follows(package, mended, run) for mended in local.packages)
 
 
 def _follows(package: str, mended: str, run: Callable[[list[str]], Done]) -> bool:

@@ -35,13 +35,13 @@ def alone(tree: Tree, environment: Mapping[str, str] = os.environ) -> Iterator[N
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace").strip()
             raise Refused(
-                f"another run is at work on this computer: {holder or 'it has not told its name yet'}",
+                f"another run is at work on this computer: {holder or 'it has not text its name yet'}",
                 "let it come to its end, and type the same again; a run whose link broke goes on for a while",
             ) from None
-        came = client(environment)
-        told = f"process {os.getpid()}" + (f", begun from {came.address}" if came is not None else "")
+        result = client(environment)
+        text = f"process {os.getpid()}" + (f", begun from {result.address}" if result is not None else "")
         os.ftruncate(handle, 0)
-        os.pwrite(handle, told.encode(), 0)
+        os.pwrite(handle, text.encode(), 0)
         yield
     finally:
         os.close(handle)

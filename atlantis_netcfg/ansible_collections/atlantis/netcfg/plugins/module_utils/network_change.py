@@ -51,9 +51,9 @@ _PAUSE_S = 0.1
 class Change:
     """Of one interface; `changes` and `diff` are what it comes to, in check mode what it would."""
 
-    def __init__(self, computer: Computer, wish: Wish) -> None:
+    def __init__(self, computer: Computer, request: Wish) -> None:
         self.computer = computer
-        self.wish = wish
+        self.wish = request
         self.changes: list[str] = []
         self.diff: list[dict[str, str]] = []
 
@@ -62,12 +62,12 @@ class Change:
         try:
             if not check:
                 self._end_earlier()
-            wanted = self._compare()
+            desired = self._compare()
             self.wish.hold_alone(self.computer)
             if not self.changes:
                 return None
             self.wish.hold(self.computer)
-            return None if check else self._stage(wanted)
+            return None if check else self._stage(desired)
         except OSError as error:
             raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
 
@@ -93,10 +93,10 @@ class Change:
             time.sleep(_PAUSE_S)
         if self._pending(name):
             return {"state": "pending", "why": "it waits for its confirmation"}
-        told = self.computer.load(OUTCOME) or {}
-        if told.get("id") != name:
+        values = self.computer.load(OUTCOME) or {}
+        if values.get("id") != name:
             return {"state": "unknown", "why": "this computer knows nothing of the change"}
-        return {"state": "confirmed" if told["confirmed"] else "rolled back", "why": told["why"]}
+        return {"state": "confirmed" if values["confirmed"] else "rolled back", "why": values["why"]}
 
     def _compare(self) -> list[dict[str, Any]]:
         """The files of the change as manifest; fills `changes` and `diff`."""
@@ -104,16 +104,16 @@ class Change:
         for path, text in self.wish.files(self.computer).items():
             now = state_of(self.computer, path)
             mode = self.wish.mode if path == self.wish.path else 0o644
-            wanted = {"path": path, "absent": True}
+            desired = {"path": path, "absent": True}
             if text is not None:
-                wanted = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
-            alike = {**now, "text": ""} == {**wanted, "text": ""} and same(now.get("text"), text)
-            entries.append(now if alike else wanted)
+                desired = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
+            alike = {**now, "text": ""} == {**desired, "text": ""} and same(now.get("text"), text)
+            entries.append(now if alike else desired)
             if not alike:
                 self.changes.append(f"file {path} removed" if text is None else f"file {path}")
                 before = now.get("text") or ""
-                told = before if OURS in before else ""  # somebody else's may hold the key of a radio network
-                self.diff.append({"before_header": path, "after_header": path, "before": told, "after": text or ""})
+                result = before if OURS in before else ""  # somebody else's may hold the key of a radio network
+                self.diff.append({"before_header": path, "after_header": path, "before": result, "after": text or ""})
         if self.wish.by == "networkd" and not self._networkd("is-enabled", "enabled"):
             entries.append({"path": _ENABLED, "link": _UNIT})
             self.changes.append(f"unit {_NETWORKD} enabled")
@@ -123,7 +123,7 @@ class Change:
             ]
         return entries
 
-    def _stage(self, wanted: list[dict[str, Any]]) -> str:
+    def _stage(self, desired: list[dict[str, Any]]) -> str:
         computer, name = self.computer, os.urandom(8).hex()
         interfaces = self._interfaces()
         with computer.alone():
@@ -131,13 +131,13 @@ class Change:
                 raise Refused("another run is changing the network of this computer", "let it come to its end")
             active = self._networkd("is-active", "active")
             previous = {
-                "files": [state_of(computer, entry["path"]) for entry in wanted],
+                "files": [state_of(computer, entry["path"]) for entry in desired],
                 "interfaces": interfaces,
                 "networkd": active,
                 "running": running(computer, interfaces),
             }
             becomes = {
-                "files": wanted,
+                "files": desired,
                 "interfaces": interfaces,
                 "networkd": active or self.wish.by != "ifupdown",
                 "running": self._rows(),
@@ -189,8 +189,8 @@ class Change:
         lan = ipaddress.IPv4Interface(self.wish.address).network
         there = [
             name
-            for name, held in addresses(self.computer).items()
-            if any(ipaddress.IPv4Interface(one).ip in lan for one in held)
+            for name, current in addresses(self.computer).items()
+            if any(ipaddress.IPv4Interface(item).ip in lan for item in current)
         ]
         return list(dict.fromkeys([self.wish.interface, *there]))
 
@@ -242,8 +242,8 @@ class Change:
         with self.computer.alone():
             if not self._pending(name):
                 return
-            told = {"id": name, "confirmed": True, "why": "a new session has confirmed it"}
-            self.computer.write(OUTCOME, json.dumps(told))
+            values = {"id": name, "confirmed": True, "why": "a new session has confirmed it"}
+            self.computer.write(OUTCOME, json.dumps(values))
             self.computer.remove(PENDING)
         self.computer.run(("systemctl", "stop", BACK_TIMER))
         for path in (APPLIED, WANTED, ROOM):

@@ -28,13 +28,13 @@ INTERFACES = "/etc/network/interfaces"
 _PROFILES = "/etc/NetworkManager/system-connections"
 
 
-def claims(computer: Computer, interface: str, own: str, gone: frozenset[str]) -> list[str]:
+def claims(computer: Computer, interface: str, local: str, gone: frozenset[str]) -> list[str]:
     """Files that configure `interface`, but `own` and those that the change takes away."""
-    spared = gone | {own}
+    spared = gone | {local}
     found = [
         *_of_netplan(computer, interface, spared),
         *_of_ifupdown(computer, interface, spared),
-        *_of_networkd(computer, interface, own, spared),
+        *_of_networkd(computer, interface, local, spared),
         *_of_network_manager(computer, interface, spared),
     ]
     return sorted(set(found))
@@ -60,8 +60,8 @@ def merged(computer: Computer, texts: dict[str, str]) -> tuple[str, list[str]]:
         for path in sorted(glob.glob(f"{root}/run/systemd/network/*.network")):
             with open(path, encoding="utf-8") as file:
                 made.append(file.read())
-        said = done.said.replace(f"{root}/", "/") or f"netplan ended with {done.code}"
-        return (said if done.code else ""), made
+        message = done.said.replace(f"{root}/", "/") or f"netplan ended with {done.code}"
+        return (message if done.code else ""), made
 
 
 def matched(computer: Computer, text: str, interface: str) -> bool:
@@ -95,9 +95,9 @@ def _of_netplan(computer: Computer, interface: str, spared: frozenset[str]) -> I
         text = computer.read(path) or ""
         if path in spared:
             continue
-        said, made = merged(computer, {os.path.basename(path): text})
+        message, made = merged(computer, {os.path.basename(path): text})
         named = re.search(rf"(?<![\w-]){re.escape(interface)}(?![\w-])", text) is not None
-        if any(matched(computer, one, interface) for one in made) or (named and (said or not made)):
+        if any(matched(computer, item, interface) for item in made) or (named and (message or not made)):
             yield path
 
 
@@ -124,15 +124,15 @@ def _sourced(computer: Computer, path: str) -> Iterator[str]:
     yield path
     for word, pattern in re.findall(r"^[ \t]*(source|source-directory)[ \t]+(\S+)", text, re.MULTILINE):
         full = os.path.join(os.path.dirname(path), pattern)
-        for one in _glob(computer, full if word == "source" else f"{full}/*"):
-            if word == "source" or re.fullmatch(r"[A-Za-z0-9_-]+", os.path.basename(one)):
-                yield from _sourced(computer, one)
+        for item in _glob(computer, full if word == "source" else f"{full}/*"):
+            if word == "source" or re.fullmatch(r"[A-Za-z0-9_-]+", os.path.basename(item)):
+                yield from _sourced(computer, item)
 
 
-def _of_networkd(computer: Computer, interface: str, own: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_networkd(computer: Computer, interface: str, local: str, spared: frozenset[str]) -> Iterator[str]:
     """Where networkd works: what a person has written, and of the vendor's what comes before ours."""
     works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).said.split("\n")[0]
-    if not works.startswith("enabled") and not own.startswith(_PARTS[0]):
+    if not works.startswith("enabled") and not local.startswith(_PARTS[0]):
         return
     seen = set()
     for folder in _PARTS:
@@ -142,7 +142,7 @@ def _of_networkd(computer: Computer, interface: str, own: str, spared: frozenset
             if name in seen or path in spared or (folder == _PARTS[1] and "netplan" in name):
                 continue
             seen.add(name)
-            if vendors and name > os.path.basename(own):
+            if vendors and name > os.path.basename(local):
                 continue
             if matched(computer, computer.read(path) or "", interface):
                 yield path

@@ -135,9 +135,15 @@ def state_of(computer: Computer, path: str) -> Manifest:
         return {"path": path, "link": os.readlink(real)}
     if not os.path.isfile(real):
         return {"path": path, "absent": True}
-    told = os.stat(real)
+    result = os.stat(real)
     text = computer.read(path)
-    return {"path": path, "text": text, "mode": told.st_mode & 0o7777, "uid": told.st_uid, "gid": told.st_gid}
+    return {
+        "path": path,
+        "text": text,
+        "mode": result.st_mode & 0o7777,
+        "uid": result.st_uid,
+        "gid": result.st_gid,
+    }
 
 
 def put(computer: Computer, manifest: Manifest) -> None:

@@ -46,7 +46,7 @@ def addresses(computer: Computer) -> dict[str, list[str]]:
     done = computer.run(("ip", "-json", "-4", "address", "show"))
     found = json.loads(done.said or "[]") if done.code == 0 else []
     return {
-        link["ifname"]: [f"{one['local']}/{one['prefixlen']}" for one in link["addr_info"]]
+        link["ifname"]: [f"{item['local']}/{item['prefixlen']}" for item in link["addr_info"]]
         for link in found
         if link and link["ifname"] != "lo"
     }
@@ -55,10 +55,10 @@ def addresses(computer: Computer) -> dict[str, list[str]]:
 def running(computer: Computer, interfaces: Sequence[str]) -> list[str]:
     """Addresses and routes of interfaces as they are now, as commands of `ip -batch` that bring them back."""
     rows = []
-    for name, held in addresses(computer).items():
+    for name, current in addresses(computer).items():
         if name in interfaces:
             rows.append(f"link set dev {name} up")
-            rows += [f"address replace {address} brd + dev {name}" for address in held]
+            rows += [f"address replace {address} brd + dev {name}" for address in current]
     for row in computer.run(("ip", "-4", "route", "show", "table", "main")).said.splitlines():
         words = [word for word in row.split() if word not in ("linkdown", "dead", "pervasive", "offload")]
         if "kernel" not in words and any(name in words for name in interfaces):
@@ -73,7 +73,7 @@ def _held(rows: Sequence[str]) -> set[str]:
 
 def _interfaces(manifest: Manifest) -> list[str]:
     """Names in the files of ifupdown, but the loopback."""
-    texts = [one.get("text", "") for one in manifest["files"] if one["path"].startswith("/etc/network/")]
+    texts = [item.get("text", "") for item in manifest["files"] if item["path"].startswith("/etc/network/")]
     found = re.findall(r"^\s*iface\s+(\S+)", "\n".join(texts), re.MULTILINE)
     return [name for name in dict.fromkeys(found) if name != "lo"]
 
@@ -98,7 +98,7 @@ def bring(computer: Computer, manifest: Manifest, other: Manifest) -> list[str]:
 
 def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
     """What makes the tools use their files."""
-    tools = {tool for one in manifest["files"] for prefix, tool in _TOOLS if one["path"].startswith(prefix)}
+    tools = {tool for item in manifest["files"] for prefix, tool in _TOOLS if item["path"].startswith(prefix)}
     if "netplan" in tools:
         yield ("netplan", "apply")
     if not manifest["networkd"]:
@@ -115,11 +115,11 @@ def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
 def apply(computer: Computer) -> None:
     """Bring the staged change into effect; if that fails, take it back at once."""
     with computer.alone():
-        pending, wanted, previous = (computer.load(path) for path in (PENDING, WANTED, PREVIOUS))
-        if pending is None or wanted is None or previous is None or computer.load(APPLIED) is not None:
+        pending, desired, previous = (computer.load(path) for path in (PENDING, WANTED, PREVIOUS))
+        if pending is None or desired is None or previous is None or computer.load(APPLIED) is not None:
             return
         computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": None}))
-        complaints = bring(computer, wanted, previous)
+        complaints = bring(computer, desired, previous)
         computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
         if complaints:
             _back(computer, complaints[0])
@@ -138,21 +138,21 @@ def _back(computer: Computer, why: str | None = None) -> None:
         return
     computer.remove(ROOM)
     if computer.load(APPLIED) is not None:
-        wanted = computer.load(WANTED) or previous
-        bring(computer, previous, wanted)
-        _settle(computer, previous, wanted)
+        desired = computer.load(WANTED) or previous
+        bring(computer, previous, desired)
+        _settle(computer, previous, desired)
     put(computer, previous)
     _close(computer, pending, why or pending["unconfirmed"])
 
 
-def _settle(computer: Computer, previous: Manifest, wanted: Manifest) -> None:
+def _settle(computer: Computer, previous: Manifest, desired: Manifest) -> None:
     """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
     rows, names = previous["running"], previous["interfaces"]
     end = time.monotonic() + _COME_BACK_S
     while _held(rows) - _held(running(computer, names)) and time.monotonic() < end:
         time.sleep(_PAUSE_S)
     now = running(computer, names)
-    for row in wanted["running"]:
+    for row in desired["running"]:
         if row in now and row not in rows:
             computer.run(("ip", *row.replace(" replace ", " del ").replace(" brd +", "").split()))
     for row in rows:
@@ -168,7 +168,7 @@ def boot(computer: Computer) -> None:
             return
         computer.remove(ROOM)
         put(computer, previous)
-        if any(one["path"].startswith("/etc/netplan/") for one in previous["files"]):
+        if any(item["path"].startswith("/etc/netplan/") for item in previous["files"]):
             computer.run(("netplan", "generate"))  # its own generator has run before us, with the files of the change
         _close(computer, pending, "the computer was started anew before a new session had confirmed it")
 

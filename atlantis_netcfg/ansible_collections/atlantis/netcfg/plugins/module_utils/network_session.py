@@ -19,10 +19,10 @@ def began_s() -> float | None:
     pid = "self"
     for _ in range(_ANCESTORS):
         try:
-            told = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+            text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
         except OSError:
             return None
-        name, fields = told.partition("(")[2].rpartition(")")[0], told.rpartition(")")[2].split()
+        name, fields = text.partition("(")[2].rpartition(")")[0], text.rpartition(")")[2].split()
         if name.startswith(_SERVERS):
             return int(fields[_STARTED]) / os.sysconf("SC_CLK_TCK")
         pid = fields[_PARENT]

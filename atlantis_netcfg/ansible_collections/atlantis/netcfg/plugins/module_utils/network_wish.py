@@ -41,9 +41,9 @@ _ANSWERS = ("REACHABLE", "STALE", "DELAY", "PROBE")
 _PAUSE_S = 0.1
 
 
-def same(one: str | None, other: str | None) -> bool:
+def same(item: str | None, other: str | None) -> bool:
     """Whether two files say the same; comments say nothing."""
-    return _said(one) == _said(other)
+    return _said(item) == _said(other)
 
 
 def _said(text: str | None) -> list[str] | None:
@@ -81,16 +81,17 @@ class Wish:
     def _check_addresses(self) -> None:
         """The tools accept nonsense and fail later: netplan wants a prefix length, ifupdown takes /8 without one."""
         try:
-            own, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
+            interface, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
         except ValueError as error:
             raise Refused(
                 f"the address of {self.interface} is not valid: {error}", "an address is like 10.64.1.10/24"
             ) from None
         if "/" not in self.address:
             raise Refused(f"the address {self.address} has no prefix length", f"an address is like {self.address}/24")
-        if gateway not in own.network or gateway == own.ip:
+        if gateway not in interface.network or gateway == interface.ip:
             raise Refused(
-                f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of {own.network}",
+                f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of"
+                f" {interface.network}",
                 "look at `lan` of the site",
             )
 
@@ -110,11 +111,11 @@ class Wish:
 
     def lacks(self, computer: Computer) -> list[str]:
         """What of it is not in effect; empty if the interface is as it shall be."""
-        held = addresses(computer).get(self.interface, [])
-        missing = [] if self.address in held else [f"{self.interface} has not the address {self.address}"]
-        said = computer.run(("ip", "-json", "-4", "route", "show", "default"))
-        routes = json.loads(said.said or "[]") if said.code == 0 else []
-        if not any(one.get("gateway") == self.gateway and one.get("dev") == self.interface for one in routes):
+        current = addresses(computer).get(self.interface, [])
+        missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
+        reply = computer.run(("ip", "-json", "-4", "route", "show", "default"))
+        routes = json.loads(reply.said or "[]") if reply.code == 0 else []
+        if not any(route.get("gateway") == self.gateway and route.get("dev") == self.interface for route in routes):
             missing.append(f"there is no default route by {self.gateway} on {self.interface}")
         return missing
 
@@ -129,9 +130,9 @@ class Wish:
 
     def _silent(self, computer: Computer) -> list[str]:
         self._knock()
-        said = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).said
-        known = json.loads(said or "[]")
-        if any("lladdr" in one and set(one.get("state", ())) & set(_ANSWERS) for one in known):
+        text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).said
+        known = json.loads(text or "[]")
+        if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in known):
             return []
         return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
 
@@ -159,8 +160,8 @@ class Wish:
                 f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
             )
         complaint = {"netplan": self._by_netplan, "ifupdown": self._by_ifupdown, "networkd": self._by_networkd}[self.by]
-        if said := complaint(computer):
-            raise Refused(f"{self.by} does not take the new configuration: {said}", "nothing was changed")
+        if text := complaint(computer):
+            raise Refused(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
     def hold_alone(self, computer: Computer) -> None:
         """Raise `Refused` where another file configures the interface, too, also if ours is there already."""
@@ -189,9 +190,9 @@ class Wish:
         """All its files together, with ours as it would be."""
         kept = [path for path in plans(computer) if path not in self.replaces]
         texts = {os.path.basename(path): computer.read(path) or "" for path in kept}
-        said, made = merged(computer, {**texts, os.path.basename(self.path): self.content})
-        if said or any(matched(computer, one, self.interface) for one in made):
-            return said
+        text, made = merged(computer, {**texts, os.path.basename(self.path): self.content})
+        if text or any(matched(computer, item, self.interface) for item in made):
+            return text
         return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
 
     def _by_ifupdown(self, computer: Computer) -> str:

@@ -126,13 +126,13 @@ def _told(key: PublicKey, body: bytes) -> PublicKey:
     size = int.from_bytes(body[4:6], "big")
     hashed = body[6 : 6 + size]
     more = int.from_bytes(body[6 + size : 8 + size], "big")
-    told = dict(_subpackets(body[8 + size : 8 + size + more]))
-    told.update(_subpackets(hashed))
+    values = dict(_subpackets(body[8 + size : 8 + size + more]))
+    values.update(_subpackets(hashed))
     life = int.from_bytes(dict(_subpackets(hashed)).get(_EXPIRES, b""), "big")
     if body[1] == _DIRECT and not life:
         return key
-    issuer = told.get(_ISSUER, told.get(_ISSUER_FINGERPRINT, b"")[1:][-8:]).hex().upper()
-    made = int.from_bytes(told.get(_CREATED, b""), "big")
+    issuer = values.get(_ISSUER, values.get(_ISSUER_FINGERPRINT, b"")[1:][-8:]).hex().upper()
+    made = int.from_bytes(values.get(_CREATED, b""), "big")
     if issuer != key.fingerprint[-16:] or made < key.renewed:
         return key
     return PublicKey(key.fingerprint, key.created, made, key.created + life if life else None)

@@ -25,8 +25,8 @@ class Client:
 
 def client(environment: Mapping[str, str]) -> Client | None:
     """The session of this process: its own `SSH_CONNECTION`, or, where sudo has dropped it, that of an ancestor."""
-    told = environment.get("SSH_CONNECTION") or _of_ancestors()
-    words = told.split()
+    text = environment.get("SSH_CONNECTION") or _of_ancestors()
+    words = text.split()
     if len(words) != 4 or not words[3].isdigit():  # noqa: PLR2004 - ssh(1): client address, port, server address, port
         return None
     return Client(words[0].partition("%")[0], int(words[3]))

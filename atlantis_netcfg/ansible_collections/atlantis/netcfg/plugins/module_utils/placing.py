@@ -28,14 +28,14 @@ class Placing:
         self.wishes = wishes
         self.run = run
         self.found = {
-            **{wish.path: self._find(wish.path, ("directory",)) for wish in wishes.directories},
-            **{wish.path: self._find(wish.path, ("file", "link")) for wish in wishes.files},
-            **{wish.path: self._find(wish.path, ("file", "link")) for wish in wishes.links},
+            **{directory.path: self._find(directory.path, ("directory",)) for directory in wishes.directories},
+            **{file.path: self._find(file.path, ("file", "link")) for file in wishes.files},
+            **{link.path: self._find(link.path, ("file", "link")) for link in wishes.links},
             **{path: self._find(path, ("file", "link")) for path in wishes.absent},
         }
         self.owned: tuple[Owned, ...] = (*wishes.directories, *wishes.files)
-        self.owners = {wish.path: (tree.uid(wish.owner), tree.gid(wish.group)) for wish in self.owned}
-        self.rewritten = [wish for wish in wishes.files if self._is_other(wish)]
+        self.owners = {desired.path: (tree.uid(desired.owner), tree.gid(desired.group)) for desired in self.owned}
+        self.rewritten = [request for request in wishes.files if self._is_other(request)]
         self._made: list[str] = []
         self.left: dict[str, tuple[str, str]] = {}
         """Files that are not accepted and do not stand in the way of the rest: path -> finding and hint."""
@@ -114,11 +114,11 @@ class Placing:
     def _put(self) -> None:
         for file in self.rewritten:
             self.tree.put(file.path)
-        for wish in self.owned:
-            found = self.found[wish.path]
-            kept = wish.path not in self.left and wish not in self.rewritten
-            if found is not None and kept and self._mended("", wish, found):
-                self.tree.mend(wish.path, wish.mode, *self.owners[wish.path])
+        for request in self.owned:
+            found = self.found[request.path]
+            kept = request.path not in self.left and request not in self.rewritten
+            if found is not None and kept and self._mended("", request, found):
+                self.tree.mend(request.path, request.mode, *self.owners[request.path])
         for link in self.wishes.links:
             if not self._links(link.path, link.target):
                 self.tree.link(link.path, link.target)
@@ -158,8 +158,8 @@ class Placing:
             return
         done = self.run([word.replace("%s", beside) for word in file.validate])
         if done.code != 0:
-            said = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
-            self._leave(file, f"{program} does not accept the new {file.path}, {end}{said}", file.hint)
+            text = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
+            self._leave(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
 
     def _leave(self, file: File, why: str, hint: str) -> None:
         if not file.finding:
@@ -187,12 +187,12 @@ class Placing:
         found = self.found[path]
         return found is not None and found.kind == "link" and found.target == target
 
-    def _mended(self, kind: str, wish: Owned, found: Found) -> list[str]:
+    def _mended(self, kind: str, request: Owned, found: Found) -> list[str]:
         lines = []
-        if found.mode != wish.mode:
-            lines.append(f"{kind} {wish.path} mode {found.mode:04o} -> {wish.mode:04o}")
-        if (found.uid, found.gid) != self.owners[wish.path]:
-            lines.append(f"{kind} {wish.path} owner -> {wish.owner}:{wish.group}")
+        if found.mode != request.mode:
+            lines.append(f"{kind} {request.path} mode {found.mode:04o} -> {request.mode:04o}")
+        if (found.uid, found.gid) != self.owners[request.path]:
+            lines.append(f"{kind} {request.path} owner -> {request.owner}:{request.group}")
         return lines
 
 

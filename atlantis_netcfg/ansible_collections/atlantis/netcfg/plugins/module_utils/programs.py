@@ -51,14 +51,14 @@ def is_there(program: str) -> bool:
     return shutil.which(program, path=_PATH) is not None
 
 
-def last_lines(said: str) -> str:
+def last_lines(text: str) -> str:
     """What a person has to read of it."""
-    lines = [line.rstrip() for line in said.splitlines() if line.strip()]
+    lines = [line.rstrip() for line in text.splitlines() if line.strip()]
     return "\n".join(lines[-_LINES:])
 
 
 def succeed(done: Done, what: str, hint: str = "") -> None:
     """Raise with the last lines unless the program succeeded."""
     if done.code != 0:
-        said = last_lines(done.said)
-        raise Refused(f"{what} (exit {done.code})" + (f":\n{said}" if said else " without a word"), hint)
+        text = last_lines(done.said)
+        raise Refused(f"{what} (exit {done.code})" + (f":\n{text}" if text else " without a word"), hint)

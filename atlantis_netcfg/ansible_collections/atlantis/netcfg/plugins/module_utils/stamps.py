@@ -29,18 +29,18 @@ class Stamps:
     def __init__(self, tree: Tree) -> None:
         self.tree = tree
 
-    def holds(self, name: str, wanted: Mapping[str, str]) -> bool:
+    def holds(self, name: str, desired: Mapping[str, str]) -> bool:
         """Whether the last success was with just this; what is not there, and never was, needs none."""
         noted = self._noted(name)
-        return all(noted.get(path, ABSENT) == digest for path, digest in wanted.items())
+        return all(noted.get(path, ABSENT) == digest for path, digest in desired.items())
 
-    def begin(self, name: str, wanted: Mapping[str, str]) -> None:
+    def begin(self, name: str, desired: Mapping[str, str]) -> None:
         """Forget the last success before the act begins: an act that fails or is killed is done again."""
-        self._write(name, {**self._noted(name), **dict.fromkeys(wanted, _BEGUN)})
+        self._write(name, {**self._noted(name), **dict.fromkeys(desired, _BEGUN)})
 
-    def note(self, name: str, wanted: Mapping[str, str]) -> None:
+    def note(self, name: str, desired: Mapping[str, str]) -> None:
         """Note a success."""
-        self._write(name, {**self._noted(name), **wanted})
+        self._write(name, {**self._noted(name), **desired})
 
     def _noted(self, name: str) -> dict[str, str]:
         try:

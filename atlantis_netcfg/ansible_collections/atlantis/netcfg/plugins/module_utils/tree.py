@@ -51,16 +51,16 @@ class Tree:
         """Read what is there, without following a symbolic link; None if nothing is."""
         real = self.at(path)
         try:
-            told = os.lstat(real)
-            mode = stat.S_IMODE(told.st_mode)
-            if stat.S_ISLNK(told.st_mode):
-                return Found("link", mode, told.st_uid, told.st_gid, target=os.readlink(real))
-            if stat.S_ISDIR(told.st_mode):
-                return Found("directory", mode, told.st_uid, told.st_gid)
-            if not stat.S_ISREG(told.st_mode):
-                return Found("other", mode, told.st_uid, told.st_gid)
+            result = os.lstat(real)
+            mode = stat.S_IMODE(result.st_mode)
+            if stat.S_ISLNK(result.st_mode):
+                return Found("link", mode, result.st_uid, result.st_gid, target=os.readlink(real))
+            if stat.S_ISDIR(result.st_mode):
+                return Found("directory", mode, result.st_uid, result.st_gid)
+            if not stat.S_ISREG(result.st_mode):
+                return Found("other", mode, result.st_uid, result.st_gid)
             with open(real, "rb") as file:
-                return Found("file", mode, told.st_uid, told.st_gid, content=file.read())
+                return Found("file", mode, result.st_uid, result.st_gid, content=file.read())
         except FileNotFoundError:
             return None
         except NotADirectoryError:
@@ -207,8 +207,8 @@ class Tree:
 
     @staticmethod
     def _own(real: str, uid: int, gid: int) -> None:
-        told = os.lstat(real)
-        if (told.st_uid, told.st_gid) != (uid, gid):
+        result = os.lstat(real)
+        if (result.st_uid, result.st_gid) != (uid, gid):
             os.chown(real, uid, gid, follow_symlinks=False)
 
     @staticmethod

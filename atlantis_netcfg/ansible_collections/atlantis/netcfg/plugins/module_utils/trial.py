@@ -55,8 +55,8 @@ class Trial:
     def judge(self, tree: Tree, *, check: bool, run: Callable[[list[str]], Done] = run) -> Told:
         """INCONCLUSIVE, or SKIP with its reason. Raises Refused where the program fails."""
         name = os.path.basename(self.program)
-        stamps, wanted = Stamps(tree), self._wanted(tree)
-        if stamps.holds(_STAMP, wanted):
+        stamps, desired = Stamps(tree), self._wanted(tree)
+        if stamps.holds(_STAMP, desired):
             return Told("SKIP", f"{name} has been started with this build and this configuration before", worth=False)
         if check:
             return Told("SKIP", f"{name} is not started by a plan", worth=False)
@@ -74,7 +74,7 @@ class Trial:
                 "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
                 " read its words",
             )
-        stamps.note(_STAMP, wanted)
+        stamps.note(_STAMP, desired)
         ran = f"ran for {self.seconds} s" if done.code == _STILL_RUNS else "ran, and ended by itself,"
         seen = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
         return Told("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)

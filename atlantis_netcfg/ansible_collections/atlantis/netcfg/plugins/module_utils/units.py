@@ -39,11 +39,11 @@ class State:
         """Whether systemd knows it."""
         return self.load not in ("not-found", "")
 
-    def enabled_as(self, *, wanted: bool) -> bool:
+    def enabled_as(self, *, desired: bool) -> bool:
         """Whether it already starts, or does not start, with the computer, as far as that can be said of it."""
         if self.file in _NO_INSTALL:
             return True
-        return (self.file == "enabled") == wanted
+        return (self.file == "enabled") == desired
 
 
 class Systemd:
@@ -55,30 +55,30 @@ class Systemd:
 
     def look(self, name: str) -> State:
         """Ask for the state of a unit."""
-        wanted = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
-        done = self.run(["systemctl", "show", "--property", wanted, "--", name])
+        desired = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
+        done = self.run(["systemctl", "show", "--property", desired, "--", name])
         if done.code != 0:
             raise Refused(
                 f"systemd does not answer:\n{last_lines(done.said)}",
                 "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
             )
-        told = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
+        values = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
         return State(
-            load=told.get("LoadState", ""),
-            active=told.get("ActiveState", ""),
-            sub=told.get("SubState", ""),
-            file=told.get("UnitFileState", ""),
-            condition=told.get("ConditionResult") != "no",
-            stale=told.get("NeedDaemonReload") == "yes",
+            load=values.get("LoadState", ""),
+            active=values.get("ActiveState", ""),
+            sub=values.get("SubState", ""),
+            file=values.get("UnitFileState", ""),
+            condition=values.get("ConditionResult") != "no",
+            stale=values.get("NeedDaemonReload") == "yes",
         )
 
     def reload_manager(self) -> None:
         """Let systemd read the unit files again."""
         succeed(self.run(["systemctl", "daemon-reload"]), "systemd could not read its unit files again")
 
-    def enable(self, name: str, *, wanted: bool) -> None:
+    def enable(self, name: str, *, desired: bool) -> None:
         """Let it start, or not start, with the computer."""
-        verb = "enable" if wanted else "disable"
+        verb = "enable" if desired else "disable"
         succeed(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
 
     def order(self, verb: str, name: str, *, wait: bool = True) -> None:
@@ -108,8 +108,8 @@ class Systemd:
         raise self._failure(f"unit {name} does not stay up: it is {state.active} ({state.sub})", name)
 
     def _failure(self, what: str, name: str) -> Refused:
-        said = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).said)
+        text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).said)
         return Refused(
-            what + (f":\n{said}" if said else ""),
+            what + (f":\n{text}" if text else ""),
             f"on the computer: `systemctl status {name}`, `journalctl -eu {name}`",
         )

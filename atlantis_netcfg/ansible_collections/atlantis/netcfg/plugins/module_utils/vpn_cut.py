@@ -66,11 +66,11 @@ def revoke(
         unheard = Unheard(server, ending.look(server))
         listed = given.get(server.place.crl)
         # Whose list is older than the server's has a ruleset from the same record: it would let the revoked pass.
-        held = act.dare(_hold_list, server, listed)
-        ruleset = given.get(server.place.firewall) if held else None
+        current = act.dare(_hold_list, server, listed)
+        ruleset = given.get(server.place.firewall) if current else None
         closing = threading.Thread(target=act.dare, args=(_close, server, ruleset, addresses, unheard))
         closing.start()
-        if held and act.dare(_put_list, server, listed):
+        if current and act.dare(_put_list, server, listed):
             act.step("list in place")
         for name in common_names:
             act.dare(server.tree.remove, server.place.admission(name))
@@ -87,8 +87,8 @@ def revoke(
             digests = {path: _digest(file["content"].encode()) for path, file in given.items()}
             found = verify(server, common_names, addresses, digests, (ending.management, ending.left))
     act.step("verified")
-    told = [*act.told, *ending.told, *forgetting.told, *found["told"]]
-    return {**found, "steps": act.steps, "ended": ending.ended, "told": told}
+    result = [*act.told, *ending.told, *forgetting.told, *found["told"]]
+    return {**found, "steps": act.steps, "ended": ending.ended, "told": result}
 
 
 def _hold_list(server: Server, file: Mapping[str, Any] | None) -> None:
@@ -147,30 +147,36 @@ def verify(
     common_names: Sequence[str],
     addresses: Sequence[str],
     files: Mapping[str, str],
-    looked: tuple[str, Sequence[Session]] | None = None,
+    result: tuple[str, Sequence[Session]] | None = None,
 ) -> dict[str, Any]:
     """Look whether they are out. `files`: SHA-256 of what must be in place. `looked`: who is known to have a session.
 
     Gives `out` (nobody of them can come in, and nothing of theirs passes), `dead` (nobody of them has a session, by the
     server's own word), `left` (what is wrong, in words), `told`, and `management` (what the socket does).
     """
-    management, sessions = looked if looked is not None else server.sessions()[:2]
+    management, sessions = result if result is not None else server.sessions()[:2]
     left = [f"{name} is admitted" for name in server.admitted() if name in common_names]
     for path, digest in files.items():
         if _digest(server.tree.read(path) or b"") != digest:
             left.append(f"{path} is not what it has to be")
     left += _passing(server, addresses) if addresses else []
     there = [
-        f"{one['common_name']} has a session from {one['real']}"
-        for one in theirs(sessions, common_names, addresses)
-        if one["virtual"]  # a client that was refused is listed for five seconds more, without an address
+        f"{their['common_name']} has a session from {their['real']}"
+        for their in theirs(sessions, common_names, addresses)
+        if their["virtual"]  # a client that was refused is listed for five seconds more, without an address
     ]
-    told = []
+    data = []
     dead = management == ANSWERS or (management == DOWN and server.is_down())
     if not dead:
         silent = "does not answer" if management == HELD else "has no management socket, and is not known to be down"
-        told.append(f"no session is confirmed dead: the server {silent}")
-    return {"out": not left, "dead": dead and not there, "left": left + there, "told": told, "management": management}
+        data.append(f"no session is confirmed dead: the server {silent}")
+    return {
+        "out": not left,
+        "dead": dead and not there,
+        "left": left + there,
+        "told": data,
+        "management": management,
+    }
 
 
 def _passing(server: Server, addresses: Sequence[str]) -> list[str]:

@@ -97,12 +97,12 @@ class Ending:
             if not self.left:
                 break
             replies = {session["cid"]: [management.halt(session["cid"])] for session in self.left}
-            heard = time.monotonic() + _HEARD_S
+            received = time.monotonic() + _HEARD_S
             step("client told to stop")
             while waits:
                 waits.pop()()
             why = unheard.cover(self.left)
-            time.sleep(max(0.0, heard - time.monotonic()))
+            time.sleep(max(0.0, received - time.monotonic()))
             if why:
                 self.told.append(why)
             for session in [] if why else self._silent(management):
@@ -117,10 +117,10 @@ class Ending:
         before: dict[int, int] = {}
         for _ in range(_LOOKS):
             found = self._find(management)
-            silent = [one for one in found if before.get(one["cid"]) == one["received"] and peer(one["real"])]
+            silent = [item for item in found if before.get(item["cid"]) == item["received"] and peer(item["real"])]
             if len(silent) == len(found):
                 break
-            before = {one["cid"]: one["received"] for one in found}
+            before = {row["cid"]: row["received"] for row in found}
             time.sleep(_QUIET_S)
         return silent
 
@@ -174,7 +174,9 @@ def peer(real: str) -> tuple[str, int] | None:
 
 def theirs(sessions: Sequence[Session], common_names: Collection[str], addresses: Collection[str]) -> list[Session]:
     """The sessions of these names or with these addresses in the VPN."""
-    return [one for one in sessions if one["common_name"] in common_names or one["virtual"] in addresses]
+    return [
+        session for session in sessions if session["common_name"] in common_names or session["virtual"] in addresses
+    ]
 
 
 class Forgetting:
@@ -202,12 +204,12 @@ class Forgetting:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for one in self._started:
+        for popen in self._started:
             try:
-                said = one.communicate(timeout=_CONNTRACK_S)[1].decode(errors="replace").strip()
+                text = popen.communicate(timeout=_CONNTRACK_S)[1].decode(errors="replace").strip()
             except subprocess.TimeoutExpired:
-                one.kill()
-                one.communicate()
-                said = f"no end after {_CONNTRACK_S} s"
-            if one.returncode != 0 and " 0 flow entries" not in said:  # there were none
-                self.told.append(f"open connections were not forgotten: {said}")
+                popen.kill()
+                popen.communicate()
+                text = f"no end after {_CONNTRACK_S} s"
+            if popen.returncode != 0 and " 0 flow entries" not in text:  # there were none
+                self.told.append(f"open connections were not forgotten: {text}")

@@ -35,10 +35,10 @@ class Firewall:
 
     def load(self, content: bytes, source: str) -> None:
         """Load `source`, a file with that content, and note it where the role's unit would. Raises `Refused`."""
-        name, wanted = self._stamp(content)
-        self.stamps.begin(name, wanted)
+        name, desired = self._stamp(content)
+        self.stamps.begin(name, desired)
         self.load_only(source)
-        self.stamps.note(name, wanted)
+        self.stamps.note(name, desired)
 
     def load_only(self, source: str, also: str = "") -> None:
         """Load a file, and in the same act other words of nft, without a note."""
@@ -72,8 +72,8 @@ class Firewall:
         """Networks whose members are admitted, from the kernel; None: there is no such set."""
         done = self.run(["nft", "-j", "list", "set", *self.place.table.split(), self.place.members])
         found = _objects(done)
-        sets = [one["set"] for one in found or () if "set" in one]
-        return sorted(network for one in sets for network in _networks(one.get("elem", ()))) if sets else None
+        sets = [row["set"] for row in found or () if "set" in row]
+        return sorted(network for item in sets for network in _networks(item.get("elem", ()))) if sets else None
 
     def is_as(self, path: str) -> bool | None:
         """Whether the kernel's table is what a file makes in an empty network; None: that could not be tried."""
@@ -122,6 +122,6 @@ def _plain(found: Any) -> Any:  # noqa: ANN401 - JSON
     if isinstance(found, dict):
         plain = {key: _plain(value) for key, value in found.items() if key not in _VOLATILE}
         if isinstance(plain.get("elem"), list):
-            plain["elem"] = sorted(plain["elem"], key=lambda one: json.dumps(one, sort_keys=True))
+            plain["elem"] = sorted(plain["elem"], key=lambda entry: json.dumps(entry, sort_keys=True))
         return plain
-    return [_plain(one) for one in found] if isinstance(found, list) else found
+    return [_plain(item) for item in found] if isinstance(found, list) else found

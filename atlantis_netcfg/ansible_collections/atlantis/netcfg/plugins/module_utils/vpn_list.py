@@ -43,10 +43,10 @@ def read(path: str, ca: str, run: Callable[[list[str]], Done]) -> Crl | None:
     done = run([*words, "-verify", "-CAfile", ca])
     if done.code != 0:  # it has not even found the issuer's certificate
         done = run(words)
-    told = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
+    values = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
     try:
-        number = int(told["crlNumber"], 16)
-        begins, ends = (_seconds(told[name]) for name in ("lastUpdate", "nextUpdate"))
+        number = int(values["crlNumber"], 16)
+        begins, ends = (_seconds(values[name]) for name in ("lastUpdate", "nextUpdate"))
     except (KeyError, ValueError):
         return None
     return Crl(number, begins, ends, "verify OK" in done.said.splitlines(), frozenset(_SERIAL.findall(done.said)))
@@ -98,9 +98,9 @@ def _follow(new: Crl, old: Crl) -> None:
     )
 
 
-def _seconds(told: str) -> int:
+def _seconds(text: str) -> int:
     """As OpenSSL prints a time: Nov 22 06:46:31 2026 GMT."""
-    return calendar.timegm(time.strptime(told.strip(), "%b %d %H:%M:%S %Y GMT"))
+    return calendar.timegm(time.strptime(text.strip(), "%b %d %H:%M:%S %Y GMT"))
 
 
 def _words(now: float) -> str:

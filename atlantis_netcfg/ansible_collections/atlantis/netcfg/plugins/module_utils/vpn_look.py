@@ -60,8 +60,8 @@ def _list(server: Server) -> dict[str, Any] | None:
     crl, pem = server.crl(), server.tree.read(server.place.crl)
     if crl is None or pem is None:
         return None
-    told = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.signed}
-    return {**told, "pem": pem.decode(errors="replace")}
+    values = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.signed}
+    return {**values, "pem": pem.decode(errors="replace")}
 
 
 def _files(server: Server) -> dict[str, str]:

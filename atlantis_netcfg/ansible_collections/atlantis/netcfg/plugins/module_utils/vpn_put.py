@@ -37,10 +37,10 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
         lacks = [file["path"] for file in whole if file["content"] is None]
         if lacks:
             return {"lacks": lacks, "changes": [], "ended": [], "told": []}
-        told = {"files": whole, "only": list(only)}
-        wishes = Wishes.of(told)
+        values = {"files": whole, "only": list(only)}
+        wishes = Wishes.of(values)
         left = strays(server.tree, wishes)
-        wishes = Wishes.of({**told, "absent": left})
+        wishes = Wishes.of({**values, "absent": left})
         contents = {file.path: file.content for file in wishes.files}
         _hold_list(server, contents.get(server.place.crl))
         before = set(server.admitted())
@@ -57,13 +57,13 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
 
 def _whole(server: Server, file: Mapping[str, Any]) -> dict[str, Any]:
     """With its content, if it was sent or is there; else with None."""
-    told = dict(file)
-    digest = told.pop("sha256", None)
-    if told.get("content") is None:
-        content = server.tree.read(told["path"])
+    values = dict(file)
+    digest = values.pop("sha256", None)
+    if values.get("content") is None:
+        content = server.tree.read(values["path"])
         same = content is not None and hashlib.sha256(content).hexdigest() == digest
-        told["content"] = content.decode() if content is not None and same else None
-    return told
+        values["content"] = content.decode() if content is not None and same else None
+    return values
 
 
 def _hold_list(server: Server, new: bytes | None) -> None:

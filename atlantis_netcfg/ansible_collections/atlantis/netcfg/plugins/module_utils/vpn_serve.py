@@ -38,20 +38,20 @@ _DOES: dict[str, Callable[..., dict[str, Any]]] = {
 }
 
 
-def packed(told: dict[str, Any]) -> bytes:
+def packed(values: dict[str, Any]) -> bytes:
     """A line without its end."""
-    return base64.b64encode(zlib.compress(json.dumps(told, separators=(",", ":")).encode(), 6))
+    return base64.b64encode(zlib.compress(json.dumps(values, separators=(",", ":")).encode(), 6))
 
 
 def unpacked(line: bytes) -> dict[str, Any]:
     """What such a line holds. Raises ValueError for one that is torn."""
     try:
-        told = json.loads(zlib.decompress(base64.b64decode(line, validate=True)).decode())
+        result = json.loads(zlib.decompress(base64.b64decode(line, validate=True)).decode())
     except zlib.error as error:
         raise ValueError(f"a line is torn: {error}") from error
-    if not isinstance(told, dict):
+    if not isinstance(result, dict):
         raise ValueError("a line is no request")  # noqa: TRY004 - as any other that is torn
-    return told
+    return result
 
 
 def main() -> None:
@@ -65,19 +65,19 @@ def main() -> None:
 def _answer(line: bytes) -> dict[str, Any]:
     number = None
     try:
-        asked = unpacked(line)
-        number = asked.pop("id")
-        server = Server(Place(**asked.pop("place")))
-        return {"id": number, "done": _DOES[asked.pop("do")](server, **asked)}
+        requested = unpacked(line)
+        number = requested.pop("id")
+        server = Server(Place(**requested.pop("place")))
+        return {"id": number, "done": _DOES[requested.pop("do")](server, **requested)}
     except Refused as refused:
         return {"id": number, "refused": refused.message, "hint": refused.hint}
     except OSError as error:
-        said = in_words(error, str(error.filename or "a file"))
-        return {"id": number, "refused": said.message, "hint": said.hint}
+        reply = in_words(error, str(error.filename or "a file"))
+        return {"id": number, "refused": reply.message, "hint": reply.hint}
     except Exception as error:  # noqa: BLE001 - whoever asks is told, and goes on asking
         return {"id": number, "broken": f"{type(error).__name__}: {error}"}
 
 
-def _tell(told: dict[str, Any]) -> None:
-    sys.stdout.buffer.write(MARK.encode() + packed(told) + b"\n")
+def _tell(values: dict[str, Any]) -> None:
+    sys.stdout.buffer.write(MARK.encode() + packed(values) + b"\n")
     sys.stdout.buffer.flush()

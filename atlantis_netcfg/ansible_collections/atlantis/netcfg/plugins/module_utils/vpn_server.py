@@ -120,13 +120,13 @@ class Server:
 
     def unit(self) -> dict[str, str]:
         """What systemd tells of the unit; empty: it tells nothing."""
-        wanted = "LoadState,ActiveState,SubState,MainPID"
-        done = self.run(["systemctl", "show", "--property", wanted, "--", self.place.unit])
+        desired = "LoadState,ActiveState,SubState,MainPID"
+        done = self.run(["systemctl", "show", "--property", desired, "--", self.place.unit])
         if done.code != 0:
             return {}
         return dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
 
     def is_down(self) -> bool:
         """Whether the server surely does not run, so that nobody can have a session: its socket alone does not tell."""
-        told = self.unit()
-        return told.get("LoadState") == "loaded" and told.get("MainPID") == "0"
+        values = self.unit()
+        return values.get("LoadState") == "loaded" and values.get("MainPID") == "0"

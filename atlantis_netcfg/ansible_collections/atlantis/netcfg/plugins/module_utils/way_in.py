@@ -22,22 +22,22 @@ _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
 """How the kinds of keys begin that sshd(8) takes."""
 
 
-def hold(wish: WayIn, tree: Tree, environment: Mapping[str, str]) -> None:
+def hold(way_in: WayIn, tree: Tree, environment: Mapping[str, str]) -> None:
     """Refuse what would lock out the person who asks for it; a run without an SSH session only has its keys checked."""
-    came = client(environment)
-    if came is not None and wish.admit and not _admitted(came.address, wish.admit):
+    result = client(environment)
+    if result is not None and way_in.admit and not _admitted(result.address, way_in.admit):
         raise Refused(
-            f"you work from {came.address}, which could not log in afterwards: SSH would be admitted from "
-            f"{', '.join(wish.admit)} only. Nothing was changed",
-            wish.hint,
+            f"you work from {result.address}, which could not log in afterwards: SSH would be admitted from "
+            f"{', '.join(way_in.admit)} only. Nothing was changed",
+            way_in.hint,
         )
-    if came is not None and wish.port is not None and came.port != wish.port:
+    if result is not None and way_in.port is not None and result.port != way_in.port:
         raise Refused(
-            f"your session came in on port {came.port}, and SSH would be admitted on port {wish.port} only. "
+            f"your session came in on port {result.port}, and SSH would be admitted on port {way_in.port} only. "
             "Nothing was changed",
-            wish.hint,
+            way_in.hint,
         )
-    if wish.key and not _has_key(tree, _account(environment)):
+    if way_in.key and not _has_key(tree, _account(environment)):
         account = _account(environment)
         raise Refused(
             f"account {account} has no key to log in with, and passwords would no longer do. Nothing was changed",
@@ -47,12 +47,12 @@ def hold(wish: WayIn, tree: Tree, environment: Mapping[str, str]) -> None:
 
 def _admitted(address: str, networks: tuple[str, ...]) -> bool:
     try:
-        came = ipaddress.ip_address(address)
+        result = ipaddress.ip_address(address)
     except ValueError:
         return False
-    if isinstance(came, ipaddress.IPv6Address) and came.ipv4_mapped is not None:
-        came = came.ipv4_mapped
-    return any(came in ipaddress.ip_network(network) for network in networks)
+    if isinstance(result, ipaddress.IPv6Address) and result.ipv4_mapped is not None:
+        result = result.ipv4_mapped
+    return any(result in ipaddress.ip_network(network) for network in networks)
 
 
 def _account(environment: Mapping[str, str]) -> str:

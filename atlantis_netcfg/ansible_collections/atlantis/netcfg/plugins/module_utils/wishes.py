@@ -119,26 +119,26 @@ class Wishes:
     way_in: WayIn = field(default_factory=WayIn)
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Wishes:
+    def of(cls, values: Mapping[str, Any]) -> Wishes:
         """Read the parameters of the module."""
         wishes = cls(
             directories=tuple(
                 Directory(row["path"], _mode(row, "0755"), row.get("owner") or "root", row.get("group") or "root")
-                for row in told.get("directories") or ()
+                for row in values.get("directories") or ()
             ),
-            files=tuple(_file(row) for row in told.get("files") or ()),
-            links=tuple(Link(row["path"], row["target"]) for row in told.get("links") or ()),
-            absent=tuple(told.get("absent") or ()),
-            only=tuple(told.get("only") or ()),
+            files=tuple(_file(row) for row in values.get("files") or ()),
+            links=tuple(Link(row["path"], row["target"]) for row in values.get("links") or ()),
+            absent=tuple(values.get("absent") or ()),
+            only=tuple(values.get("only") or ()),
             steps=tuple(
-                Step(row["name"], tuple(row["run"]), tuple(row.get("after") or ())) for row in told.get("steps") or ()
+                Step(row["name"], tuple(row["run"]), tuple(row.get("after") or ())) for row in values.get("steps") or ()
             ),
-            units=tuple(_unit(row) for row in told.get("units") or ()),
-            brought=tuple(Brought(row["path"], row["note"]) for row in told.get("brought") or ()),
+            units=tuple(_unit(row) for row in values.get("units") or ()),
+            brought=tuple(Brought(row["path"], row["note"]) for row in values.get("brought") or ()),
             checks=tuple(
-                Check(tuple(row["run"]), row["finding"], row.get("hint") or "") for row in told.get("checks") or ()
+                Check(tuple(row["run"]), row["finding"], row.get("hint") or "") for row in values.get("checks") or ()
             ),
-            way_in=_way_in(told.get("way_in") or {}),
+            way_in=_way_in(values.get("way_in") or {}),
         )
         _check_paths(wishes)
         _check_once("step", (step.name for step in wishes.steps))

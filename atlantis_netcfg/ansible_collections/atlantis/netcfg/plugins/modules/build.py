@@ -118,24 +118,24 @@ ARGUMENTS: dict[str, Any] = {
 def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
-    told = module.params
-    declared = {name: told[name] for name in ("library", "examples") if told[name] is not None}
-    repositories = {name: Repository(one["url"], one["revision"]) for name, one in declared.items()}
+    data = module.params
+    declared = {name: data[name] for name in ("library", "examples") if data[name] is not None}
+    repositories = {name: Repository(entry["url"], entry["revision"]) for name, entry in declared.items()}
     build = Build(
         repositories["library"],
         repositories.get("examples"),
-        {name: one["token"] for name, one in declared.items()},
-        told["ros_setup"],
-        told["jobs"],
-        told["offline"],
+        {name: item["token"] for name, item in declared.items()},
+        data["ros_setup"],
+        data["jobs"],
+        data["offline"],
         module.check_mode,
-        Places(told["prefix"]),
+        Places(data["prefix"]),
     )
     try:
-        result = build.visit(told["started"])
+        result = build.visit(data["started"])
     except Refused as refused:
-        said = {"changed": bool(build.changes), "changes": build.changes, "notes": build.notes}
-        module.fail_json(msg=refused.message, hint=refused.hint, **said)
+        values = {"changed": bool(build.changes), "changes": build.changes, "notes": build.notes}
+        module.fail_json(msg=refused.message, hint=refused.hint, **values)
     module.exit_json(changed=bool(build.changes), changes=build.changes, notes=build.notes, **result)
 
 

@@ -65,9 +65,9 @@ ARGUMENTS: dict[str, Any] = {
 def main() -> None:
     """Answer Ansible."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
-    name, told = module.params["id"], module.params["files"]
-    files = tuple(Held(**one) for one in told) if told is not None else None
-    if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in one.path.split("/") for one in files or ()):
+    name, result = module.params["id"], module.params["files"]
+    files = tuple(Held(**entry) for entry in result) if result is not None else None
+    if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in item.path.split("/") for item in files or ()):
         module.fail_json(msg="this is no bundle", hint="", changes=[])
     owner = os.environ.get("SUDO_UID", "")
     store = Store(FOLDER, int(owner) if owner.isdigit() else None)

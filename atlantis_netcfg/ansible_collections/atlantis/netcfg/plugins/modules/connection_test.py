@@ -70,11 +70,11 @@ def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     try:
-        told = Trial(**module.params).judge(Tree(), check=module.check_mode)
+        result = Trial(**module.params).judge(Tree(), check=module.check_mode)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
-    notes = [told.words] if told.worth else []
-    module.exit_json(changed=False, changes=[], verdict=told.verdict, msg=told.words, notes=notes)
+    notes = [result.words] if result.worth else []
+    module.exit_json(changed=False, changes=[], verdict=result.verdict, msg=result.words, notes=notes)
 
 
 if __name__ == "__main__":

@@ -114,27 +114,27 @@ _UNKNOWN = (
 
 
 def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
-    wish = Wish.of(parameters)
-    change = Change(Computer(), wish)
-    told: dict[str, Any] = {}
+    request = Wish.of(parameters)
+    change = Change(Computer(), request)
+    values: dict[str, Any] = {}
     if parameters["action"] == "stage":
-        told["name"] = change.stage(check=check)
+        values["name"] = change.stage(check=check)
     elif parameters["action"] == "confirm":
-        told = change.confirm(parameters["name"])
+        values = change.confirm(parameters["name"])
     else:
-        told = _ended(change.look(parameters["name"], wish.rollback_s + _BACK_S))
-    return {"changed": bool(change.changes), "changes": change.changes, "diff": change.diff, **told}
+        values = _ended(change.look(parameters["name"], request.rollback_s + _BACK_S))
+    return {"changed": bool(change.changes), "changes": change.changes, "diff": change.diff, **values}
 
 
-def _ended(told: dict[str, Any]) -> dict[str, Any]:
+def _ended(values: dict[str, Any]) -> dict[str, Any]:
     """What has become of a change; `msg` where it was not confirmed."""
-    if told["state"] == "confirmed":
-        return told
-    if told["state"] == "rolled back":
-        msg = f"the change of the network was rolled back, and everything is as before: {told['why']}"
-        return {**told, "rolled_back": True, "msg": msg, "hint": _AGAIN}
-    msg = f"it is not known what has become of the change of the network: {told['why']}"
-    return {**told, "rolled_back": False, "msg": msg, "hint": _UNKNOWN}
+    if values["state"] == "confirmed":
+        return values
+    if values["state"] == "rolled back":
+        msg = f"the change of the network was rolled back, and everything is as before: {values['why']}"
+        return {**values, "rolled_back": True, "msg": msg, "hint": _AGAIN}
+    msg = f"it is not known what has become of the change of the network: {values['why']}"
+    return {**values, "rolled_back": False, "msg": msg, "hint": _UNKNOWN}
 
 
 def main() -> None:

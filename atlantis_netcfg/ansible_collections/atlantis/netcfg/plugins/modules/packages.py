@@ -153,25 +153,25 @@ ARGUMENTS: dict[str, Any] = {
 def main() -> None:
     """Answer Ansible."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
-    asked = module.params
-    expected = asked["expected"] or {}
+    requested = module.params
+    expected = requested["expected"] or {}
     tree = Tree()
     converge = None
     try:
-        keys = [key_of(key) for key in asked["keys"]]
-        texts = {file["path"]: file["content"].encode() for file in [*asked["pins"], *asked["sources"]]}
-        sources = Sources(tree, {**{key.path: key.content for key in keys}, **texts}, asked["absent"])
-        wanted = Wanted(
-            {package["name"]: package["version"] for package in asked["packages"]},
+        keys = [key_of(key) for key in requested["keys"]]
+        texts = {file["path"]: file["content"].encode() for file in [*requested["pins"], *requested["sources"]]}
+        sources = Sources(tree, {**{key.path: key.content for key in keys}, **texts}, requested["absent"])
+        desired = Wanted(
+            {package["name"]: package["version"] for package in requested["packages"]},
             keys,
             expected.get("codename"),
             expected.get("distribution"),
             expected.get("architectures") or (),
-            asked["limit_bytes"],
-            asked["limit_words"],
+            requested["limit_bytes"],
+            requested["limit_words"],
         )
         diffs = {path: sources.before_and_after(path) for path in [*sources.changed, *sources.in_the_way]}
-        converge = Converge(Apt(tree, asked["offline"], asked["wait_s"]), sources, wanted)
+        converge = Converge(Apt(tree, requested["offline"], requested["wait_s"]), sources, desired)
         outcome = converge.run(check=module.check_mode)
     except Refused as why:
         done = converge.done() if converge is not None else []
@@ -180,7 +180,7 @@ def main() -> None:
     module.exit_json(
         changed=bool(outcome.changes),
         changes=outcome.changes,
-        notes=[*asked["notes"], *outcome.notes],
+        notes=[*requested["notes"], *outcome.notes],
         versions=outcome.versions,
         also=outcome.also,
         download_bytes=outcome.download_bytes,

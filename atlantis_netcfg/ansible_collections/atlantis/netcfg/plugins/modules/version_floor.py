@@ -76,10 +76,10 @@ ARGUMENTS: dict[str, Any] = {
 def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
-    told = module.params
-    branches = tuple(Branch(one["branch"], one["upstream"], tuple(one["packages"])) for one in told["branches"])
+    result = module.params
+    branches = tuple(Branch(item["branch"], item["upstream"], tuple(item["packages"])) for item in result["branches"])
     try:
-        version = hold(Floor(told["program"], told["package"], branches), absent_passes=module.check_mode)
+        version = hold(Floor(result["program"], result["package"], branches), absent_passes=module.check_mode)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     module.exit_json(changed=False, version=version)

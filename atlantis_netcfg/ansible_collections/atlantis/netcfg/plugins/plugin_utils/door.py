@@ -51,7 +51,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
 
     @staticmethod
     @abstractmethod
-    def perform(asked: Asked) -> Mapping[str, Any]:
+    def perform(requested: Asked) -> Mapping[str, Any]:
         """Do it and give `per_host`. Raises NetcfgError."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
@@ -62,7 +62,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
-        asked = Asked(
+        requested = Asked(
             inventory_of(variables),
             tuple(variables["ansible_play_hosts"]),
             {**(self._task.args.get("request") or {}), **consent(variables)},
@@ -70,7 +70,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
             str(self._task.args.get("part") or ""),
         )
         try:
-            result.update(self.perform(asked))
+            result.update(self.perform(requested))
         except NetcfgError as error:
             hint = f"\n{error.hint}" if error.hint else ""
             raise AnsibleActionFail(lines(f"{error}{hint}")) from error

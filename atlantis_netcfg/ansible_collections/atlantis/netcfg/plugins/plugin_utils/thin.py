@@ -70,15 +70,15 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         if wrong is not None:
             return masked({"failed": True, "msg": wrong}, secrets)
         quiet = self._task.no_log or constants.config.get_config_value("DEFAULT_NO_TARGET_SYSLOG", variables=variables)
-        asked = {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
+        requested = {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
         try:
-            said = self._called(name, zlib.compress(json.dumps(asked, default=str).encode(), 9), variables)
+            result = self._called(name, zlib.compress(json.dumps(requested, default=str).encode(), 9), variables)
         except AnsibleConnectionFailure as error:
             raise _shown(error) from None
-        told: dict[str, Any] = printable.cleaned(masked(answer(said, name), secrets))
-        return told
+        values: dict[str, Any] = printable.cleaned(masked(answer(result, name), secrets))
+        return values
 
-    def _called(self, name: str, asked: bytes, variables: dict[str, Any]) -> dict[str, Any]:
+    def _called(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:
         tool, python = build(), self._python(variables)
         path = f"{FOLDER}/{tool.sha256}.pyz"
         sound = f"echo '{tool.sha256}  {path}' | sha256sum -c --status 2>/dev/null"
@@ -86,26 +86,26 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         look = (
             f"if {sound}; then {python} -I {path} {name}; else cat >/dev/null; {python} -c {shlex.quote(_VERSION)}; fi"
         )
-        said: dict[str, Any] = self._low_level_execute_command(look, in_data=asked)
-        version = next((line for line in said["stdout"].split("\n") if line.startswith(_ASKS)), None)
+        values: dict[str, Any] = self._low_level_execute_command(look, in_data=data)
+        version = next((line for line in values["stdout"].split("\n") if line.startswith(_ASKS)), None)
         if version is None:
-            return said
+            return values
         found = tuple(int(number) for number in version.split()[1:])
         if found < PYTHON:
-            return {**said, "python": found}
+            return {**values, "python": found}
         program, packed = INSTALL.read_bytes(), tool.packed
         words = (FOLDER, tool.sha256, str(len(packed)), MARK, name)
         read = f"import sys; exec(sys.stdin.buffer.read({len(program)}))"
         install = f"{python} -I -c {shlex.quote(read)} {shlex.join(words)}"
-        sent: dict[str, Any] = self._low_level_execute_command(install, in_data=program + packed + asked)
+        sent: dict[str, Any] = self._low_level_execute_command(install, in_data=program + packed + data)
         return sent
 
     def _python(self, variables: dict[str, Any]) -> str:
         """The interpreter as a shell takes it, with the environment of the task before it; it is never searched for."""
         delegate = self._task.delegate_to
         of = variables["ansible_delegated_vars"][delegate] if delegate else variables
-        told = str(self._templar.template(constants.config.get_config_value("INTERPRETER_PYTHON", variables=of)))
-        words = ["/usr/bin/python3"] if told.startswith("auto") else shlex.split(told)
+        text = str(self._templar.template(constants.config.get_config_value("INTERPRETER_PYTHON", variables=of)))
+        words = ["/usr/bin/python3"] if text.startswith("auto") else shlex.split(text)
         return f"{self._compute_environment_string()} {shlex.join(words)}".strip()
 
 
@@ -139,28 +139,28 @@ def checked(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], se
     return found.validated_parameters, found._no_log_values, wrong  # noqa: SLF001 - Ansible's own modules mask by it
 
 
-def answer(said: Mapping[str, Any], name: str) -> dict[str, Any]:
+def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Find the result in what a gateway has said; without one the module was cut off, and its last words count."""
-    lines = str(said["stdout"]).split("\n")
-    told = next((line.removeprefix(MARK) for line in reversed(lines) if line.startswith(MARK)), None)
-    if told is not None:
+    lines = str(values["stdout"]).split("\n")
+    result = next((line.removeprefix(MARK) for line in reversed(lines) if line.startswith(MARK)), None)
+    if result is not None:
         try:
-            found = json.loads(told)
+            found = json.loads(result)
         except ValueError:
             found = None
         if isinstance(found, dict):
             return {key: value for key, value in found.items() if not key.startswith(_ANSIBLES)}
-    if "python" in said:
-        is_there, needed = (".".join(map(str, version)) for version in (said["python"], PYTHON))
+    if "python" in values:
+        is_there, needed = (".".join(map(str, version)) for version in (values["python"], PYTHON))
         words = f"this computer has Python {is_there}, and at least {needed} is needed"
         return {"failed": True, "msg": words, "hint": "that comes with Ubuntu 20.04 and Debian 11"}
-    if said["rc"] == _NOT_FOUND:
-        last = _last(str(said["stderr"]).split("\n"))
+    if values["rc"] == _NOT_FOUND:
+        last = _last(str(values["stderr"]).split("\n"))
         words = f"this computer has no Python where it is looked for: {last}"
         hint = "`apt-get install python3` on it; `ansible_python_interpreter` tells where it is otherwise"
         return {"failed": True, "msg": words, "hint": hint}
-    last = _last([*lines, *str(said["stderr"]).split("\n")])
-    words = f"{name} was cut off on this computer (exit {said['rc']})" + (f":\n{last}" if last else " without a word")
+    last = _last([*lines, *str(values["stderr"]).split("\n")])
+    words = f"{name} was cut off on this computer (exit {values['rc']})" + (f":\n{last}" if last else " without a word")
     return {"failed": True, "msg": words, "hint": "type the same again: it goes on from whatever was left"}
 
 

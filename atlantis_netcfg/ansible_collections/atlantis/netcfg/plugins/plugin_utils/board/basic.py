@@ -24,11 +24,11 @@ class AnsibleModule:
     """`params`, `check_mode`, and the two ways to end; what else Ansible's class has, our modules do not use."""
 
     def __init__(self, argument_spec: dict[str, Any], **_rules: Any) -> None:  # noqa: ANN401, ARG002 - as Ansible has it
-        asked = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
-        self.params: dict[str, Any] = asked["params"]
-        self.check_mode: bool = asked["check"]
-        self._name: str = asked["name"]
-        if asked["log"]:
+        requested = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
+        self.params: dict[str, Any] = requested["params"]
+        self.check_mode: bool = requested["check"]
+        self._name: str = requested["name"]
+        if requested["log"]:
             self._log_invocation()
 
     def _log_invocation(self) -> None:
