@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.printable import visible
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 cannot hold, not even escaped (its production Char); a comment on a device may hold it."""
@@ -16,10 +20,10 @@ def clean(text: str) -> str:
     return _NOT_XML.sub("\ufffd", visible(text.expandtabs(1)))
 
 
-def add(case: ET.Element, tag: str, kind: str, text: str) -> None:
+def add(case: ET.Element, tag: str, kind: str, *texts: str) -> None:
     """Put a failure or an error into a case: its first line as the message, all of it as the text."""
-    first = text.splitlines()[0] if text else ""
-    ET.SubElement(case, tag, type=kind, message=clean(" ".join(first.split()))).text = clean(text)
+    first = next((line for text in texts for line in text.splitlines()), "")
+    ET.SubElement(case, tag, type=kind, message=clean(" ".join(first.split()))).text = _joined(texts)
 
 
 def skip(case: ET.Element, why: str) -> None:
@@ -27,9 +31,14 @@ def skip(case: ET.Element, why: str) -> None:
     ET.SubElement(case, "skipped", message=clean(why))
 
 
-def tell(case: ET.Element, text: str) -> None:
+def tell(case: ET.Element, *texts: str) -> None:
     """Put words beside a case that do not judge it."""
-    ET.SubElement(case, "system-out").text = clean(text)
+    ET.SubElement(case, "system-out").text = _joined(texts)
+
+
+def _joined(texts: Iterable[str]) -> str:
+    """One below the other, each cleaned before: a carriage return at the end would be lost with the line feed."""
+    return "\n".join(map(clean, texts))
 
 
 def count(suite: ET.Element) -> None:

@@ -13,7 +13,7 @@ from atlantis_netcfg.report._xml import add, count, skip, tell, written
 from atlantis_netcfg.report.drift import difference_lines, of_evidence, verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.report.drift import DriftReport
 
@@ -58,11 +58,11 @@ def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
 
 def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
     """Fail for evidence that contradicts the declaration; what is weak or missing is only told."""
-    text = "\n".join([result["message"], *result["notes"]])
+    texts = [result["message"], *result["notes"]]
     if verdict(result) in {"FAIL", "ERROR"}:
-        add(case, "failure", "evidence", text)
+        add(case, "failure", "evidence", *texts)
     elif verdict(result) != "PASS":
-        tell(case, text)
+        tell(case, *texts)
 
 
 def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> None:
@@ -72,13 +72,13 @@ def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed
     hidden = [entry for entry in beside if entry["kind"] == "hidden"]
     if counted:
         kinds = ", ".join(dict.fromkeys(element["kind"] for element in counted))
-        add(case, "failure", kinds, _text(counted, confirmed))
+        add(case, "failure", kinds, *_lines(counted, confirmed))
     elif hidden:
         names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden for field in row["fields"])
         skip(case, f"could not be compared: {names}")
     if beside:
-        tell(case, _text(beside, confirmed))
+        tell(case, *_lines(beside, confirmed))
 
 
-def _text(differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> str:
-    return "\n".join(line for difference in differences for line in difference_lines(difference, confirmed))
+def _lines(differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> Iterator[str]:
+    return (line for difference in differences for line in difference_lines(difference, confirmed))

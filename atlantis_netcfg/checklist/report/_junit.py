@@ -43,7 +43,7 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, "\n".join((f"run {document.run}", closing(document), signed(document), *document.notes)))
+    tell(case, f"run {document.run}", closing(document), signed(document), *document.notes)
     count(suite)
     return suite
 
@@ -60,14 +60,14 @@ def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
 
 def _judge(case: ET.Element, item: Item) -> None:
     shown = state(item)
-    words = "\n".join(filter(None, (item.message, item.hint)))
+    words = filter(None, (item.message, item.hint))
     if shown in _FAILURES:
-        add(case, "failure", str(shown), words)
+        add(case, "failure", str(shown), *words)
     elif shown is State.ERROR:
-        add(case, "error", str(shown), words)
+        add(case, "error", str(shown), *words)
     elif shown is State.SKIP:
         skip(case, item.message)
-    tell(case, "\n".join(_told(item)))
+    tell(case, *_told(item))
 
 
 def _told(item: Item) -> Iterator[str]:

@@ -13,12 +13,13 @@ from checklist_html import holds, parsed, safe, shown
 from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
-from atlantis_netcfg.checklist.report import Document, lines
+from atlantis_netcfg.checklist.report import Document, Finding, lines
 from atlantis_netcfg.checklist.report._grid import grid
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.core.verdicts import Verdict
 
 CONTROLS = frozenset({"Cc", "Cf", "Zl", "Zp"})
 
@@ -52,6 +53,11 @@ def test_any_document(document: Document) -> None:
     page = parsed(html(document, made.files()))
     safe(page)
     holds(page, document)
+
+
+def test_a_carriage_return_at_the_end_of_a_line_is_shown_in_jenkins() -> None:
+    found = Finding(verdict=Verdict.PASS, code="code", message="the next line")
+    whole(made.example(items=(made.item("coastal/site/clock", Verdict.PASS, "at the end\r", findings=(found,)),)))
 
 
 def test_hostile_words_on_a_console() -> None:
