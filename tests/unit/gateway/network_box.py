@@ -11,9 +11,12 @@ import pytest
 from network_pilots import coast
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_change, network_guard
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_change import Change
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_change import (
+    BACK,
+    BACK_TIMER,
+    Change,
+)
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import Computer, Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_units import BACK, BACK_TIMER
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import Wish
 from atlantis_netcfg.gateway.network import gateway_network
 

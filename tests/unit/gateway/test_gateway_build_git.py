@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure, keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_token import keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
 from atlantis_netcfg.emulator.lab.stubs.interop import LIBRARY, MESSAGES, InteropProjects, make_interop

@@ -152,7 +152,7 @@ def test_what_runs_is_whole_and_fenced(gateway: Gateway) -> None:
     assert command[-4:-2] == ["/usr/bin/python3", "-I"]
     with zipfile.ZipFile(command[-2]) as program:
         names = {name.rpartition("/")[2] for name in program.namelist()}
-    assert {"__main__.py", "build_work.py", "build_git.py", "build_make.py", "refused.py", "tree.py"} <= names
+    assert {"__main__.py", "build_git.py", "build_make.py", "refused.py", "tree.py"} <= names
 
 
 def test_a_failure_is_told_once_and_the_next_visit_starts_anew(gateway: Gateway) -> None:

@@ -76,7 +76,7 @@ def test_the_key_is_that_of_who_has_logged_in(computer: Computer) -> None:
 def test_a_session_is_found_where_sudo_has_hidden_it() -> None:
     """As sudo does it: the variable is in the environment of an ancestor only."""
     program = (
-        "from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.origin import client\n"
+        "from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.way_in import client\n"
         "print(client({}))"
     )
     done = subprocess.run(

@@ -220,7 +220,6 @@ ELSEWHERE = {
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/plugin_utils/board/install.py",
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/placing.py",
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/network_wish.py",
-    "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/network_claims.py",
 }
 
 

@@ -16,10 +16,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vp
     Down,
     Held,
     Management,
-    opened,
-)
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_status import (
     Torn,
+    opened,
     sessions,
     written,
 )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from .openpgp import NotAKey, public_keys
 from .refused import Refused
-from .stamps import Stamps
+from .tree import Stamps
 
 if TYPE_CHECKING:
     from typing import Mapping, Sequence

@@ -1,15 +1,22 @@
-"""Fetch a git repository at a revision, with its submodules, over a link that is slow, dear and sometimes gone.
+"""Fetch a git repository at a revision, with its submodules, over a link that is slow, expensive and unreliable.
 
-One commit is fetched and not its history. What an earlier attempt has brought stays, and the sources of the build in
-use are where a new one starts from, so that only the difference travels.
+It fetches one commit without its history. What an earlier attempt has fetched stays, and a new build starts from the
+sources of the build in use, so that only the difference is transferred.
+
+A token stands in `TOKENS/NAME`, mode 0600, below /run, beside a script that git calls as GIT_ASKPASS with a question
+(gitcredentials(7)). The script answers for the repository's own server and fails for any other. So the token is in no
+command line, environment, .git/config or log. A submodule on the same server is read with it, one elsewhere is not.
+Both files are removed when everything is fetched, and with the unit of the build, however that ends.
 """
 
-# ruff: noqa: PTH103, PTH108, PTH112, PTH113, PTH118
-# ruff: noqa: PTH123 - paths are text on the gateways' side, where all modules share it
+# ruff: noqa: PTH103, PTH108, PTH110, PTH112, PTH113, PTH118, PTH123
+# Paths are text on the gateways' side, where all modules share it.
 
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import time
@@ -18,7 +25,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from .build_plan import is_commit
-from .build_token import askpass
 from .build_words import Trouble, about_git, last_words, trouble
 from .refused import Refused
 
@@ -27,7 +33,50 @@ if TYPE_CHECKING:
 
     from .build_plan import Repository
 
-__all__ = ["Git", "configure"]
+__all__ = ["Git", "configure", "keep"]
+
+
+_USER = "oauth2"
+"""GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""
+
+
+def keep(folder: str, name: str, url: str, token: str) -> None:
+    """Keep the token of the repository `name` in `folder`, which is in memory. Raises Refused."""
+    server = urlsplit(url).netloc
+    if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]+)?", server) or not token.isprintable():
+        raise Refused(f"no token can be used for {url}", "its address is like https://gitlab.example.org/group/project")
+    user, colon, password = token.partition(":")
+    if not colon:
+        user, password = _USER, token
+    scheme = urlsplit(url).scheme
+    secret = os.path.join(folder, name)
+    _write(secret, 0o600, f"{user}\n{password}\n")
+    where, file = f"{scheme}://", shlex.quote(secret)
+    script = (
+        "#!/bin/sh",
+        f"user=$(sed -n 1p {file})",
+        'case "$1" in',
+        f"\"Username for '{where}{server}': \") sed -n 1p {file} ;;",
+        # The name before the server is the one that the first answer gave.
+        f"\"Password for '{where}$user@{server}': \") sed -n 2p {file} ;;",
+        "*) exit 1 ;;",
+        "esac",
+        "",
+    )
+    _write(f"{secret}.askpass", 0o700, "\n".join(script))
+
+
+def askpass(folder: str, name: str) -> str | None:
+    """The script that answers for a repository, if a token is kept for it."""
+    path = os.path.join(folder, f"{name}.askpass")
+    return path if os.path.exists(path) else None
+
+
+def _write(path: str, mode: int, text: str) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+
 
 _PAUSES_S = (10.0, 30.0, 60.0, 120.0)
 """Between attempts over a broken link; together longer than three gaps of a satellite."""

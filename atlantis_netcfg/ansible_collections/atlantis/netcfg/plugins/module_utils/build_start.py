@@ -19,9 +19,9 @@ import zipfile
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from . import build_git, build_make, build_plan, build_token, build_words, build_work, refused, tree
+from . import build_git, build_make, build_plan, build_words, refused, tree
+from .build_git import keep
 from .build_plan import Plan, Repository, Shelf
-from .build_token import keep
 from .programs import is_there, run, succeed
 from .refused import Refused, in_words
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Build", "Places", "compiler", "pack"]
 
-_MODULES = (build_git, build_make, build_plan, build_token, build_work, build_words, refused, tree)
+_MODULES = (build_git, build_make, build_plan, build_words, refused, tree)
 """What the program of the build consists of; that they are imported here brings them to the gateway."""
 _RUNNING = ("active", "activating", "deactivating", "reloading")
 _FENCE = (
@@ -80,7 +80,7 @@ def pack(path: str) -> None:
     """Write the program of the build, read from wherever this module itself was read from."""
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("build/__init__.py", "")
-        archive.writestr("__main__.py", "import sys\nfrom build.build_work import main\nsys.exit(main(sys.argv[1]))\n")
+        archive.writestr("__main__.py", "import sys\nfrom build.build_make import main\nsys.exit(main(sys.argv[1]))\n")
         for module in _MODULES:
             archive.writestr(f"build/{module.__name__.rpartition('.')[2]}.py", inspect.getsource(module))
 

@@ -1,17 +1,20 @@
-"""A change of the network in two steps: staged by one session, confirmed by a later one, or else taken back.
+"""A change of the network in two steps: one session stages it, a later session confirms it, or it is rolled back.
 
-A kill at any moment leaves the computer with a whole configuration: everything that the way back needs is on the disk
-and armed before the first file is touched, and the touching is done by systemd, not by the session that asked.
+A kill at any moment leaves the computer with a complete configuration. The program and the units that roll back stay on
+the computer; they are on the disk and armed before the first file changes. systemd makes the change, not the session.
 """
 
 from __future__ import annotations
 
+import inspect
 import ipaddress
 import json
 import os
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import network_files, network_guard
 from .network_files import state_of
 from .network_guard import (
     APPLIED,
@@ -25,8 +28,6 @@ from .network_guard import (
     addresses,
     running,
 )
-from .network_session import began_s
-from .network_units import BACK, BACK_TIMER, FOLDER, install, program
 from .network_wish import OURS, Wish, same
 from .refused import Refused, in_words
 
@@ -35,7 +36,94 @@ if TYPE_CHECKING:
 
     from .network_files import Computer
 
-__all__ = ["Change"]
+__all__ = ["BACK", "BACK_TIMER", "Change"]
+
+
+_SERVERS = ("sshd", "dropbear")
+"""OpenSSH 9.8 and later call the process of a session `sshd-session`."""
+_ANCESTORS = 20
+_PARENT, _STARTED = 1, 19
+"""Fields of /proc/PID/stat behind the name (proc(5): 4 and 22)."""
+
+
+def began_s() -> float | None:
+    """Seconds after the start of the computer, of the nearest server above us; None if we came by no SSH."""
+    pid = "self"
+    for _ in range(_ANCESTORS):
+        try:
+            text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return None
+        name, fields = text.partition("(")[2].rpartition(")")[0], text.rpartition(")")[2].split()
+        if name.startswith(_SERVERS):
+            return int(fields[_STARTED]) / os.sysconf("SC_CLK_TCK")
+        pid = fields[_PARENT]
+        if pid == "0":
+            return None
+    return None
+
+
+FOLDER = "/usr/local/lib"
+_PACKAGE = "atlantis_network"
+BACK, BACK_TIMER = "atlantis-network-back.service", "atlantis-network-back.timer"
+_BOOT = "atlantis-network-boot.service"
+_UNITS = "/etc/systemd/system"
+
+
+def program(verb: str) -> tuple[str, ...]:
+    """What is started, in `FOLDER`."""
+    return ("/usr/bin/python3", "-m", f"{_PACKAGE}.network_guard", verb)
+
+
+_TEXTS = {
+    BACK: f"""\
+# Written by `provision`. Started by a timer while a change of the network waits for its confirmation.
+[Unit]
+Description=Take an unconfirmed change of the network back
+ConditionPathExists={PENDING}
+StartLimitIntervalSec=0
+
+[Service]
+Type=oneshot
+WorkingDirectory={FOLDER}
+ExecStart={" ".join(program("back"))}
+Restart=on-failure
+RestartSec=10
+""",
+    _BOOT: f"""\
+# Written by `provision`. After a power cut: a change of the network that nobody has confirmed does not survive it.
+[Unit]
+Description=Take an unconfirmed change of the network back, before the network starts
+DefaultDependencies=no
+ConditionPathExists={PENDING}
+RequiresMountsFor={PENDING} {FOLDER} /etc
+After=local-fs.target systemd-remount-fs.service
+Before=network-pre.target systemd-networkd.service networking.service NetworkManager.service shutdown.target
+Wants=network-pre.target
+Conflicts=shutdown.target
+
+[Service]
+Type=oneshot
+WorkingDirectory={FOLDER}
+ExecStart={" ".join(program("boot"))}
+
+[Install]
+WantedBy=multi-user.target
+""",
+}
+
+
+def install(computer: Computer) -> None:
+    """Bring program and units to this version; the one for the boot is enabled."""
+    files = {f"{_UNITS}/{name}": text for name, text in _TEXTS.items()}
+    for module in (network_files, network_guard):
+        files[f"{FOLDER}/{_PACKAGE}/{module.__name__.rpartition('.')[2]}.py"] = inspect.getsource(module)
+    for path, text in files.items():
+        if computer.read(path) != text:
+            computer.write(path, text, 0o644)
+    computer.link(f"{_UNITS}/multi-user.target.wants/{_BOOT}", f"{_UNITS}/{_BOOT}")
+    computer.run(("systemctl", "daemon-reload"))
+
 
 _NETWORKD = "systemd-networkd.service"
 _ENABLED = f"/etc/systemd/system/multi-user.target.wants/{_NETWORKD}"

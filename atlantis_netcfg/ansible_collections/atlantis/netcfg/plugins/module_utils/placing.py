@@ -1,4 +1,7 @@
-"""Bring directories, files and links to their places: all accepted and safe on the disk before the first one is put."""
+"""Put directories, files and links in their places: all are validated and on the disk before the first one is moved.
+
+Also finds what stands in folders that are ours alone and is not declared: leftovers of an earlier declaration.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,13 @@ from .programs import is_there, last_lines
 from .refused import Refused
 
 if TYPE_CHECKING:
-    from typing import Callable
+    from typing import Callable, Iterator
 
     from .programs import Done
     from .tree import Found, Tree
     from .wishes import File, Owned, Wishes
 
-__all__ = ["Placing"]
+__all__ = ["Placing", "clear", "strays"]
 
 
 class Placing:
@@ -209,3 +212,25 @@ def _text(content: bytes) -> str | None:
 
 def _difference(path: str, before: str, after: str) -> dict[str, str]:
     return {"before_header": path, "after_header": path, "before": before, "after": after}
+
+
+def strays(tree: Tree, wishes: Wishes) -> tuple[str, ...]:
+    """Files and links, at any depth, below the folders `only`; a link to a directory is not followed."""
+    kinds = (wishes.directories, wishes.files, wishes.links)
+    declared = {item.path for kind in kinds for item in kind} | {*wishes.absent}
+    return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared)
+
+
+def clear(tree: Tree, wishes: Wishes, removed: tuple[str, ...]) -> None:
+    """Remove the directories that have become empty, up to the folders `only`, which stay."""
+    for folder in map(Path, wishes.only):
+        below = {above for path in removed for above in Path(path).parents if folder in above.parents}
+        for empty in sorted(below, key=lambda path: len(path.parts), reverse=True):
+            tree.remove_directory(str(empty))
+
+
+def _below(tree: Tree, folder: str) -> Iterator[str]:
+    root = Path(tree.root)
+    for at, directories, files in os.walk(tree.at(folder)):
+        links = [name for name in directories if Path(at, name).is_symlink()]
+        yield from (f"/{Path(at, name).relative_to(root)}" for name in sorted(files + links))

@@ -1,4 +1,8 @@
-"""The files of the computer: read, compared, and replaced so that a power cut leaves the old one or the new one."""
+"""The files of the computer: read, compared, and replaced so that a power cut leaves the old one or the new one.
+
+A stamp maps a path to the SHA-256 of its content when a step or a unit last succeeded, so that a kill between two steps
+loses none. Callers compare and write only their own paths: two roles may look after one unit.
+"""
 
 # ruff: noqa: PTH101, PTH102, PTH105, PTH106, PTH108, PTH112, PTH116, PTH118, PTH120, PTH123, PTH211
 # One system call a line, in an order that a power cut cannot break.
@@ -7,18 +11,21 @@ from __future__ import annotations
 
 import contextlib
 import grp
+import json
 import os
 import pwd
 import stat
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 from .refused import Refused, in_words
 
 if TYPE_CHECKING:
-    from typing import Iterator
+    from typing import Iterator, Mapping
 
-__all__ = ["Found", "Tree"]
+__all__ = ["ABSENT", "Found", "Stamps", "Tree"]
+
 
 _PERMISSIONS = 0o7777
 _SECOND_NS = 1_000_000_000
@@ -226,3 +233,43 @@ class Tree:
             yield
         except OSError as error:
             raise in_words(error, path) from error
+
+
+FOLDER = "/var/lib/atlantis/applied"
+ABSENT = "absent"
+"""In place of a digest: there is no such file."""
+_BEGUN = "begun"
+
+
+class Stamps:
+    """The stamps of a computer, one file each."""
+
+    def __init__(self, tree: Tree) -> None:
+        self.tree = tree
+
+    def holds(self, name: str, desired: Mapping[str, str]) -> bool:
+        """Whether the last success was with just this; what is not there, and never was, needs none."""
+        noted = self._noted(name)
+        return all(noted.get(path, ABSENT) == digest for path, digest in desired.items())
+
+    def begin(self, name: str, desired: Mapping[str, str]) -> None:
+        """Forget the last success before the act begins: an act that fails or is killed is done again."""
+        self._write(name, {**self._noted(name), **dict.fromkeys(desired, _BEGUN)})
+
+    def note(self, name: str, desired: Mapping[str, str]) -> None:
+        """Note a success."""
+        self._write(name, {**self._noted(name), **desired})
+
+    def _noted(self, name: str) -> dict[str, str]:
+        try:
+            noted = json.loads(self.tree.read(self._path(name)) or b"{}")
+        except ValueError:
+            return {}
+        return noted if isinstance(noted, dict) else {}
+
+    def _write(self, name: str, noted: Mapping[str, str]) -> None:
+        self.tree.write(self._path(name), json.dumps(noted, sort_keys=True).encode())
+
+    @staticmethod
+    def _path(name: str) -> str:
+        return f"{FOLDER}/{quote(name, safe=' @:')}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from .build_words import last_words
 from .programs import run
 from .refused import Refused
-from .stamps import Stamps
+from .tree import Stamps
 
 if TYPE_CHECKING:
     from typing import Callable

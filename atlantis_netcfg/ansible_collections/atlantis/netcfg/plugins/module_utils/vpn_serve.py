@@ -1,31 +1,196 @@
 """Answer one request a line, until standard input ends: after its start each costs one round trip of the link.
 
-A line is JSON, compressed and in base64, both ways; `MARK` goes before each answer, because shells greet. Requests are
-`{"id": …, "do": …, "place": {…}, …}`; answers have its id, and `done`, `refused` (words and a hint), or `broken`.
+A line is JSON, compressed and in base64, both ways. `MARK` goes before each answer, because shells print greetings.
+Requests are `{"id": …, "do": …, "place": {…}, …}`. Answers have the same id, and `done`, `refused` (with a hint), or
+`broken`.
+
+`look` reads everything of the running server that the technician's computer compares with the declaration. `push` puts
+the live files in their places while the tunnel is up: admissions, list, firewall. It uses the core of the module that
+configures files and notes what is loaded in its stamps, so that a run of the role finds nothing to do. The session of a
+member who is admitted no longer is ended.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
+import hashlib
 import json
 import os
 import platform
+import re
 import signal
+import stat
 import sys
 import zlib
 from typing import TYPE_CHECKING, Any
 
+from .placing import Placing, clear, strays
 from .refused import Refused, in_words
-from .vpn_cut import revoke, verify
-from .vpn_look import look, seen, sessions
-from .vpn_place import Place
-from .vpn_put import push
-from .vpn_server import Server
+from .vpn_cut import Ending, Unheard, revoke, verify
+from .vpn_server import ANSWERS, DOWN, Place, Server
+from .way_in import alone
+from .wishes import Wishes
 
 if TYPE_CHECKING:
-    from typing import Callable
+    from typing import Callable, Mapping, Sequence
 
 __all__ = ["MARK", "main", "packed", "unpacked"]
+
+
+_VERSION = re.compile(r"OpenVPN (\S+)")
+
+
+def look(server: Server) -> dict[str, Any]:
+    """Look at all of it; what cannot be told is null. It changes nothing."""
+    return {
+        "clock": server.now(),
+        "ready": server.tree.read(server.place.ca) is not None,
+        "files": _files(server),
+        "list": _list(server),
+        **_firewall(server),
+        "redirects": server.redirecting(),
+        "version": _version(server),
+        "package": _package(server),
+        "unit": server.unit(),
+        **sessions(server),
+        **seen(server),
+    }
+
+
+def sessions(server: Server) -> dict[str, Any]:
+    """Who has a session: by the server's word, else by its status file, `at` its time."""
+    management, rows, why = server.sessions()
+    at = server.now()
+    if management not in (ANSWERS, DOWN):
+        rows, at = server.from_file()
+    return {"management": management, "sessions": rows, "at": at, "why": why}
+
+
+def seen(server: Server) -> dict[str, Any]:
+    """When each common name was last seen, as the server's timer has noted it."""
+    try:
+        noted = json.loads(server.tree.read(server.place.seen) or b"null")
+    except ValueError:
+        noted = None
+    return {"seen": noted if isinstance(noted, dict) else None}
+
+
+def _list(server: Server) -> dict[str, Any] | None:
+    """The list of revoked certificates, itself as well: who asks compares it with what is recorded."""
+    crl, pem = server.crl(), server.tree.read(server.place.crl)
+    if crl is None or pem is None:
+        return None
+    values = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.signed}
+    return {**values, "pem": pem.decode(errors="replace")}
+
+
+def _files(server: Server) -> dict[str, str]:
+    """SHA-256 of each live file, also of those that nobody has declared; `no file` for what is none."""
+    place = server.place
+    try:
+        names = sorted(os.listdir(server.tree.at(place.ccd)))  # noqa: PTH208 - names are wanted
+    except (FileNotFoundError, NotADirectoryError):
+        names = []
+    paths = [*(place.admission(name) for name in names), place.crl, place.firewall]
+    return {path: _digest(server, path) for path in paths if os.path.lexists(server.tree.at(path))}
+
+
+def _digest(server: Server, path: str) -> str:
+    if not stat.S_ISREG(os.lstat(server.tree.at(path)).st_mode):
+        return "no file"
+    return hashlib.sha256(server.tree.read(path) or b"").hexdigest()
+
+
+def _firewall(server: Server) -> dict[str, Any]:
+    """Who passes, and whether the kernel has what the file says: `as_file` null where that cannot be told."""
+    try:
+        members = server.firewall.members()
+        as_file = server.firewall.is_as(server.tree.at(server.place.firewall)) if members is not None else False
+    except Refused as refused:
+        return {"members": None, "as_file": None, "firewall_why": refused.message}
+    return {"members": members, "as_file": as_file, "firewall_why": ""}
+
+
+def _version(server: Server) -> str | None:
+    found = _VERSION.match(server.run(["openvpn", "--version"]).said)
+    return found[1] if found is not None else None
+
+
+def _package(server: Server) -> str | None:
+    done = server.run(["dpkg-query", "-W", "-f", "${Version}", "openvpn"])
+    return done.said.strip() if done.code == 0 else None
+
+
+def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
+    """Do it; `files` as `configure` has them, or with `sha256` in the place of a content that may be there already.
+
+    `only` are folders in which nothing else stays. Gives `changes`, `ended` (sessions, with replies) and `told`; or
+    `lacks`, the paths whose content is needed after all, and nothing was done.
+    """
+    server.must_be()
+    with alone(server.tree):
+        whole = [_whole(server, file) for file in files]
+        lacks = [file["path"] for file in whole if file["content"] is None]
+        if lacks:
+            return {"lacks": lacks, "changes": [], "ended": [], "told": []}
+        values = {"files": whole, "only": list(only)}
+        wishes = Wishes.of(values)
+        left = strays(server.tree, wishes)
+        wishes = Wishes.of({**values, "absent": left})
+        contents = {file.path: file.content for file in wishes.files}
+        _hold_list(server, contents.get(server.place.crl))
+        before = set(server.admitted())
+        placing = Placing(server.tree, wishes, server.run)
+        placing.place()
+        clear(server.tree, wishes, left)
+        changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall)), *_redirects(server)]
+        gone = before - set(server.admitted())
+        ending = Ending(gone)
+        if gone:
+            ending.run(server, Unheard(server, ()))
+    return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.told}
+
+
+def _whole(server: Server, file: Mapping[str, Any]) -> dict[str, Any]:
+    """With its content, if it was sent or is there; else with None."""
+    values = dict(file)
+    digest = values.pop("sha256", None)
+    if values.get("content") is None:
+        content = server.tree.read(values["path"])
+        same = content is not None and hashlib.sha256(content).hexdigest() == digest
+        values["content"] = content.decode() if content is not None and same else None
+    return values
+
+
+def _hold_list(server: Server, new: bytes | None) -> None:
+    """Hold a list that differs from the one in place against that one and against the clock."""
+    path = server.place.crl
+    if new is None or new == server.tree.read(path):
+        return
+    beside = server.tree.stage(path, new, 0o600, os.geteuid(), os.getegid())
+    try:
+        server.hold(beside)
+    finally:
+        server.tree.unstage(path)
+
+
+def _redirects(server: Server) -> list[str]:
+    """Switch ICMP redirects off; that they are on after all is seen by who looks."""
+    with contextlib.suppress(OSError):
+        if server.stop_redirects():
+            return ["ICMP redirects switched off"]
+    return []
+
+
+def _load(server: Server, ruleset: bytes | None) -> list[str]:
+    """Load the ruleset unless it is the one that was loaded last, and the kernel has it still."""
+    firewall, path = server.firewall, server.tree.at(server.place.firewall)
+    if ruleset is None or (firewall.is_noted(ruleset) and firewall.is_as(path) is not False):
+        return []
+    firewall.load(ruleset, path)
+    return ["firewall loaded"]
+
 
 MARK = "ATLANTIS-VPN "
 _DOES: dict[str, Callable[..., dict[str, Any]]] = {

@@ -1,22 +1,63 @@
-"""The way by which a run came in: nothing is changed if it would be closed afterwards."""
+"""The SSH session of a run: nothing is changed if it could not log in afterwards. Also the lock: one run at a time."""
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import ipaddress
 import os
 import pwd
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .origin import client
-from .refused import Refused
+from .refused import Refused, in_words
 
 if TYPE_CHECKING:
-    from typing import Mapping
+    from typing import Iterator, Mapping
 
     from .tree import Tree
     from .wishes import WayIn
 
-__all__ = ["hold"]
+__all__ = ["alone", "hold"]
+
+
+_ANCESTORS = 20
+
+
+@dataclass(frozen=True)
+class Client:
+    """The two ends of an SSH session, as the server sees them."""
+
+    address: str
+    port: int
+    """Of the server."""
+
+
+def client(environment: Mapping[str, str]) -> Client | None:
+    """The session of this process: its own `SSH_CONNECTION`, or, where sudo has dropped it, that of an ancestor."""
+    text = environment.get("SSH_CONNECTION") or _of_ancestors()
+    words = text.split()
+    if len(words) != 4 or not words[3].isdigit():  # noqa: PLR2004 - ssh(1): client address, port, server address, port
+        return None
+    return Client(words[0].partition("%")[0], int(words[3]))
+
+
+def _of_ancestors() -> str:
+    pid = "self"
+    for _ in range(_ANCESTORS):
+        try:
+            variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+            pid = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[1].decode()
+        except OSError:
+            return ""
+        for variable in variables:
+            if variable.startswith(b"SSH_CONNECTION="):
+                return variable.partition(b"=")[2].decode(errors="replace")
+        if pid == "0":
+            return ""
+    return ""
+
 
 _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
 """How the kinds of keys begin that sshd(8) takes."""
@@ -68,3 +109,32 @@ def _has_key(tree: Tree, account: str) -> bool:
             if not line.startswith(b"#") and any(word.startswith(_KINDS) for word in words[:-1]):
                 return True
     return False
+
+
+FILE = "/run/lock/atlantis-configure"
+
+
+@contextlib.contextmanager
+def alone(tree: Tree, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
+    """Hold the lock of the computer, which the kernel lets go with the process, however it ends."""
+    try:
+        Path(tree.at(FILE)).parent.mkdir(parents=True, exist_ok=True)
+        handle = os.open(tree.at(FILE), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise in_words(error, FILE) from error
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.pread(handle, 200, 0).decode(errors="replace").strip()
+            raise Refused(
+                f"another run is at work on this computer: {holder or 'it has not text its name yet'}",
+                "let it come to its end, and type the same again; a run whose link broke goes on for a while",
+            ) from None
+        result = client(environment)
+        text = f"process {os.getpid()}" + (f", begun from {result.address}" if result is not None else "")
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, text.encode(), 0)
+        yield
+    finally:
+        os.close(handle)

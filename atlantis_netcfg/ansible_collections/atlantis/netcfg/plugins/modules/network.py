@@ -83,9 +83,8 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.network_change import Change
+from ..module_utils.network_change import BACK, Change
 from ..module_utils.network_files import Computer
-from ..module_utils.network_units import BACK
 from ..module_utils.network_wish import Wish
 from ..module_utils.refused import Refused
 
