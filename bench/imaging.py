@@ -19,7 +19,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image import BlockTree, Bus, Card, Disk, segments, write
+from atlantis_netcfg.image.blocks import BlockTree, Bus, Disk
+from atlantis_netcfg.image.source import segments
+from atlantis_netcfg.image.writer import Card, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

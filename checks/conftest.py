@@ -17,7 +17,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import choose, load
-from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.computers._access import is_gateway
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import refuse_examples
 from checks.checklist_asked import Asking, How, told, waits

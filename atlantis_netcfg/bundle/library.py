@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from urllib.parse import urljoin, urlsplit
 
-from atlantis_netcfg.bundle._errors import BundleRefused
-from atlantis_netcfg.bundle.programs import run
+from atlantis_netcfg.bundle.requirements import BundleRefused
+from atlantis_netcfg.bundle.signing import run
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.wish import Library
+    from atlantis_netcfg.bundle.requirements import Library
 
 __all__ = ["Gathered", "gather"]
 

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from atlantis_netcfg.bundle._errors import BundleRefused
+from atlantis_netcfg.bundle.requirements import BundleRefused
 
 __all__ = [
     "FORMAT",

@@ -6,8 +6,8 @@ import tarfile
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle._errors import BundleRefused, refused
 from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest
+from atlantis_netcfg.bundle.requirements import BundleRefused, refused
 from atlantis_netcfg.bundle.resolve import sha256_of
 from atlantis_netcfg.bundle.signing import signed_by
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bundle.manifest import File, HostPart
+    from atlantis_netcfg.bundle.requirements import HostWish
     from atlantis_netcfg.bundle.signing import Keys
-    from atlantis_netcfg.bundle.wish import HostWish
 
 __all__ = ["Bundle", "bytes_to_carry", "open_bundle"]
 

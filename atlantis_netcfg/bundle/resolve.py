@@ -1,29 +1,35 @@
 """Which packages a target lacks, and fetching them: apt(8) in a folder of its own, for any architecture, without root.
 
-Nothing of this computer's own apt is used but its programs and its proxy: not its sources, keys, lists or settings.
+Of this computer's own apt only its programs and its proxy are used: not its sources, keys, lists or settings. The
+distributions' own archives are one row a distribution.
+
+The index is what apt reads before it takes a package from a repository: a flat one (sources.list(5):
+`deb file:/folder ./`), one a host, so that a board sees exactly what was resolved for it.
 """
 
 from __future__ import annotations
 
 import hashlib
+import lzma
 import re
 import shutil
 import subprocess
 from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from atlantis_netcfg.bundle._errors import BundleRefused, refused
-from atlantis_netcfg.bundle.programs import program, run
+from atlantis_netcfg.bundle.requirements import BundleRefused, Key, Source, paragraphs, refused
+from atlantis_netcfg.bundle.signing import program, run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.bundle.target import Target
-    from atlantis_netcfg.bundle.wish import HostWish, Wished
+    from atlantis_netcfg.bundle.requirements import HostWish, Target, Wished
+    from atlantis_netcfg.bundle.signing import Signer
 
-__all__ = ["Fetched", "Root", "sha256_of"]
+__all__ = ["Fetched", "Root", "archive", "index", "read_package", "sha256_of"]
+
 
 _URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")
 _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
@@ -214,3 +220,120 @@ def _hint(line: str) -> str:
     if "NO_PUBKEY" in line or "not signed" in line:
         return "the key is not the one that signs this source: `keyring=FILE`, or `key_file` in the declaration"
     return "is this computer online? `mirror=` names another archive"
+
+
+_DATE = "Sat, 01 Jan 2000 00:00:00 UTC"
+"""apt refuses an index from the future, and a board's clock may stand in the past; see `signing`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Package:
+    """One .deb file."""
+
+    name: str
+    version: str
+    architecture: str
+    control: str
+    size: int
+    sha256: str
+
+    @property
+    def file(self) -> str:
+        """Its name in a repository; a colon is nothing for the file systems of USB sticks."""
+        return f"{self.name}_{self.version.replace(':', '-')}_{self.architecture}.deb"
+
+
+def read_package(deb: Path, sha256: str) -> Package:
+    """Look into a package file. Raises BundleRefused."""
+    done = run(["dpkg-deb", "--field", str(deb)])
+    control = done.stdout.decode(errors="replace").rstrip()
+    fields = next(paragraphs(control), {})
+    if done.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
+        raise BundleRefused(f"{deb.name} is no Debian package", hint="remove it, and type the same again")
+    return Package(fields["Package"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256)
+
+
+def index(packages: Iterable[Package], target: Target, signer: Signer) -> dict[str, bytes]:
+    """The files of the index by name; packages are expected in `pool` beside them."""
+    ordered = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
+    text = "\n".join(
+        f"{each.control}\nFilename: ./pool/{each.file}\nSize: {each.size}\nSHA256: {each.sha256}\n" for each in ordered
+    )
+    plain = text.encode()
+    packed = lzma.compress(plain)
+    sums = "".join(
+        f" {hashlib.sha256(data).hexdigest()} {len(data)} {name}\n"
+        for name, data in (("Packages", plain), ("Packages.xz", packed))
+    )
+    release = (
+        f"Origin: ATLANTIS bundle\nLabel: ATLANTIS bundle\nSuite: {target.codename}\nCodename: {target.codename}\n"
+        f"Date: {_DATE}\nArchitectures: {target.architecture} all\nSHA256:\n{sums}"
+    )
+    return {"InRelease": signer.in_clear(release), "Packages.xz": packed}
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """The archive of a distribution."""
+
+    archive: str
+    ports: str
+    """Where architectures other than those of PCs are."""
+    security: str
+    """Appended to the archive's address; empty: security updates lie beside the rest."""
+    components: str
+    keyring: str
+    keyring_package: str
+
+
+DISTRIBUTIONS: Mapping[str, Distribution] = {
+    "debian": Distribution(
+        archive="http://deb.debian.org/debian",
+        ports="http://deb.debian.org/debian",
+        security="-security",
+        components="main",
+        keyring="/usr/share/keyrings/debian-archive-keyring.gpg",
+        keyring_package="debian-archive-keyring",
+    ),
+    "ubuntu": Distribution(
+        archive="http://archive.ubuntu.com/ubuntu",
+        ports="http://ports.ubuntu.com/ubuntu-ports",
+        security="",
+        components="main restricted universe multiverse",
+        keyring="/usr/share/keyrings/ubuntu-archive-keyring.gpg",
+        keyring_package="ubuntu-keyring",
+    ),
+}
+_OF_PCS = ("amd64", "i386")
+
+
+def archive(target: Target, mirror: str | None, keyring: Path | None) -> tuple[Source, Key]:
+    """The source of a target's own distribution and the key that signs it. Raises BundleRefused.
+
+    `mirror` in place of the archive's address (Debian's security updates then lie at MIRROR-security, as mirrors have
+    it); `keyring` in place of the distribution's own.
+    """
+    row = DISTRIBUTIONS[target.distribution]
+    base = (mirror or (row.archive if target.architecture in _OF_PCS else row.ports)).rstrip("/")
+    place = PurePosixPath(row.keyring)
+    name = target.codename
+    suites = f"{name} {name}-updates" + ("" if row.security else f" {name}-security")
+    text = _stanza(base, suites, row, place)
+    if row.security:
+        text += "\n" + _stanza(base + row.security, f"{name}-security", row, place)
+    return Source(f"/etc/apt/sources.list.d/{target.distribution}.sources", text), Key(str(place), _key(row, keyring))
+
+
+def _stanza(base: str, suites: str, row: Distribution, keyring: PurePosixPath) -> str:
+    return f"Types: deb\nURIs: {base}\nSuites: {suites}\nComponents: {row.components}\nSigned-By: {keyring}\n"
+
+
+def _key(row: Distribution, keyring: Path | None) -> bytes:
+    path = keyring or Path(row.keyring)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        hint = "`keyring=` names a file" if keyring else f"sudo apt install {row.keyring_package}, or add keyring=FILE"
+        raise BundleRefused(
+            f"the key of the distribution cannot be read: {path}: {error.strerror or error}", hint=hint
+        ) from error

@@ -26,7 +26,7 @@ from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
@@ -142,7 +142,7 @@ class Session:
         if any(is_unit(host) for host in declared):
             import_module("atlantis_netcfg.operations.lte.converge")
         if any(is_computer(host) for host in declared):
-            from atlantis_netcfg.operations.computers import refuse_unfounded
+            from atlantis_netcfg.operations.computers.parts import refuse_unfounded
 
             if not self.declaration.pilot.example_values:
                 refuse_unfounded(declared, request)

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-    from atlantis_netcfg.bundle import Manifest, Size
+    from atlantis_netcfg.bundle.build import Size
+    from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request

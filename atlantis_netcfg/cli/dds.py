@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.dds import ProfileView
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.gateway.dds import ProfileView
 
 __all__ = ["COMMAND", "run"]
 
@@ -44,8 +44,8 @@ def run(arguments: Arguments) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.dds import profile_views, profiles
     from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.gateway.dds import profile_views, profiles
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.image import Card
+    from atlantis_netcfg.image.writer import Card
     from atlantis_netcfg.operations.image import Made, Order
 
 __all__ = ["COMMAND", "run"]
@@ -92,7 +92,8 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.image import BlockTree, Card, admit, confirmed
+    from atlantis_netcfg.image.blocks import BlockTree, admit, confirmed
+    from atlantis_netcfg.image.writer import Card
 
     if declaration.pilot.example_values:
         raise UsageError(

@@ -58,7 +58,7 @@ def _one(declaration: Declaration, host: Host, request: Request) -> ExitCode:
     """One device; what is wrong with it keeps no other from being looked at."""
     from atlantis_netcfg.cli._outcome import tell
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
-    from atlantis_netcfg.operations.computers import is_computer
+    from atlantis_netcfg.operations.computers._access import is_computer
     from atlantis_netcfg.operations.trust import identities
 
     try:

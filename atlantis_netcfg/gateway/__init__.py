@@ -5,19 +5,3 @@ modules that a role runs on the computer. It is final data: no templates, no sec
 """
 
 from __future__ import annotations
-
-from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
-from atlantis_netcfg.gateway.parts import Configuration, File, Link, Package, Part, Step, Unit, WayIn
-
-__all__ = [
-    "Configuration",
-    "File",
-    "GatewayBase",
-    "Link",
-    "Package",
-    "Part",
-    "Step",
-    "Unit",
-    "WayIn",
-    "gateway_base",
-]

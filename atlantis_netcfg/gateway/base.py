@@ -1,26 +1,195 @@
 """Part `gateway_base`: what every gateway computer has, whatever runs on it.
 
-Locale, name, time that does not need the VPN, SSH by key only, a firewall that never shuts out who loads it, a journal
+Locale, name, time that does not need the VPN, SSH by key only, a firewall that never locks out who loads it, a journal
 that does not fill the card, the watchdog. Chapters 3, 9 and 11 of the facts; Debian 12, Ubuntu 20.04 to 24.04.
+
+The steps run in the computer's shell, after its files are in place. The templates see `BaseView`: words and numbers,
+a pure function of the declaration.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from ipaddress import collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway import _steps
-from atlantis_netcfg.gateway._view import BaseView, base_view
+from atlantis_netcfg.declaration.model import DdsPath, Gateway
 from atlantis_netcfg.gateway.network import GatewayNetwork, gateway_network
-from atlantis_netcfg.gateway.parts import Configuration, File, Link, Package, Unit, WayIn
+from atlantis_netcfg.gateway.parts import Check, Configuration, File, Link, Package, Step, Unit, WayIn
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
+    from ipaddress import IPv4Network
 
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import GpsTime, TimeServer
 
 __all__ = ["GatewayBase", "gateway_base"]
+
+
+CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
+"""Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
+CLOUD_INIT_ON = "/etc/cloud/cloud-init.enabled"
+HOSTNAME = "/etc/hostname"
+LOCALES = "/etc/locale.gen"
+SSHD = "/etc/ssh/sshd_config.d/00-atlantis.conf"
+SYSCTL = "/etc/sysctl.d/60-atlantis.conf"
+WATCHDOG = "/etc/systemd/system.conf.d/atlantis-watchdog.conf"
+
+ACCEPT_CHRONY = (
+    "sh",
+    "-c",
+    'case "$(chronyd -v 2>&1)" in *"version 3"*|*"not found"*) ;; *) exec chronyd -p -f "$1" ;; esac',
+    "sh",
+    "%s",
+)
+"""chrony 3.5 of Ubuntu 20.04 cannot check a file; 4.0 and later can."""
+
+_SET_KERNEL = f"""\
+while read -r key equals value; do
+    case "$key" in ''|'#'*) continue ;; esac
+    place="/proc/sys/$(printf %s "$key" | tr . /)"
+    printf %s "$value" > "$place" 2>/dev/null || echo "note: this kernel does not let $key be set to $value"
+done < {SYSCTL}
+"""
+_OBEYS = f"""\
+told="$(sshd -T -C user=root,host=localhost,addr=127.0.0.1,laddr=127.0.0.1,lport=22)" || exit 1
+case "$told" in *"passwordauthentication no"*) exit 0 ;; esac
+echo "sshd does not read {SSHD}: begin /etc/ssh/sshd_config with the line"
+echo "Include /etc/ssh/sshd_config.d/*.conf"
+exit 1
+"""
+_WATCHED = f"""\
+systemctl daemon-reexec || exit 1
+if [ -e {WATCHDOG} ] && ! [ -e /dev/watchdog0 ] && ! [ -e /dev/watchdog ]; then
+    echo "this board shows no watchdog (/dev/watchdog0): load its driver, or take watchdog_s out of the declaration"
+    exit 1
+fi
+"""
+
+STEPS = (
+    Step("generate the locale", ("locale-gen",), (LOCALES,)),
+    Step("set the host name", ("hostname", "-F", HOSTNAME), (HOSTNAME,)),
+    Step("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
+    Step("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
+    Step("set the watchdog", ("sh", "-c", _WATCHED), (WATCHDOG,)),
+)
+
+CHECKS = (
+    Check(
+        ("sh", "-c", "! command -v cloud-init >/dev/null || ! grep -qw cloud-init=enabled /proc/cmdline"),
+        "cloud-init is switched on by the kernel's command line, and writes name, address and accounts anew",
+        "on the computer: take `cloud-init=enabled` out of what its boot loader tells the kernel, then `sudo reboot`",
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DdsPorts:
+    """The UDP ports of the pilot's domain, by the formula of DDSI-RTPS 9.6.2.3 with its default numbers."""
+
+    domain: int
+    participants: int
+    admitted: tuple[str, ...]
+    """From where."""
+
+    @property
+    def first_port(self) -> int:
+        """Multicast discovery."""
+        return 7400 + 250 * self.domain
+
+    @property
+    def last_port(self) -> int:
+        """Unicast data of the last participant: two ports for each, from the tenth on."""
+        return self.first_port + 10 + 2 * self.participants - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Neighbour:
+    """Another computer of the pilot."""
+
+    name: str
+    address: str
+    domain: str | None
+    """Of its LAN; None where it is reached over the VPN."""
+
+
+@dataclass(frozen=True, slots=True)
+class BaseView:
+    """One gateway."""
+
+    name: str
+    site: str
+    domain: str
+    time_zone: str
+    router: str
+    time_servers: tuple[TimeServer, ...]
+    gps: GpsTime | None
+    lan: str
+    ssh_from: tuple[str, ...]
+    ssh_port: int
+    dds: DdsPorts | None
+    metered: tuple[str, ...]
+    """Links of the site on which every byte costs."""
+    watchdog_s: int | None
+    neighbours: tuple[Neighbour, ...]
+
+
+def base_view(declaration: Declaration, host: Host) -> BaseView:
+    """Of a host that is a gateway."""
+    device = host.device
+    assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
+    site = declaration.sites[host.site]
+    lan, vpn = site.lan.network, declaration.pilot.vpn.network
+    return BaseView(
+        name=host.name,
+        site=host.site,
+        domain=site.lan.domain,
+        time_zone=declaration.pilot.time_zone,
+        router=str(site.lan.gateway),
+        time_servers=declaration.pilot.time_servers,
+        gps=device.gps,
+        lan=str(lan),
+        ssh_from=_collapsed((*site.management.admit, lan, vpn)),
+        ssh_port=device.ssh.port,
+        dds=_dds(declaration, (lan, vpn)),
+        metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
+        watchdog_s=device.watchdog_s,
+        neighbours=_neighbours(declaration, host),
+    )
+
+
+def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | None:
+    dds = declaration.pilot.dds
+    if dds is None:
+        return None
+    far = [site.lan.network for site in declaration.sites.values()] if dds.over is DdsPath.LAN else []
+    return DdsPorts(dds.domain, dds.participants, _collapsed((*near, *far)))
+
+
+def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
+    """Without those that lie in others: nft refuses overlapping elements of a set."""
+    return tuple(str(network) for network in collapse_addresses(networks))
+
+
+def _neighbours(declaration: Declaration, host: Host) -> tuple[Neighbour, ...]:
+    """Those of the LAN by their addresses there, gateways and servers of other sites by those in the VPN."""
+    lan = declaration.sites[host.site].lan
+    found = {
+        reservation.name: Neighbour(reservation.name, str(reservation.address), lan.domain)
+        for reservation in lan.reservations
+    }
+    for name, other in declaration.hosts.items():
+        address = getattr(other.device, "address", None)
+        tunnel = getattr(other.device, "vpn_address", None)
+        if other.site == host.site and address is not None and address in lan.network:
+            found[name] = Neighbour(name, str(address), lan.domain)
+        elif other.site != host.site and tunnel is not None:
+            found[name] = Neighbour(name, str(tunnel), None)
+    found.pop(host.name, None)
+    return tuple(found.values())
+
 
 PACKAGES = ("chrony", "fake-hwclock", "iputils-ping", "iw", "locales", "nftables", "openssh-server", "tzdata")
 """fake-hwclock keeps the time over a power cut on boards whose clock has no battery; elsewhere it does nothing.
@@ -60,10 +229,10 @@ def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
         configuration=Configuration(
             files=tuple(_files(view)),
             links=(Link("/etc/localtime", f"/usr/share/zoneinfo/{view.time_zone}"),),
-            absent=(_steps.CLOUD_INIT_ON, *(() if view.watchdog_s is not None else (_steps.WATCHDOG,))),
-            steps=_steps.STEPS,
+            absent=(CLOUD_INIT_ON, *(() if view.watchdog_s is not None else (WATCHDOG,))),
+            steps=STEPS,
             units=tuple(_units(view)),
-            checks=_steps.CHECKS,
+            checks=CHECKS,
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         ),
         network=gateway_network(declaration, host),
@@ -72,17 +241,17 @@ def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
 
 def _files(view: BaseView) -> Iterator[File]:
     yield from (
-        File(_steps.LOCALES, f"{LOCALE} UTF-8\n"),
+        File(LOCALES, f"{LOCALE} UTF-8\n"),
         File("/etc/default/locale", f"LANG={LOCALE}\n"),
-        File(_steps.HOSTNAME, f"{view.name}\n"),
+        File(HOSTNAME, f"{view.name}\n"),
         _file(view, "/etc/hosts", "hosts.j2"),
         File("/etc/timezone", f"{view.time_zone}\n"),
-        _file(view, _CHRONY, "chrony.conf.j2", _steps.ACCEPT_CHRONY),
-        _file(view, _steps.SSHD, "sshd.conf.j2", ("sshd", "-t", "-f", "%s")),
+        _file(view, _CHRONY, "chrony.conf.j2", ACCEPT_CHRONY),
+        _file(view, SSHD, "sshd.conf.j2", ("sshd", "-t", "-f", "%s")),
         _file(view, "/etc/apt/apt.conf.d/90atlantis", "apt.conf.j2", ("apt-config", "-c", "%s", "dump")),
         _file(view, _JOURNAL, "journald.conf.j2"),
-        _file(view, _steps.SYSCTL, "sysctl.conf.j2"),
-        File(_steps.CLOUD_INIT, "# atlantis: name, address and accounts are those of the declaration.\n"),
+        _file(view, SYSCTL, "sysctl.conf.j2"),
+        File(CLOUD_INIT, "# atlantis: name, address and accounts are those of the declaration.\n"),
         File(
             _FIREWALL,
             _text(view, "nftables.conf.j2"),
@@ -92,7 +261,7 @@ def _files(view: BaseView) -> Iterator[File]:
         ),
     )
     if view.watchdog_s is not None:
-        yield _file(view, _steps.WATCHDOG, "watchdog.conf.j2")
+        yield _file(view, WATCHDOG, "watchdog.conf.j2")
     if view.gps is not None:
         yield _file(view, _GPS, "gpsd.j2")
 
@@ -117,7 +286,7 @@ def _units(view: BaseView) -> Iterator[Unit]:
         Unit("systemd-timesyncd.service", enabled=False, active=False),
         Unit("chrony.service", enabled=True, active=True, after=(_CHRONY,)),
         Unit("nftables.service", enabled=True, active=True, after=(_FIREWALL,), reload=True),
-        Unit("ssh.service", after=(_steps.SSHD,), reload=True),
+        Unit("ssh.service", after=(SSHD,), reload=True),
     )
     if view.gps is not None:
         yield Unit("gpsd.service", enabled=True, active=True, after=(_GPS,))

@@ -1,28 +1,166 @@
-"""Part `gateway_ros2`: ROS 2 from the declared archive, at the declared versions, proved by a talker and a listener."""
+"""Part `gateway_ros2`: ROS 2 from the declared archive, at the declared versions, proved by a talker and a listener.
+
+The key that signs the archive comes from the inventory; it is compared and dated before any gateway is contacted.
+
+A new release of ROS 2 is a row of `RELEASES`. Nothing here is fetched. Sources, read in November 2026:
+- systems and ends of life: ros2/ros2_documentation, `Releases.rst`; where it names a month, its last day stands here;
+- the live archive and its key: ros-infrastructure/ros-apt-source, `ros-apt-source/debian/rules` and
+  `ros-apt-source/keys/ros2-archive-keyring.gpg` (made 2019-05-30, renewed 2025-04-30, good until 2030-06-01);
+- the snapshots and their key: osrf/docker_images, `ros/foxy/ubuntu/focal/ros-core/Dockerfile` and issue 697. An archive
+  called `final` exists only once a release has ended;
+- localhost only: ROS 2 manual, Improved Dynamic Discovery (since Iron).
+
+These archives were not queried from here: a run on a board shows whether they still have arm64 of focal.
+"""
 
 from __future__ import annotations
 
 import base64
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import RosMiddleware
+from atlantis_netcfg.declaration.model import RosDistribution, RosMiddleware, RosOrigin
+from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
-from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
-from atlantis_netcfg.gateway.ros_releases import ARCHITECTURES, RELEASES
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Dds, Ros2
-    from atlantis_netcfg.gateway.ros_releases import Archive, Release
 
-__all__ = ["GatewayRos2", "StandIn", "gateway_ros2"]
+__all__ = ["RELEASES", "ArchiveKey", "GatewayRos2", "StandIn", "archive_key", "gateway_ros2"]
+
+
+FOLDER = "keys"
+"""Below the inventory; public keys only."""
+_WARN = timedelta(days=60)
+
+
+@dataclass(frozen=True, slots=True)
+class ArchiveKey:
+    """A public key as apt reads it."""
+
+    content: bytes
+    """Binary, whatever the file was."""
+    fingerprint: str
+    note: str | None = None
+    """What a technician should know of it."""
+
+
+def archive_key(inventory: Path, archive: Archive, declared: str | None, now: datetime) -> ArchiveKey:
+    """Read the declared key, or the archive's own, which has to be the one that we know. Raises UsageError."""
+    name = declared or archive.key_file
+    path = inventory / FOLDER / name
+    content = _read(path, archive)
+    try:
+        found = public_keys(content)
+        packets = binary(content)
+    except NotAKey as why:
+        raise UsageError(f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch(archive)) from None
+    if len(found) != 1:
+        raise UsageError(
+            f"{FOLDER}/{name} of the inventory holds {len(found)} keys, and an archive is signed by one",
+            hint=f"gpg --export --armor {archive.fingerprint} > {path}",
+        )
+    key = found[0]
+    if declared is None and key.fingerprint != archive.fingerprint:
+        raise UsageError(
+            f"{FOLDER}/{name} of the inventory is another key: {key.fingerprint}, not {archive.fingerprint}",
+            hint=f"{_fetch(archive)}; if the archive has a new key, ask who keeps it, and declare it as `key_file`",
+        )
+    if key.expires is None:
+        return ArchiveKey(packets, key.fingerprint)
+    expires = datetime.fromtimestamp(key.expires, UTC)
+    if now >= expires:
+        raise UsageError(
+            f"the key of the archive of ROS 2 expired on {expires:%Y-%m-%d}: {FOLDER}/{name} of the inventory",
+            hint=f"{_fetch(archive)}; the same key is renewed now and then, with a later end",
+        )
+    text = f"the key of the archive of ROS 2 expires on {expires:%Y-%m-%d}: fetch the renewed one before"
+    return ArchiveKey(packets, key.fingerprint, text if now >= expires - _WARN else None)
+
+
+def _read(path: Path, archive: Archive) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        why = "is missing" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
+        raise UsageError(
+            f"the key that signs the archive of ROS 2 {why}: {FOLDER}/{path.name} of the inventory",
+            hint=_fetch(archive),
+        ) from error
+
+
+def _fetch(archive: Archive) -> str:
+    return (
+        f"fetch it where there is internet: curl -fsSL '{archive.key_url}' -o inventory/{FOLDER}/{archive.key_file}; "
+        f"its fingerprint has to be {archive.fingerprint}"
+    )
+
+
+ARCHITECTURES = ("amd64", "arm64")
+
+
+@dataclass(frozen=True, slots=True)
+class Archive:
+    """Where packages come from, and the key that signs them."""
+
+    url: str
+    key_file: str
+    """Its name below `keys` of the inventory."""
+    fingerprint: str
+    key_url: str
+    """Where a person fetches the key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """A release of ROS 2 and the Ubuntu that it is made for."""
+
+    name: str
+    codename: str
+    ends: date
+    archives: Mapping[RosOrigin, Archive]
+    alone: Mapping[str, str]
+    """Keeps a process on its computer: for the test of talker and listener, and for nothing else."""
+
+
+_LIVE = Archive(
+    url="http://packages.ros.org/ros2/ubuntu",
+    key_file="ros2-archive-keyring.gpg",
+    fingerprint="C1CF6E31E6BADE8868B172B4F42ED6FBAB17C654",
+    key_url="https://raw.githubusercontent.com/ros/rosdistro/master/ros.key",
+)
+_SNAPSHOT_KEY = "4B63CF8FDE49746E98FA01DDAD19BAB3CBF125EA"
+_FINAL_FOXY = Archive(
+    url="http://snapshots.ros.org/foxy/final/ubuntu",
+    key_file="ros-snapshots.asc",
+    fingerprint=_SNAPSHOT_KEY,
+    key_url=f"https://keyserver.ubuntu.com/pks/lookup?op=get&search=0x{_SNAPSHOT_KEY}",
+)
+_BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "1"}
+_SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+RELEASES: Mapping[RosDistribution, Release] = {
+    RosDistribution(release.name): release
+    for release in (
+        Release(
+            "foxy",
+            "focal",
+            date(2023, 6, 20),
+            {RosOrigin.LIVE: _LIVE, RosOrigin.SNAPSHOT: _FINAL_FOXY},
+            _BEFORE_IRON,
+        ),
+        Release("humble", "jammy", date(2027, 5, 31), {RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
+        Release("jazzy", "noble", date(2029, 5, 31), {RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
+    )
+}
 
 _KEYRING = "/usr/share/keyrings/ros2-archive-keyring.gpg"
 _SOURCE = "/etc/apt/sources.list.d/ros2.sources"

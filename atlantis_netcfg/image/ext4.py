@@ -14,13 +14,12 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.image._errors import ImageRefused
-from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
+from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Link, Remove
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["PROGRAMS", "Ext4", "Status", "require", "tool"]
+__all__ = ["PROGRAMS", "Ext4", "Status", "require_tools", "tool"]
 
 PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}
 """What edits an image, and the Debian packages that hold these programs."""
@@ -34,7 +33,7 @@ _CORRECTED = 1
 """Exit code of e2fsck(8): errors were corrected, such as a journal that was replayed."""
 
 
-def require(*names: str) -> None:
+def require_tools(*names: str) -> None:
     """Hold that programs of the system are installed. Raises ImageRefused with all that are not."""
     missing = [name for name in names if _found(name) is None]
     if missing:
@@ -45,7 +44,7 @@ def require(*names: str) -> None:
 
 def tool(name: str) -> str:
     """The path of a program of the system. Raises ImageRefused where it is not installed."""
-    require(name)
+    require_tools(name)
     return _found(name) or name
 
 

@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image._errors import ImageRefused
+from atlantis_netcfg.image.facts import ImageRefused
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

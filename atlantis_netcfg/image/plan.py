@@ -1,4 +1,8 @@
-"""From what a host shall be and what its image holds to the edits: a pure function, no file is touched."""
+"""From what a host shall be and what its image holds to the edits: a pure function, no file is touched.
+
+Accounts: the technicians' keys, and no password. Network: the address, in the language of the tool that configures the
+network of the image.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,216 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image import _network
-from atlantis_netcfg.image._accounts import PASSWD, SHADOW, SSHD, SSHD_PARTS, accounts
-from atlantis_netcfg.image._errors import ImageRefused
-from atlantis_netcfg.image.edits import Directory, File, Link, Remove
+from atlantis_netcfg.image.facts import Account, Directory, File, ImageRefused, Link, Remove, Seen, Wish
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.image.edits import Edit
-    from atlantis_netcfg.image.wish import Seen, Wish
+    from atlantis_netcfg.image.facts import Edit, Static
 
 __all__ = ["BOOT_WORDS", "LISTED", "READ", "asked", "notes", "plan"]
+
+
+PASSWD, SHADOW = "/etc/passwd", "/etc/shadow"
+SSHD, SSHD_PARTS = "/etc/ssh/sshd_config", "/etc/ssh/sshd_config.d"
+_OURS = f"{SSHD_PARTS}/00-atlantis.conf"
+_INCLUDE = f"Include {SSHD_PARTS}/*.conf"
+_SSHD_TEXT = """\
+# Keys only: written by `provision image`. The first value of an option counts (sshd_config(5)).
+PasswordAuthentication no
+KbdInteractiveAuthentication no
+ChallengeResponseAuthentication no
+PermitEmptyPasswords no
+PermitRootLogin prohibit-password
+PubkeyAuthentication yes
+"""
+
+
+def accounts(seen: Seen, request: Wish) -> Iterator[Edit]:
+    """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
+    account = _account(seen.text(PASSWD), request.user)
+    folder = f"{account.home.rstrip('/')}/.ssh"
+    yield Directory(folder, 0o700, account.owner)
+    keys = "".join(f"{key}\n" for key in request.keys)
+    yield File(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
+    yield from passwords(seen)
+    if SSHD not in seen.files:
+        raise ImageRefused(f"the image has no {SSHD}: nobody could log in", hint="take an image with an SSH server")
+    if SSHD_PARTS not in seen.present:
+        yield Directory(SSHD_PARTS)
+    yield File(_OURS, _SSHD_TEXT.encode())
+    text = seen.text(SSHD)
+    first = next((line.split() for line in text.splitlines() if line.split() and not line.lstrip().startswith("#")), [])
+    if first != _INCLUDE.split():
+        yield File(SSHD, f"{_INCLUDE}\n{text}".encode())
+
+
+def _account(passwd: str, name: str) -> Account:
+    rows = {row[0]: row for row in (line.split(":") for line in passwd.splitlines()) if len(row) == 7}  # noqa: PLR2004
+    row = rows.get(name)
+    if row is None:
+        people = ", ".join(item for item, row in rows.items() if row[6].endswith("sh")) or "none"
+        raise ImageRefused(f"the image has no account `{name}`", hint=f"declare `user`: the image has {people}")
+    if row[6].endswith(("nologin", "false")):
+        raise ImageRefused(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
+    return Account(name, (int(row[2]), int(row[3])), row[5] or "/", row[6])
+
+
+def unlocked(shadow: str) -> tuple[str, ...]:
+    """The accounts that a password, or none at all, would open."""
+    rows = (line.split(":") for line in shadow.splitlines())
+    return tuple(row[0] for row in rows if len(row) > 1 and not row[1].startswith(("!", "*")))
+
+
+def passwords(seen: Seen) -> Iterator[Edit]:
+    """No account has a password; `*` rather than `!`, which sshd without PAM takes for a locked account.
+
+    A password that must be changed at the first login would stand in the way of the key, so that its age goes too.
+    """
+    shadow, passwd = seen.text(SHADOW), seen.text(PASSWD)
+    rows = [line.split(":") for line in shadow.splitlines()]
+    open_ones = set(unlocked(shadow))
+    for row in rows:
+        if row[0] in open_ones:
+            row[1] = "*"
+        if len(row) > 2 and row[2] == "0":  # noqa: PLR2004 - the day of the last change: 0 forces one (shadow(5))
+            row[2] = ""
+    text = "".join(f"{':'.join(row)}\n" for row in rows)
+    if SHADOW not in seen.files:
+        raise ImageRefused(f"the image has no {SHADOW}: its passwords cannot be removed")
+    if text != shadow:
+        yield File(SHADOW, text.encode(), 0o640, (0, _group(seen, "shadow")))
+    people = [line.split(":") for line in passwd.splitlines()]
+    for row in people:
+        if len(row) > 1 and row[1] != "x":
+            row[1] = "x"  # a password, or none, in the file that everybody reads
+    message = "".join(f"{':'.join(row)}\n" for row in people)
+    if message != passwd:
+        yield File(PASSWD, message.encode())
+
+
+def _group(seen: Seen, name: str) -> int:
+    rows = (line.split(":") for line in seen.text("/etc/group").splitlines())
+    return next((int(row[2]) for row in rows if row[0] == name and len(row) > 2), 0)  # noqa: PLR2004
+
+
+NETPLAN, IFUPDOWN = "/usr/sbin/netplan", "/usr/sbin/ifup"
+_IFUPDOWN_OLD = "/sbin/ifup"
+NETWORK_MANAGER = "/usr/sbin/NetworkManager"
+NETWORKD, RESOLVED = "/lib/systemd/systemd-networkd", "/lib/systemd/systemd-resolved"
+_PLANS, _PROFILES = "/etc/netplan", "/etc/NetworkManager/system-connections"
+_PLAN = "10-atlantis.yaml"
+_PARTS = "/etc/systemd/network"
+_UNITS_OF_BOOT = "/etc/systemd/system/multi-user.target.wants"
+_RESOLV = "/etc/resolv.conf"
+PATHS = (
+    NETPLAN,
+    IFUPDOWN,
+    _IFUPDOWN_OLD,
+    NETWORK_MANAGER,
+    NETWORKD,
+    RESOLVED,
+    _PLANS,
+    _PROFILES,
+    _PARTS,
+    _UNITS_OF_BOOT,
+    _RESOLV,
+)
+"""What the planner asks about."""
+_SAID = "# Written by `provision image`."
+
+
+def network(seen: Seen, request: Wish) -> Iterator[Edit]:
+    """One wired interface, with a fixed address or DHCP. Raises ImageRefused where nothing would configure it."""
+    if NETPLAN in seen.present:
+        others = (name for name in seen.listed.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
+        yield from (Remove(f"{_PLANS}/{name}") for name in others)
+        yield from _folder(seen, _PLANS)
+        yield File(f"{_PLANS}/{_PLAN}", _netplan(request).encode(), 0o600)
+    elif {IFUPDOWN, _IFUPDOWN_OLD} & seen.present:
+        if not request.interface:
+            raise ImageRefused(
+                "the image configures its network by ifupdown, which needs the interface's name",
+                hint="declare `interface` of the host's image, like eth0",
+            )
+        yield File("/etc/network/interfaces", _interfaces(request).encode())
+    elif NETWORK_MANAGER in seen.present:
+        yield from _folder(seen, _PROFILES)
+        yield File(f"{_PROFILES}/atlantis.nmconnection", _profile(request).encode(), 0o600)
+    elif NETWORKD in seen.present:
+        yield from _folder(seen, _PARTS)
+        yield from _folder(seen, _UNITS_OF_BOOT)
+        yield File(f"{_PARTS}/05-atlantis.network", _networkd(request).encode())
+        yield Link(
+            f"{_UNITS_OF_BOOT}/systemd-networkd.service",
+            f"{NETWORKD.rpartition('/')[0]}/system/systemd-networkd.service",
+        )
+    else:
+        raise ImageRefused(
+            "nothing in the image would set its address: no netplan, ifupdown, NetworkManager or systemd-networkd"
+        )
+    if request.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
+        yield File(_RESOLV, f"{_SAID}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode())
+
+
+def _folder(seen: Seen, path: str) -> Iterator[Edit]:
+    if path not in seen.present:
+        yield Directory(path)
+
+
+def _netplan(request: Wish) -> str:
+    rows = [_SAID, "network:", "  version: 2", "  ethernets:", "    lan:", f"      match: {{name: {_match(request)}}}"]
+    if request.static is None:
+        rows.append("      dhcp4: true")
+    else:
+        rows += [
+            "      dhcp4: false",
+            f"      addresses: [{request.static.address}]",
+            f"      routes: [{{to: 0.0.0.0/0, via: {request.static.gateway}}}]",
+            f"      nameservers: {{addresses: [{request.static.gateway}], search: [{request.static.domain}]}}",
+        ]
+    return "".join(f"{row}\n" for row in rows)
+
+
+def _match(request: Wish) -> str:
+    return request.interface or '"e*"'
+
+
+def _interfaces(request: Wish) -> str:
+    name = request.interface
+    start = f"{_SAID}\nauto lo\niface lo inet loopback\n\nallow-hotplug {name}\n"
+    if request.static is None:
+        return f"{start}iface {name} inet dhcp\n"
+    return (
+        f"{start}iface {name} inet static\n"
+        f"    address {request.static.address}\n    gateway {request.static.gateway}\n"
+        f"    dns-nameservers {request.static.gateway}\n    dns-search {request.static.domain}\n"
+    )
+
+
+def _profile(request: Wish) -> str:
+    name = f"interface-name={request.interface}\n" if request.interface else ""
+    return (
+        f"{_SAID}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n{name}\n{_ipv4(request.static)}"
+    )
+
+
+def _ipv4(static: Static | None) -> str:
+    if static is None:
+        return "[ipv4]\nmethod=auto\n"
+    return (
+        f"[ipv4]\nmethod=manual\naddress1={static.address},{static.gateway}\n"
+        f"dns={static.gateway};\ndns-search={static.domain};\n"
+    )
+
+
+def _networkd(request: Wish) -> str:
+    start = f"{_SAID}\n[Match]\nName={request.interface or 'e*'}\n\n[Network]\n"
+    if request.static is None:
+        return f"{start}DHCP=ipv4\n"
+    address, gateway, domain = request.static.address, request.static.gateway, request.static.domain
+    return f"{start}Address={address}\nGateway={gateway}\nDNS={gateway}\nDomains={domain}\n"
+
 
 _HOSTS = "/etc/hosts"
 _MACHINE_ID, _DBUS_ID = "/etc/machine-id", "/var/lib/dbus/machine-id"
@@ -45,7 +247,7 @@ def asked(request: Wish) -> tuple[str, ...]:
     """The paths of which it needs to know whether they exist."""
     zone = f"{_ZONES}/{request.time_zone}"
     return (
-        *_network.PATHS,
+        *PATHS,
         *_FOLDERS,
         SSHD_PARTS,
         _CHRONY,
@@ -64,7 +266,7 @@ def plan(seen: Seen, request: Wish) -> tuple[Edit, ...]:
         *(Directory(path) for path in _FOLDERS if path not in seen.present),
         *_identity(seen, request),
         *accounts(seen, request),
-        *_network.network(seen, request),
+        *network(seen, request),
         *_time(seen, request),
         *_first_boot(request),
         *_no_cloud_init(seen),

@@ -1,27 +1,106 @@
 """From the vendor's file to a sparse working copy: checksum, xz or gz or raw, block map; memory stays small.
 
 One pass over the file: its bytes are hashed as they are read. The checksum is compared before the copy is used.
+
+A block map beside an image says which blocks matter, with a checksum of each range. Format: bmap-tools, versions 1.3 to
+2.0 (XML; `BmapFileChecksum` is taken over the file with that checksum as zeros). `segments` are the parts that a card
+must hold: data, zeros, and, where a block map says so, parts that do not matter.
 """
 
 from __future__ import annotations
 
+import errno
 import gzip
 import hashlib
 import io
 import lzma
+import os
 import re
 import zlib
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import IO, TYPE_CHECKING, cast
+from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.image import bmap
-from atlantis_netcfg.image._errors import ImageRefused
+from atlantis_netcfg.image.facts import ImageRefused
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-__all__ = ["Checksum", "Expanded", "checksum", "expand"]
+__all__ = ["Checksum", "Expanded", "Kind", "Segment", "checksum", "expand", "segments"]
+
+
+_MOST = 16 * 2**20
+"""Bytes of a map file that is still read."""
+_HINT = "fetch it again, or move it away: without it every block of the image is written"
+
+
+@dataclass(frozen=True, slots=True)
+class MappedRange:
+    """Bytes that matter, and their checksum in hex; empty where the map has none."""
+
+    start: int
+    end: int
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Bmap:
+    """A block map."""
+
+    size: int
+    """Of the image, in bytes."""
+    algorithm: str
+    """As hashlib names it."""
+    ranges: tuple[MappedRange, ...]
+
+
+def beside(image: Path) -> Path | None:
+    """The map that lies beside an image: `x.img.bmap`, or `x.img.xz.bmap`, for `x.img.xz`."""
+    names = dict.fromkeys((f"{image.name}.bmap", f"{image.name.removesuffix('.xz').removesuffix('.gz')}.bmap"))
+    return next((image.with_name(name) for name in names if image.with_name(name).is_file()), None)
+
+
+def read(path: Path) -> Bmap:
+    """Read a map. Raises ImageRefused where it is damaged or not understood."""
+    if path.stat().st_size > _MOST:
+        raise ImageRefused(f"{path}: too large for a block map", hint=_HINT)
+    text = path.read_bytes()
+    try:
+        return _understood(text)
+    except (ValueError, ET.ParseError) as error:
+        raise ImageRefused(f"{path}: damaged or no block map: {error}", hint=_HINT) from error
+
+
+def _understood(text: bytes) -> Bmap:
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ValueError("it declares entities")
+    root = ET.fromstring(text)  # noqa: S314 - bounded in size, and entities are refused above
+    algorithm = (root.findtext("ChecksumType") or "sha256").strip().lower()
+    if algorithm not in {"sha256", "sha512"}:
+        raise ValueError(f"checksums by `{algorithm}` are not known")
+    _hold(text, (root.findtext("BmapFileChecksum") or "").strip(), algorithm)
+    block, size = int(root.findtext("BlockSize") or ""), int(root.findtext("ImageSize") or "")
+    if root.tag != "bmap" or block <= 0 or size <= 0:
+        raise ValueError("it has no sizes")
+    return Bmap(size, algorithm, tuple(_range(element, block, size) for element in root.iterfind("BlockMap/Range")))
+
+
+def _hold(text: bytes, digest: str, algorithm: str) -> None:
+    if digest and hashlib.new(algorithm, text.replace(digest.encode(), b"0" * len(digest))).hexdigest() != digest:
+        raise ValueError("its own checksum is wrong")
+
+
+def _range(element: ET.Element, block: int, size: int) -> MappedRange:
+    if not (found := re.fullmatch(r"\s*(\d+)(?:\s*-\s*(\d+))?\s*", element.text or "")):
+        raise ValueError(f"`{element.text}` is no range")
+    first = int(found[1])
+    last = int(found[2]) if found[2] else first
+    if last < first or first * block >= size:
+        raise ValueError(f"the range {first}-{last} is not in the image")
+    return MappedRange(first * block, min((last + 1) * block, size), element.get("chksum") or "")
+
 
 _PIECE = 64 * 2**10
 """Bytes that become a hole of the working copy where they are all zero."""
@@ -154,15 +233,15 @@ def _pour(image: Path, hashed: _Hashed, out: _Sparse) -> None:
             pass
 
 
-def _map_of(image: Path) -> bmap.Bmap | None:
-    place = bmap.beside(image)
-    return bmap.read(place) if place is not None else None
+def _map_of(image: Path) -> Bmap | None:
+    place = beside(image)
+    return read(place) if place is not None else None
 
 
 class _Sparse:
     """The working copy: zeros, and what a block map leaves out, become holes."""
 
-    def __init__(self, file: IO[bytes], known: bmap.Bmap | None) -> None:
+    def __init__(self, file: IO[bytes], known: Bmap | None) -> None:
         self._file = file
         self._map = known
         self._at = 0
@@ -202,7 +281,7 @@ class _Sparse:
                 return
             self._end_range(mapped_range)
 
-    def _end_range(self, mapped_range: bmap.MappedRange) -> None:
+    def _end_range(self, mapped_range: MappedRange) -> None:
         self._rest.pop(0)
         if self._map is None or self._digest is None:
             return
@@ -222,3 +301,87 @@ class _Sparse:
             )
         self._file.truncate(-(-self._at // _PADDED) * _PADDED)
         return self._at
+
+
+_ALIGN = 4096
+Span = tuple[int, int]
+"""First byte, and the byte after the last."""
+
+
+class Kind(Enum):
+    """What stands in a segment."""
+
+    DATA = auto()
+    ZERO = auto()
+    """Nothing but zero bytes, which count: what the card held before must not shine through."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Bytes of an image that a card must hold."""
+
+    start: int
+    end: int
+    kind: Kind
+
+    @property
+    def size(self) -> int:
+        """In bytes."""
+        return self.end - self.start
+
+
+def segments(image: Path, size: int, mapped: Iterable[Span] | None = None) -> tuple[Segment, ...]:
+    """The segments of a sparse image file, in order, apart from each other.
+
+    A hole of the file is zeros. With `mapped` (of a bmap file) a hole outside of it does not matter and has no segment;
+    what was written there since, by customising, is data nevertheless. Where a file system knows no holes, all is data.
+    """
+    data = _joined(_data(image, size), size)
+    desired = [(0, size)] if mapped is None else _joined([*mapped, *data], size)
+    found = [Segment(start, end, Kind.DATA) for start, end in data]
+    found += [Segment(start, end, Kind.ZERO) for start, end in _without(desired, data)]
+    return tuple(sorted(found, key=lambda each: each.start))
+
+
+def _data(image: Path, size: int) -> Iterator[Span]:
+    descriptor = os.open(image, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        end = 0
+        while end < size:
+            try:
+                start = os.lseek(descriptor, end, os.SEEK_DATA)
+            except OSError as error:
+                if error.errno == errno.ENXIO:  # nothing but a hole to the end
+                    return
+                raise
+            end = min(os.lseek(descriptor, start, os.SEEK_HOLE), size)
+            yield start, end
+    finally:
+        os.close(descriptor)
+
+
+def _joined(spans: Iterable[Span], size: int) -> list[Span]:
+    """Widened to whole blocks of 4 KiB (the end of the image excepted), sorted, and joined where they touch."""
+    found: list[Span] = []
+    for start, end in sorted(spans):
+        first, last = start // _ALIGN * _ALIGN, min(-(-end // _ALIGN) * _ALIGN, size)
+        if found and first <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], last))
+        elif first < last:
+            found.append((first, last))
+    return found
+
+
+def _without(spans: Iterable[Span], taken: Iterable[Span]) -> Iterator[Span]:
+    """What is left of the spans; both are sorted and joined."""
+    rest = list(taken)
+    for start, end in spans:
+        at = start
+        for first, last in rest:
+            if last <= at or first >= end:
+                continue
+            if first > at:
+                yield at, first
+            at = max(at, last)
+        if at < end:
+            yield at, end

@@ -31,7 +31,7 @@ from atlantis_netcfg.emulator.routeros import (
     spawn,
 )
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import RehearsedComputers, rehearsed_computers
+from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.lte import is_unit

@@ -15,7 +15,7 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed

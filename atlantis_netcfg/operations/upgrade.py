@@ -39,10 +39,10 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import gate, link_of, unpaid
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode as Asked
-from atlantis_netcfg.packages import Installed, Package, Upgrade, plan, read_npk
 from atlantis_netcfg.routeros.api import Command, Session, SessionLost
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.estimate import beforehand
+from atlantis_netcfg.routeros.packages import Installed, Package, Upgrade, plan, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,10 +53,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.packages import Npk
     from atlantis_netcfg.routeros.api import Endpoint, Reply
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, SshEndpoint
     from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.routeros.packages import Npk
 
 __all__ = [
     "REBOOTED_WITHIN_S",

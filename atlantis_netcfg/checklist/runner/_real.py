@@ -12,7 +12,7 @@ from atlantis_netcfg.checklist.runner._router import Routers
 from atlantis_netcfg.checklist.runner.no_result import all_unanswered
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, ignore
-from atlantis_netcfg.operations.computers import is_gateway
+from atlantis_netcfg.operations.computers._access import is_gateway
 from atlantis_netcfg.operations.request import refuse_examples
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswere
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
-from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.links.look import look, session_to
 from atlantis_netcfg.operations.links.session import command, rows

@@ -11,7 +11,7 @@ from atlantis_netcfg.checklist.probes.agent import batch, program
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers import is_computer, is_gateway
+from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
 from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
 from atlantis_netcfg.operations.request import Mode
 

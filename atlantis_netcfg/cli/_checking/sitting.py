@@ -28,7 +28,7 @@ from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage, ignore
-from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.request import refuse_examples
 
 if TYPE_CHECKING:

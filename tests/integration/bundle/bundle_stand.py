@@ -5,26 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle import (
-    HostWish,
-    Key,
-    Keys,
-    Manifest,
-    Order,
-    Purpose,
-    Size,
-    Source,
-    Wished,
-    make,
-    read_target,
-)
+from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.requirements import HostWish, Key, Source, Wished, read_target
+from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bundle import Library
+    from atlantis_netcfg.bundle.manifest import Manifest
+    from atlantis_netcfg.bundle.requirements import Library
     from atlantis_netcfg.emulator.lab.stubs import Archive
 
 HOST = "coastal-gateway"

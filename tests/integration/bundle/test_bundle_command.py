@@ -27,8 +27,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, ImageLayout
 from atlantis_netcfg.emulator.lab.stubs import publish
-from atlantis_netcfg.operations.bundle import wish_of
-from atlantis_netcfg.operations.bundle._target import from_image
+from atlantis_netcfg.operations.bundle import from_image, wish_of
 from atlantis_netcfg.operations.request import Request
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from bundle_stand import HOST, Laptop
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
-from atlantis_netcfg.bundle import BundleRefused, Library, open_bundle
+from atlantis_netcfg.bundle.open import open_bundle
+from atlantis_netcfg.bundle.requirements import BundleRefused, Library
 from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.bundle import Manifest
+    from atlantis_netcfg.bundle.manifest import Manifest
 
 TOKEN = "glpat-not-to-be-seen"
 

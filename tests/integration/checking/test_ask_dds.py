@@ -15,8 +15,8 @@ from typing import IO, TYPE_CHECKING
 import pytest
 from own_asked import GATEWAY, check, findings, inside
 
-from atlantis_netcfg.dds import profile_views, profiles
 from atlantis_netcfg.declaration import load
+from atlantis_netcfg.gateway.dds import profile_views, profiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

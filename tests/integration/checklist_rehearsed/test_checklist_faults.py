@@ -19,7 +19,7 @@ from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.operations import Mode
-from atlantis_netcfg.operations.computers import is_computer
+from atlantis_netcfg.operations.computers._access import is_computer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -21,15 +21,15 @@ from typing import TYPE_CHECKING
 import pytest
 from dds_stand import CENTRE, DEFAULT_DOMAIN, GATEWAY, Participant, Stand, Tunnelled, routed, speak, tunnelled
 
-from atlantis_netcfg.dds import GAP_S, profile_views, profiles
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
+from atlantis_netcfg.gateway.dds import GAP_S, profile_views, profiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.dds import ProfileView
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.gateway.dds import ProfileView
 
 PROGRAMS = Path(__file__).with_name("programs")
 SHIPPED = Path(__file__).parents[3] / "inventory"

@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import tree, why_not, yard
-from atlantis_netcfg.operations.computers import tree_spec
+from atlantis_netcfg.operations.computers._emulation import tree_spec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

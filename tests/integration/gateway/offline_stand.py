@@ -16,14 +16,17 @@ from typing import TYPE_CHECKING, Any
 
 from gateway_stand import ROUTER, Key, gateway_tree
 
-from atlantis_netcfg.bundle import HostWish, Keys, Manifest, Order, Purpose, Source, Wished, make, read_target
-from atlantis_netcfg.bundle import Key as ArchiveKey
+from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.requirements import HostWish, Source, Wished, read_target
+from atlantis_netcfg.bundle.requirements import Key as ArchiveKey
+from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.bundle import Library
+    from atlantis_netcfg.bundle.manifest import Manifest
+    from atlantis_netcfg.bundle.requirements import Library
     from atlantis_netcfg.emulator.lab import Machine
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -8,7 +8,7 @@ import pytest
 from gateway_stand import ground, machine, technician
 from offline_stand import CUT, Quay, install, told
 
-from atlantis_netcfg.bundle import bytes_to_carry, open_bundle
+from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.emulator.lab.stubs import StandIn
 
 if TYPE_CHECKING:

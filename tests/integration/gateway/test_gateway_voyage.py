@@ -16,7 +16,10 @@ from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
-from atlantis_netcfg.bundle import Keys, Order, Purpose, make, open_bundle, read_target
+from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.open import open_bundle
+from atlantis_netcfg.bundle.requirements import read_target
+from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.bundle import Manifest
+    from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.declaration import Declaration
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.image import BlockTree
+from atlantis_netcfg.image.blocks import BlockTree
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

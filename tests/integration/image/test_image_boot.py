@@ -23,8 +23,13 @@ import pytest
 from blocks_fake import Tree, loop
 from image_made import ROOT_AT, disk, run
 
-from atlantis_netcfg.image import LAYOUTS, Card, Static, Wish, admit, customise, expand, segments, write
+from atlantis_netcfg.image.blocks import admit
+from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.facts import Static, Wish
+from atlantis_netcfg.image.layouts import LAYOUTS
+from atlantis_netcfg.image.source import expand, segments
+from atlantis_netcfg.image.writer import Card, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

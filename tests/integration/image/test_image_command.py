@@ -17,7 +17,7 @@ from image_made import ROOT_AT, disk, tree
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.image import customise
+from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ def test_programs_that_are_missing_are_told_before_anything_is_unpacked(
     def unpacked(*_given: object) -> None:
         raise AssertionError("it was unpacked")
 
-    monkeypatch.setattr("atlantis_netcfg.operations.image._make.expand", unpacked)
+    monkeypatch.setattr("atlantis_netcfg.operations.image.expand", unpacked)
     monkeypatch.setattr("shutil.which", lambda name, **_more: "/bin/x" if name == "e2fsck" else None)
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 3
@@ -182,7 +182,7 @@ def test_a_card_that_was_changed_while_the_image_was_made(desk: Desk, monkeypatc
         (desk.tree.sys / "dev" / "block" / desk.card.number / "diskseq").write_text("8\n")
         return real(*given)  # type: ignore[arg-type] # passed on as it came
 
-    monkeypatch.setattr("atlantis_netcfg.operations.image._make.customise", swapped)
+    monkeypatch.setattr("atlantis_netcfg.operations.image.customise", swapped)
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 3
     assert "has changed since it was shown, and nothing was written" in err
@@ -220,7 +220,7 @@ def test_stopped_before_a_card_was_touched(desk: Desk, monkeypatch: pytest.Monke
     def stopped(*_given: object) -> tuple[str, ...]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("atlantis_netcfg.operations.image._make.customise", stopped)
+    monkeypatch.setattr("atlantis_netcfg.operations.image.customise", stopped)
     code, _, err = desk.type(f"to={desk.card.device}", f"serial={SERIAL}", "--yes")
     assert code == 4
     assert "no card was touched" in err

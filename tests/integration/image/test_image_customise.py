@@ -14,9 +14,10 @@ from pathlib import Path
 import pytest
 from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
-from atlantis_netcfg.image import LAYOUTS, ImageRefused, Static, Wish, customise
-from atlantis_netcfg.image.edits import Edit, File, Remove
+from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.facts import Edit, File, ImageRefused, Remove, Static, Wish
+from atlantis_netcfg.image.layouts import LAYOUTS
 
 WISH = Wish(
     host="coastal-gateway",

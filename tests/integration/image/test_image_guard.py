@@ -10,8 +10,8 @@ import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.image import BlockTree, Bus, DeviceRefused, admit, confirmed
-from atlantis_netcfg.image.guard import same
+from atlantis_netcfg.image.blocks import BlockTree, Bus, admit, confirmed, same
+from atlantis_netcfg.image.facts import DeviceRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,19 +14,10 @@ import pytest
 from blocks_fake import LoopCard, Tree, loop
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.image import (
-    Card,
-    CardUnfinished,
-    DeviceRefused,
-    Kind,
-    Progress,
-    Segment,
-    Step,
-    Written,
-    admit,
-    segments,
-    write,
-)
+from atlantis_netcfg.image.blocks import admit
+from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
+from atlantis_netcfg.image.source import Kind, Segment, segments
+from atlantis_netcfg.image.writer import Card, Progress, Step, Written, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -133,7 +124,9 @@ from pathlib import Path
 sys.path[:0] = sys.argv[4:]
 from blocks_fake import LoopCard
 from test_image_writer import SIZE, shown
-from atlantis_netcfg.image import Step, segments, write
+from atlantis_netcfg.image.writer import Step
+from atlantis_netcfg.image.source import segments
+from atlantis_netcfg.image.writer import write
 image, device, file = map(Path, sys.argv[1:4])
 status = device.stat().st_rdev
 card = LoopCard(device, file, f"{os.major(status)}:{os.minor(status)}")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from npk_files import MAGIC, contents, info, part, write
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.packages import NotAPackage, read_npk
+from atlantis_netcfg.routeros.packages import NotAPackage, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Callable

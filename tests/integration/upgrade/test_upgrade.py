@@ -17,9 +17,9 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
 from atlantis_netcfg.operations.upgrade import Upgrading, Waiting
-from atlantis_netcfg.packages import UpgradeRefused, read_npk
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
+from atlantis_netcfg.routeros.packages import UpgradeRefused, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -17,7 +17,7 @@ from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.upgrade import Prepared, _cost
-from atlantis_netcfg.packages import Upgrade, read_npk
+from atlantis_netcfg.routeros.packages import Upgrade, read_npk
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration

@@ -18,9 +18,9 @@ import pytest
 from matrix_papers import guest, host
 from matrix_stand import CENTRE, vpn
 
-from atlantis_netcfg.dds import profile_views, profiles
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import DdsPeer
+from atlantis_netcfg.gateway.dds import profile_views, profiles
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 

@@ -23,7 +23,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import tree, why_not, yard
 from atlantis_netcfg.emulator.lab._namespaces import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.operations.computers import tree_spec
+from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.init_authority import server_names
 from atlantis_netcfg.vpn.authority import Authority, Delivered, Wish
 from atlantis_netcfg.vpn.authority import _sealed as sealed

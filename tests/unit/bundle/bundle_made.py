@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bundle import HostWish, Keys, Library, Manifest, Wished
-from atlantis_netcfg.bundle.manifest import File, HeldLibrary, HostPart, content_id
+from atlantis_netcfg.bundle.manifest import File, HeldLibrary, HostPart, Manifest, content_id
+from atlantis_netcfg.bundle.requirements import HostWish, Library, Wished
+from atlantis_netcfg.bundle.signing import Keys
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING
 import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
-from atlantis_netcfg.bundle import BundleRefused, Keys, Wished, bytes_to_carry, open_bundle
+from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
+from atlantis_netcfg.bundle.requirements import BundleRefused, Wished
+from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle import HostWish
+    from atlantis_netcfg.bundle.requirements import HostWish
     from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["folder", "keys", "signer"]

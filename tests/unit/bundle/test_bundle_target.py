@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bundle import BundleRefused, archive, read_target
+from atlantis_netcfg.bundle.requirements import BundleRefused, read_target
+from atlantis_netcfg.bundle.resolve import archive
 from atlantis_netcfg.bundle.signing import Keys
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.bundle import Key, Library, Source, Wished
+from atlantis_netcfg.bundle.requirements import Key, Library, Source, Wished
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of

@@ -14,11 +14,11 @@ from hints_said import advised, said
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_run, apt_words
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import Converge
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.bundle import Keys
+from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.operations import bundle as _make
 from atlantis_netcfg.operations import bundle as bundling
-from atlantis_netcfg.operations.bundle import _make
-from atlantis_netcfg.operations.computers._result import ComputerResult
+from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.routeros.apply import Status
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle import Manifest
+    from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["folder", "keys", "signer"]

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.dds import profile_views, profiles
 from atlantis_netcfg.declaration import load
+from atlantis_netcfg.gateway.dds import profile_views, profiles
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.dds import ProfileView
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Dds
+    from atlantis_netcfg.gateway.dds import ProfileView
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 

@@ -11,7 +11,7 @@ import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, RosDistribution
-from atlantis_netcfg.operations.computers.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
+from atlantis_netcfg.gateway.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 

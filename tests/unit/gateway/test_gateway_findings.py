@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.operations.computers._result import ComputerResult
+from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode
 from atlantis_netcfg.report.drift import DriftReport
 from atlantis_netcfg.routeros.apply import Status

@@ -14,8 +14,8 @@ import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import InteropService
+from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.interop import SERVICE, gateway_interop
-from atlantis_netcfg.operations.computers.dds import gateway_dds
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration

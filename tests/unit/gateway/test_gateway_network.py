@@ -9,11 +9,10 @@ import pytest
 from network_pilots import coast
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import OURS, same
-from atlantis_netcfg.gateway import gateway_base
+from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.network import gateway_network
-from atlantis_netcfg.image.edits import File
+from atlantis_netcfg.image.facts import File, Seen
 from atlantis_netcfg.image.plan import plan
-from atlantis_netcfg.image.wish import Seen
 from atlantis_netcfg.operations.image import wish_of
 
 GOLDEN = Path(__file__).parent / "golden"

@@ -14,9 +14,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
 from atlantis_netcfg.emulator.lab.stubs import Archive, publish
-from atlantis_netcfg.gateway.ros2 import GatewayRos2, StandIn, gateway_ros2
-from atlantis_netcfg.gateway.ros_key import ArchiveKey, archive_key
-from atlantis_netcfg.gateway.ros_releases import RELEASES
+from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.gateway import GatewayBase, gateway_base
+from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 GATEWAY = "coastal-gateway"

@@ -8,10 +8,8 @@ from ipaddress import IPv4Address, IPv4Interface
 import pytest
 import yaml
 
-from atlantis_netcfg.image import ImageRefused, Static, Wish
-from atlantis_netcfg.image.edits import Directory, Edit, File, Link, Remove
+from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Link, Remove, Seen, Static, Wish
 from atlantis_netcfg.image.plan import notes, plan
-from atlantis_netcfg.image.wish import Seen
 
 STATIC = Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
 WISH = Wish(

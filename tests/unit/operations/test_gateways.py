@@ -14,9 +14,9 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.journal import SiteBusy, Store
-from atlantis_netcfg.operations.computers import Watch, _watch, perform
-from atlantis_netcfg.operations.computers._fetching import fetching, narrowed
-from atlantis_netcfg.operations.computers.parts import PARTS
+from atlantis_netcfg.operations.computers import _watch
+from atlantis_netcfg.operations.computers._watch import Watch
+from atlantis_netcfg.operations.computers.parts import PARTS, fetching, narrowed, perform
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.site_run import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines

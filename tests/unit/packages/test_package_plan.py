@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.packages import Installed, Npk, Package, Upgrade, UpgradeRefused, plan
+from atlantis_netcfg.routeros.packages import Installed, Npk, Package, Upgrade, UpgradeRefused, plan
 
 MIB = 1024 * 1024
 

@@ -20,7 +20,7 @@ from atlantis_netcfg.cli import _session, _vpn, main
 from atlantis_netcfg.cli._playbook import Outcome
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.computers._result import ComputerResult
+from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
 from atlantis_netcfg.vpn.authority import Authority

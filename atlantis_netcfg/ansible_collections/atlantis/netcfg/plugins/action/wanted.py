@@ -22,7 +22,7 @@ class ActionModule(Door):
     @staticmethod
     def perform(requested: Asked) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
-        from atlantis_netcfg.operations.computers import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.computers.parts import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         return perform(
             requested.inventory, requested.hosts, requested.request, requested.part, plan_only=requested.plan_only

@@ -15,7 +15,7 @@ from ansible.plugins.callback import CallbackBase
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import inventory_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.operations.computers import Watch
+    from atlantis_netcfg.operations.computers._watch import Watch
 
 DOCUMENTATION = """
 name: computers
@@ -53,7 +53,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         over = {name for pattern in play.hosts for name in pattern.split(":")}
         if self._watch is not None or not over.intersection(GROUPS) or not hosts:
             return
-        from atlantis_netcfg.operations.computers import Watch  # noqa: PLC0415 - Ansible imports every plugin
+        from atlantis_netcfg.operations.computers._watch import Watch  # noqa: PLC0415 - Ansible imports every plugin
         from atlantis_netcfg.operations.play_control import when_cut_off  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.request import Request, consent  # noqa: PLC0415 - as above
 

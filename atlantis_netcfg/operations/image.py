@@ -1,43 +1,132 @@
-"""Make the image of a host, and put it on a card or into a file."""
+"""Images of gateway computers: from the declaration to an image, on a card or in a file, and a record of it.
+
+The record is `<state>/real/<site>/images/<UTC time>-<host>.json`, one file a card. It is on disk before the first byte
+is written, with `outcome` `writing`: one that still says so is of a card that was interrupted, which does not boot. No
+secret is in it.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime
+from ipaddress import IPv4Interface
+from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg import __version__
+from atlantis_netcfg.core import paths, temporary
+from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.image import (
-    Card,
-    Expanded,
-    ImageRefused,
-    Kind,
-    Meter,
-    Progress,
-    Step,
-    Written,
-    checksum,
-    customise,
-    expand,
-    segments,
-    write,
-)
-from atlantis_netcfg.image.ext4 import PROGRAMS, require
-from atlantis_netcfg.operations.image._receipt import Receipt, image_told
-from atlantis_netcfg.operations.image._wish import layout_of, wish_of
+from atlantis_netcfg.declaration.model import AddressBy, Gateway
+from atlantis_netcfg.image.customise import customise
+from atlantis_netcfg.image.ext4 import PROGRAMS, require_tools
+from atlantis_netcfg.image.facts import ImageRefused, Static, Wish
+from atlantis_netcfg.image.layouts import LAYOUTS, Layout
+from atlantis_netcfg.image.source import Expanded, Kind, checksum, expand, segments
+from atlantis_netcfg.image.writer import Card, Meter, Progress, Step, Written, write
+from atlantis_netcfg.journal import Store, write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Image
+    from atlantis_netcfg.image.blocks import Disk
 
-__all__ = ["Made", "Order", "made"]
+
+@dataclass(slots=True)
+class Receipt:
+    """One file, written anew at each step."""
+
+    path: Path
+    content: dict[str, Any]
+
+    @classmethod
+    def of(cls, state: Path, declaration: Declaration, host: Host, image: Mapping[str, str]) -> Receipt:
+        """A receipt that is not yet on disk."""
+        began = datetime.now(UTC)
+        folder = paths.private_directory(Store(state).root / host.site / "images")
+        path = folder / f"{began:%Y%m%dT%H%M%S.%fZ}-{host.name}.json"
+        about = {"host": host.name, "site": host.site, "revision": declaration.revision, "tool": __version__}
+        return cls(path, {**about, "image": dict(image), "began": began.isoformat()})
+
+    @contextmanager
+    def writing(self, disk: Disk) -> Iterator[None]:
+        """Keep what begins, and how it ended if it failed."""
+        values = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
+        self._keep(device=values, outcome="writing")
+        try:
+            yield
+        except NetcfgError as error:
+            self._keep(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
+            raise
+
+    def written(self, written: Written) -> None:
+        """Keep what was read back."""
+        counts = {
+            "data": written.data,
+            "cleared": written.cleared,
+            "skipped": written.skipped,
+            "compared": written.compared,
+            "seconds": round(written.seconds, 3),
+        }
+        self._keep(outcome="written", bytes=counts, ended=datetime.now(UTC).isoformat())
+
+    def _keep(self, **more: object) -> None:
+        self.content |= more
+        write_atomically(self.path, f"{json.dumps(self.content, indent=1, ensure_ascii=False)}\n".encode())
+
+
+def image_told(name: str, expanded: Expanded) -> dict[str, str]:
+    """The vendor's file in a receipt."""
+    return {"name": name, "sha256": expanded.sha256, "confirmed_by": expanded.told_by or "nobody"}
+
+
+def _image_of(host: Host) -> tuple[Gateway, Image]:
+    device = host.device
+    if not isinstance(device, Gateway):
+        raise UsageError(
+            f"`{host.name}` is a {device.kind.replace('_', ' ')}: cards are made for gateway computers",
+            hint="name a host of group `gateways`",
+        )
+    if device.image is None:
+        raise UsageError(
+            f"host_vars/{host.name}.yml does not say what goes into the image of `{host.name}`",
+            hint="add `image: {layout: odroid-n2, ssh_keys: [ssh-ed25519 …]}` to its `device`",
+        )
+    return device, device.image
+
+
+def layout_of(host: Host) -> Layout:
+    """How the host's image is laid out. Raises UsageError where no card is made for the host."""
+    return LAYOUTS[_image_of(host)[1].layout]
+
+
+def wish_of(declaration: Declaration, host: Host, source: str) -> Wish:
+    """What the host's image shall become; `source` names the vendor's file. Raises UsageError as `layout_of`."""
+    device, image = _image_of(host)
+    lan, pilot = declaration.sites[host.site].lan, declaration.pilot
+    static = None
+    if image.address_by is AddressBy.STATIC:
+        address = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
+        static = Static(address, lan.gateway, lan.domain)
+    return Wish(
+        host=host.name,
+        site=host.site,
+        user=image.user,
+        keys=image.ssh_keys,
+        static=static,
+        interface=image.interface or LAYOUTS[image.layout].interface,
+        time_zone=pilot.time_zone,
+        time_servers=tuple(server.address for server in pilot.time_servers),
+        source=source,
+    )
+
 
 _STAGES = {
     Step.UNPACKING: Stage.OBSERVED,
@@ -68,7 +157,7 @@ class Order:
         if not self.image.is_file():
             raise ImageRefused(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
         checksum(self.image, self.sha256)
-        require(*PROGRAMS)
+        require_tools(*PROGRAMS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,30 @@
-"""What an image shall become, and what was found in it: the two inputs of the planner."""
+"""Value objects of an image: what it shall become, what was found in it, the edits between, and how making it fails."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from ipaddress import IPv4Address, IPv4Interface
 
-__all__ = ["Account", "Seen", "Static", "Wish"]
+__all__ = [
+    "Account",
+    "CardUnfinished",
+    "DeviceRefused",
+    "Directory",
+    "Edit",
+    "File",
+    "ImageRefused",
+    "Link",
+    "Remove",
+    "Seen",
+    "Static",
+    "Wish",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,3 +84,53 @@ class Seen:
     def text(self, path: str) -> str:
         """A file's text; empty where there is none."""
         return self.files.get(path, "")
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """Write a regular file; one that is there is replaced."""
+
+    path: str
+    content: bytes
+    mode: int = 0o644
+    owner: tuple[int, int] = (0, 0)
+    """User and group by number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Directory:
+    """Make a directory where there is none, or correct its mode and owner."""
+
+    path: str
+    mode: int = 0o755
+    owner: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A symbolic link; a file or link that is there is replaced."""
+
+    path: str
+    target: str
+
+
+@dataclass(frozen=True, slots=True)
+class Remove:
+    """Remove a file or link."""
+
+    path: str
+
+
+Edit = File | Directory | Link | Remove
+
+
+class ImageRefused(UsageError):
+    """The image cannot be used as it is; no card was touched."""
+
+
+class DeviceRefused(UsageError):
+    """The device must not be written, or is not the one that was shown; nothing was written."""
+
+
+class CardUnfinished(DeviceFailed):
+    """Writing began and did not succeed: the card's first block is empty, so it does not boot. Write it again."""

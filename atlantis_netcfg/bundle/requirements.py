@@ -1,17 +1,110 @@
-"""The system that a bundle is made for, as its own dpkg(1) describes it: /var/lib/dpkg/status of a card or a board."""
+"""What a host needs of a bundle, the system that the bundle is for, and how making or opening it fails.
+
+The system is described by its own dpkg(1): /var/lib/dpkg/status of a card or a board. `operations.bundle` makes the
+requirements from the declaration.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle._errors import BundleRefused
+from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["Target", "paragraphs", "read_target"]
+__all__ = [
+    "BundleRefused",
+    "HostWish",
+    "Key",
+    "Library",
+    "Source",
+    "Target",
+    "Wished",
+    "paragraphs",
+    "read_target",
+    "refused",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Wished:
+    """A package."""
+
+    name: str
+    version: str | None
+    """As apt takes it after `=`, also with a `*`; None: whatever the sources have."""
+
+    @property
+    def asked(self) -> str:
+        """For a command line of apt."""
+        return self.name if self.version is None else f"{self.name}={self.version}"
+
+    def fits(self, version: str | None) -> bool:
+        """Whether that version is what is wished; None: there is none."""
+        return version is not None and (self.version is None or fnmatchcase(version, self.version))
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A file that tells apt where packages are, as it stands on the board."""
+
+    path: str
+    content: str
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A keyring that `Signed-By` of a source names."""
+
+    path: str
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Library:
+    """A git repository at one revision, with all that its submodules name."""
+
+    url: str
+    revision: str
+    token: str | None = None
+    """Reads it; never on a command line, in the bundle or in a message."""
+
+    def __repr__(self) -> str:
+        return f"Library({self.url!r}, {self.revision!r})"
+
+
+@dataclass(frozen=True, slots=True)
+class HostWish:
+    """Everything that the roles of one host take from elsewhere."""
+
+    host: str
+    packages: tuple[Wished, ...]
+    sources: tuple[Source, ...] = ()
+    keys: tuple[Key, ...] = ()
+    pins: tuple[Source, ...] = ()
+    libraries: tuple[Library, ...] = ()
+    distribution: str | None = None
+    codename: str | None = None
+    """What the declaration expects of the board; None: nothing."""
+
+
+class BundleRefused(UsageError):
+    """A bundle that cannot be made, or must not be used; nothing was contacted. `errors` are told one by one."""
+
+    def __init__(self, message: str, *, hint: str | None = None, errors: Sequence[BundleRefused] = ()) -> None:
+        super().__init__(message, hint=hint)
+        self.errors = tuple(errors)
+
+
+def refused(found: Sequence[tuple[str, str | None]]) -> BundleRefused:
+    """One error for all that was found: pairs of message and hint."""
+    rows = [BundleRefused(message, hint=hint) for message, hint in found]
+    return BundleRefused("\n".join(str(row) for row in rows), hint=rows[-1].hint, errors=rows)
+
 
 _RELEASES = {
     ("debian", "11"): "bullseye",

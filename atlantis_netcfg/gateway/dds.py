@@ -1,0 +1,302 @@
+"""Part `gateway_dds`: DDS profiles from the declaration, and the environment of the processes that read them.
+
+Unicast peers, a lease that outlives a satellite's silence, and sizes of datagrams for each kind of link. A participant
+gets a profile for each implementation of DDS. Pure: a view is a function of the declaration, a file a function of a
+view; the templates see the view. `provision dds` prints the files.
+
+`RELEASES` has what each release of ROS 2 brings as middleware, and how the versions differ. A new release is a row.
+Sources: `ros2.repos` on each branch of ros2/ros2 for the versions; the schemas `etc/cyclonedds.xsd` and
+`fastRTPS_profiles.xsd` of each version for the elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway
+from atlantis_netcfg.gateway.interop import SERVICE
+from atlantis_netcfg.render import compiled, environment, template_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Declaration, Host
+
+
+FOLDER = "/etc/atlantis/dds"
+"""Where the files stand on the computer; each link has a folder of its own below."""
+
+
+def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
+    """Name below `FOLDER` -> text, of one link; `templates` overrides where the templates are looked for."""
+    files = {"cyclonedds.xml": "cyclonedds.xml.j2"}
+    if view.release.fast_dds is not None:
+        files["fastdds.xml"] = "fastdds.xml.j2"
+    files["ros.env"] = "ros.env.j2"
+    environment = _environment(templates or template_folder())
+    return {
+        f"{view.bearer}/{name}": environment.get_template(f"dds/{template}").render(
+            profile=view, folder=f"{FOLDER}/{view.bearer}"
+        )
+        for name, template in files.items()
+    }
+
+
+@cache
+def _environment(templates: Path) -> Environment:
+    """Undefined names are errors; in XML values are escaped."""
+    return Environment(
+        loader=FileSystemLoader(templates),
+        bytecode_cache=compiled(__file__),
+        undefined=StrictUndefined,
+        autoescape=select_autoescape(enabled_extensions=("xml.j2",)),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Cyclone:
+    """A line of Cyclone DDS. It does not start on an element that it does not know: one file cannot serve all."""
+
+    version: str
+    interfaces: bool
+    """`General/Interfaces` names the interface; before, `General/NetworkInterfaceAddress` did."""
+    lease_in_discovery: bool
+    """`LeaseDuration` stands under `Discovery`; before, under `Internal`."""
+    prunes: bool
+    """Gives up the address of a peer that was silent for its lease and 30 s, unless it is told not to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """What one release of ROS 2 runs on; `pypi` is the laptop without ROS (`pip install cyclonedds`)."""
+
+    name: str
+    cyclone: Cyclone
+    fast_dds: str | None
+    """Version of Fast DDS; None: there is none."""
+    environment: Mapping[str, str]
+    """Set so that nothing narrows the profile."""
+
+
+_CYCLONE_0_7 = Cyclone("0.7", interfaces=False, lease_in_discovery=False, prunes=False)
+_CYCLONE_0_10 = Cyclone("0.10", interfaces=True, lease_in_discovery=True, prunes=False)
+_CYCLONE_11 = Cyclone("11", interfaces=True, lease_in_discovery=True, prunes=True)
+_BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "0"}
+"""1 would leave 127.0.0.1 only, and silently."""
+_SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+"""The other ranges overrule the profile (ROS 2 manual, Improved Dynamic Discovery)."""
+
+RELEASES: Mapping[str, Release] = {
+    release.name: release
+    for release in (
+        Release("foxy", _CYCLONE_0_7, "2.1", _BEFORE_IRON),
+        Release("humble", _CYCLONE_0_10, "2.6", _BEFORE_IRON),
+        Release("jazzy", _CYCLONE_0_10, "2.14", _SINCE_IRON),
+        Release("pypi", _CYCLONE_11, None, {}),
+    )
+}
+
+GAP_S = 70
+"""The longest silence that was seen on the satellite service (FFI, 352 kbit/s, Arctic, 2019)."""
+ANNOUNCEMENT_BYTES = 400
+"""One announcement to one index of one peer: 352 bytes measured with Cyclone DDS 11, and about 50 of the tunnel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """Of one kind of link."""
+
+    announce_s: int
+    """Two announcements and the longest gap fit into every lease that can be declared."""
+    message_bytes: int
+    """The largest UDP payload, so that no datagram is fragmented by IP: links drop fragments."""
+    fragment_bytes: int
+    """Of a sample that is larger than a message; 100 bytes are left for the headers of RTPS."""
+
+
+_FAST = Tuning(announce_s=5, message_bytes=1372, fragment_bytes=1272)
+"""1372 is a tunnel's MTU of 1400 without the headers of IP and UDP."""
+_MOBILE = Tuning(announce_s=10, message_bytes=1200, fragment_bytes=1100)
+_SATELLITE = Tuning(announce_s=20, message_bytes=1200, fragment_bytes=1100)
+
+TUNING: Mapping[BearerKind, Tuning] = {
+    BearerKind.ETHERNET: _FAST,
+    BearerKind.WIFI_PTP: _FAST,
+    BearerKind.LTE: _MOBILE,
+    BearerKind.SATELLITE: _SATELLITE,
+}
+"""1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
+
+_DAY_S = 24 * 3600
+_SPEAKERS = (Gateway, ControlCentre)
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileView:
+    """One computer on one link."""
+
+    host: str
+    bearer: str
+    """The link's name."""
+    release: Release
+    middleware: str
+    domain: int
+    address: str
+    """Of the interface, by which every version finds it: tun0 has another name on another computer."""
+    peers: tuple[tuple[str, str], ...]
+    """Name and address; the computer itself is one, so that its own processes find each other."""
+    participants: int
+    lease_s: int
+    tuning: Tuning
+
+    @property
+    def announced_mb_a_day(self) -> float:
+        """What one ROS process sends to stay known, in 10^6 bytes a day: reckoned, not measured on this link."""
+        others = len(self.peers) - 1
+        return others * self.participants * ANNOUNCEMENT_BYTES * _DAY_S / self.tuning.announce_s / 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class _Participant:
+    """A computer of the pilot that talks DDS."""
+
+    name: str
+    address: str
+    site: str | None
+    """None: anywhere."""
+    everywhere: bool
+    """A control centre, whom everybody has to find."""
+
+
+def profile_views(declaration: Declaration, host: Host, release: str | None = None) -> tuple[ProfileView, ...]:
+    """One view for each link of the host's site, in order of preference.
+
+    `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
+    """
+    dds = _declared(declaration)
+    if not isinstance(host.device, Gateway | ControlCentre):
+        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, _SPEAKERS))
+        raise UsageError(f"`{host.name}` is a {host.device.kind}: it talks no DDS", hint=f"those that do: {there}")
+    chosen = _release(release or dds.distribution)
+    all_of_them = _participants(declaration, dds)
+    local = next(entry for entry in all_of_them if entry.name == host.name)
+    peers = [one for one in all_of_them if local.everywhere or one.everywhere or one.site in {None, host.site}]
+    return tuple(
+        ProfileView(
+            host=host.name,
+            bearer=bearer.name,
+            release=chosen,
+            middleware=dds.middleware,
+            domain=dds.domain,
+            address=local.address,
+            peers=tuple((participant.name, participant.address) for participant in peers),
+            participants=dds.participants,
+            lease_s=dds.lease_s,
+            tuning=_tuning(declaration, bearer.kind, {peer.site for peer in peers} - {host.site}),
+        )
+        for bearer in declaration.sites[host.site].bearers
+    )
+
+
+def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:
+    """Of the slowest link on the way: what a control centre announces, a vessel receives over its satellite."""
+    far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
+    return max((TUNING[bearer_kind] for bearer_kind in {kind, *far}), key=lambda tuning: tuning.announce_s)
+
+
+def _declared(declaration: Declaration) -> Dds:
+    if declaration.pilot.dds is None:
+        raise UsageError("the pilot declares no DDS", hint="write `dds: {distribution: foxy}` below `pilot:`")
+    return declaration.pilot.dds
+
+
+def _release(name: str) -> Release:
+    if name not in RELEASES:
+        raise UsageError(f"`{name}` is no release that is known here", hint=f"there are: {', '.join(RELEASES)}")
+    return RELEASES[name]
+
+
+def _participants(declaration: Declaration, dds: Dds) -> list[_Participant]:
+    """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
+    found = [
+        _Participant(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
+        for name, host in declaration.hosts.items()
+        if isinstance(host.device, _SPEAKERS)
+    ]
+    found += [_Participant(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
+    if dds.over is DdsPath.LAN:
+        known = {participant.address for participant in found}
+        found += [
+            _Participant(reservation.name, str(reservation.address), name, everywhere=False)
+            for name, site in declaration.sites.items()
+            for reservation in site.lan.reservations
+            if reservation.name in declaration.vehicles and str(reservation.address) not in known
+        ]
+    return found
+
+
+ENVIRONMENT = "/etc/atlantis/ros.env"
+"""What services take as their `EnvironmentFile=`."""
+LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
+"""The same for people who log in; `~/.bashrc` stays theirs.
+
+Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
+"""
+_READERS = (SERVICE,)
+"""Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
+VPN is not waited for.
+"""
+_NARROWS = {"ROS_LOCALHOST_ONLY": "0"}
+"""Releases since Iron still obey it where it is set."""
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayDds:
+    """What the role lays down. Without declared DDS nothing, and what it once laid down is taken away."""
+
+    in_use: str | None = None
+    """The link whose profile the environment names: the slowest of the site, because a process keeps what it read."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """Path -> content."""
+    alone: Mapping[str, str] = field(default_factory=dict)
+    """Variables that nothing else on the computer may set otherwise: that would shut the VPN out, silently."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The parameters of the role's tasks."""
+        read = [path for path in self.files if path.startswith(f"{FOLDER}/{self.in_use}/") or path == ENVIRONMENT]
+        return {
+            "in_use": self.in_use,
+            "configure": {
+                "files": [{"path": path, "content": content} for path, content in self.files.items()],
+                "absent": [path for path in (ENVIRONMENT, LOGIN) if path not in self.files],
+                "only": [FOLDER],
+                "units": [{"name": name, "after": read or [ENVIRONMENT], "wait": False} for name in _READERS],
+            },
+            "elsewhere": {"variables": dict(self.alone), "ours": [ENVIRONMENT, LOGIN]},
+        }
+
+
+def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
+    """Pure. The declaration is valid: a gateway that talks over the VPN has an address in it."""
+    if declaration.pilot.dds is None:
+        return GatewayDds()
+    views = profile_views(declaration, host)
+    slowest = _slowest(views)
+    files = {f"{FOLDER}/{name}": text for view in views for name, text in profiles(view).items()}
+    files[ENVIRONMENT] = files[f"{FOLDER}/{slowest.bearer}/ros.env"]
+    files[LOGIN] = environment().get_template("gateway/ros-profile.sh.j2").render(environment=ENVIRONMENT)
+    return GatewayDds(slowest.bearer, files, {**_NARROWS, **slowest.release.environment})
+
+
+def _slowest(views: tuple[ProfileView, ...]) -> ProfileView:
+    """Announces itself most rarely; of two alike the one that is less preferred."""
+    return max(reversed(views), key=lambda view: view.tuning.announce_s)

@@ -1,0 +1,232 @@
+"""Bundles for the hosts of a site: from the declaration to what each needs, and from there to a bundle.
+
+The parts of a gateway name what they take from elsewhere. A dpkg status says what a host has: from a file, out
+of the vendor's image, or from the board itself.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import shlex
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.open import Bundle, open_bundle
+from atlantis_netcfg.bundle.requirements import (
+    BundleRefused,
+    HostWish,
+    Key,
+    Library,
+    Source,
+    Target,
+    Wished,
+    read_target,
+)
+from atlantis_netcfg.bundle.resolve import archive
+from atlantis_netcfg.bundle.signing import Keys, require_programs, run
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.declaration import choose
+from atlantis_netcfg.declaration.model import Gateway, ImageLayout
+from atlantis_netcfg.image.ext4 import Ext4, require_tools
+from atlantis_netcfg.image.facts import ImageRefused
+from atlantis_netcfg.image.layouts import LAYOUTS, find
+from atlantis_netcfg.image.source import checksum, expand
+from atlantis_netcfg.operations.computers._access import is_gateway, key_trouble
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
+from atlantis_netcfg.operations.request import refuse_examples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bundle.manifest import Manifest
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Repository
+    from atlantis_netcfg.operations.computers.parts import Part
+    from atlantis_netcfg.operations.request import Request
+
+
+_STATUS = "/var/lib/dpkg/status"
+_ASKED = f"gzip -9c {_STATUS}"
+
+
+def from_file(path: Path) -> Target:
+    """Read a copy of /var/lib/dpkg/status. Raises BundleRefused."""
+    try:
+        status = path.read_bytes()
+    except OSError as error:
+        raise BundleRefused(
+            f"{path} cannot be read: {error.strerror or error}", hint=f"`status=` names a copy of the board's {_STATUS}"
+        ) from error
+    return read_target(status, str(path))
+
+
+def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Target:
+    """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
+    if not image.is_file():
+        raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
+    require_tools("e2fsck", "debugfs")
+    device = host.device
+    declared = device.image.layout if isinstance(device, Gateway) and device.image is not None else ImageLayout.PLAIN
+    with temporary.folder("bundle", temporary.roomy()) as folder:
+        copy = folder / "image"
+        expand(image, copy, checksum(image), tell)
+        root = Ext4(copy, find(copy, LAYOUTS[declared]).root)
+        root.recover()
+        status = root.read(_STATUS)
+    if status is None:
+        raise BundleRefused(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
+    return read_target(status, image.name)
+
+
+def from_board(declaration: Declaration, host: Host, request: Request) -> Target:
+    """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
+    access = PARTS[ACCESS](declaration, host, request)
+    others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
+    if access.get("metered"):
+        raise BundleRefused(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
+    options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
+    words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
+    done = run(["ssh", *words])
+    if done.returncode != 0:
+        text = done.stderr.decode(errors="replace").strip()
+        why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no word", others)
+        raise BundleRefused(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
+    try:
+        status = gzip.decompress(done.stdout)
+    except (OSError, EOFError, zlib.error) as error:
+        raise BundleRefused(f"{host.name}: its answer was cut off", hint="type the same again") from error
+    return read_target(status, f"{host.name}:{_STATUS}")
+
+
+def gateways_of(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
+    """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
+    hosts = tuple(host for host in choose(declaration, site, only) if is_gateway(host))
+    if not hosts:
+        named = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
+        raise NothingMatched(
+            f"{named}: no gateway computer is among these hosts, and others take nothing from a bundle",
+            hint="gateway computers are the hosts of group `gateways`",
+        )
+    return hosts
+
+
+def wish_of(
+    declaration: Declaration,
+    host: Host,
+    request: Request,
+    *,
+    parts: Mapping[str, Part] = PARTS,
+    tokens: bool = False,
+) -> HostWish:
+    """What a host's parts need of packages, and the library that is built there.
+
+    `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
+    """
+    result = [
+        part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
+    ]
+    expected: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
+    return HostWish(
+        host=host.name,
+        packages=tuple(dict.fromkeys(Wished(one["name"], one.get("version")) for one in _all(result, "packages"))),
+        sources=tuple(dict.fromkeys(Source(one["path"], one["content"]) for one in _all(result, "sources"))),
+        keys=tuple(
+            dict.fromkeys(Key(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys"))
+        ),
+        pins=tuple(dict.fromkeys(Source(row["path"], row["content"]) for row in _all(result, "pins"))),
+        libraries=_libraries(declaration, tokens=tokens),
+        distribution=expected.get("distribution"),
+        codename=expected.get("codename"),
+    )
+
+
+def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
+    return (row for part in result for row in part.get(name) or ())
+
+
+def has_tokens(declaration: Declaration) -> bool:
+    """Whether the library is read by a token, for which the declaration has to be loaded with its secrets."""
+    return any(repository.token is not None for repository in _repositories(declaration))
+
+
+def _repositories(declaration: Declaration) -> tuple[Repository, ...]:
+    interop = declaration.pilot.gateways.interop
+    declared = (interop.library, interop.examples) if interop is not None else ()
+    return tuple(repository for repository in declared if repository is not None)
+
+
+def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
+    return tuple(_library(repository, tokens=tokens) for repository in _repositories(declaration))
+
+
+def _library(repository: Repository, *, tokens: bool) -> Library:
+    secret = repository.token if tokens else None
+    return Library(repository.url, repository.revision, secret.reveal() if secret is not None else None)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a person has asked for; the declaration has its secrets where the library needs a token."""
+
+    declaration: Declaration
+    site: str
+    hosts: tuple[Host, ...]
+    place: Path
+    request: Request
+    status: Path | None = None
+    image: Path | None = None
+    """Of these two at most one; neither: each host is asked itself."""
+    mirror: str | None = None
+    keyring: Path | None = None
+
+
+def made(requested: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
+    """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
+    refuse_examples(requested.declaration, rehearsed=False)
+    require_programs()
+    purposes = tuple(_purpose(requested, host, notify) for host in requested.hosts)
+    order = Order(requested.site, requested.declaration.revision, purposes, requested.place, requested.image)
+
+    def tell(words: str, share: float | None) -> None:
+        shown = "" if share is None else f" {100 * share:.0f} %"
+        for host in requested.hosts:
+            notify(Event(host.name, Stage.OBSERVED, f"{words}{shown}"))
+
+    return make(order, Keys.of(requested.request.state).signer(), tell, sized)
+
+
+def opened(
+    declaration: Declaration, hosts: Sequence[Host], place: Path, request: Request, *, accept: str | None = None
+) -> Bundle:
+    """Open a bundle for these hosts; it holds all that the declaration wants. Raises BundleRefused with all it lacks.
+
+    `accept`: take bundles of another computer's key from now on, which a person has typed.
+    """
+    wishes = [wish_of(declaration, host, request) for host in hosts]
+    return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
+
+
+def _purpose(requested: Asked, host: Host, notify: Subscriber) -> Purpose:
+    request = wish_of(requested.declaration, host, requested.request, tokens=True)
+    target = _target(requested, host, notify)
+    notify(Event(host.name, Stage.OBSERVED, f"{target.shown}, {len(target.installed)} packages"))
+    missing = any(not each.fits(target.installed.get(each.name)) for each in request.packages)
+    return Purpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
+
+
+def _target(requested: Asked, host: Host, notify: Subscriber) -> Target:
+    if requested.status is not None:
+        return from_file(requested.status)
+    if requested.image is not None:
+        name = requested.image.name
+        notify(Event(host.name, Stage.CONNECTING, f"looking into {name}"))
+        return from_image(host, requested.image, lambda _done, _total: None)
+    notify(Event(host.name, Stage.CONNECTING, "asking what is installed"))
+    return from_board(requested.declaration, host, requested.request)
