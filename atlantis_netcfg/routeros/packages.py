@@ -5,7 +5,7 @@ Whoever carries the set to the device asks here first; nothing here contacts a d
 
 Rules: all packages of one version, since a package of another one than the system is not installed (Manual, Packages);
 the architecture of `/system/resource` (Manual, Upgrade); every installed package has its successor in the set, so that
-no radio or modem is lost by an upgrade. From 7.13 on `wireless` is a package of its own, which before was in the bundle,
+no radio or modem is lost by an upgrade. From 7.13 on `wireless` is a package of its own; before it was in the bundle,
 and `wifiwave2` is called `wifi-qcom` (Manual, Packages): a device with radios that crosses 7.13 without one of them has
 no Wi-Fi afterwards (field log of a survey boat, 7.4.1 to 7.22). `wireless` conflicts with `wifi-qcom` and
 `wifi-qcom-ac` (Manual, Packages).
