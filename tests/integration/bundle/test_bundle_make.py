@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import lzma
+import os
+import shutil
 import subprocess
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -84,6 +86,20 @@ def test_its_repository_is_signed_by_the_key_of_the_manifest(laptop: Laptop) -> 
     assert "trusted" not in (repository / "InRelease").read_text()
     signature = (laptop.place / "manifest.json.asc").read_bytes()
     assert signed_by((laptop.place / "manifest.json").read_bytes(), signature, public) == manifest.key
+
+
+def test_the_same_contents_have_the_same_signature_on_a_slow_computer(
+    laptop: Laptop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signer = laptop.keys.signer()
+    quick = signer.in_clear("text\n")
+    slow = laptop.folder / "slow"
+    slow.mkdir()
+    gpg = slow / "gpg"
+    gpg.write_text(f'#!/bin/sh\n(sleep 1.1; cat) | {shutil.which("gpg")} "$@"\n')
+    gpg.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{slow}:{os.environ['PATH']}")
+    assert signer.in_clear("text\n") == quick
 
 
 def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: Laptop) -> None:
