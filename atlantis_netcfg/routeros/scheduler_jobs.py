@@ -4,12 +4,21 @@
 Both are armed outside safe mode, which would undo them too. In a device-mode without scheduler such a row can be added
 and never runs (manual, Device-mode): it is read back. Every reading of a device asks for `ARMED` as well.
 
+The dead-man job is set off by `interval` alone: without a battery the clock jumps as soon as NTP answers, and a
+wall-clock time is then missed or hit too early. Its script first removes the job, so that it runs once. The job of a
+bridge looks once, at the declared moment: if the other end is registered the change has come off and the job only goes
+away; if not, it writes the old values. It has a start in the future on the device's own clock and an interval, so that
+a clock that jumps delays it by one interval at most. Safe mode notices a dead link only after the device's own TCP
+time-out, about nine minutes (manual, Configuration Management).
+
 Assumption: scheduler-forbidden
+Assumption: scheduler-interval
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
@@ -18,11 +27,9 @@ from atlantis_netcfg.routeros.api import Command
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros._types import Facts, Row
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
-
-__all__ = ["ARMED", "DEAD_MAN", "MENU", "PAIR", "AlreadyArmed", "ArmedJob", "WillNotRun", "arm", "disarm", "jobs_of"]
 
 DEAD_MAN, PAIR = "atlantis-dead-man", "atlantis-pair"
 MENU = "/system/scheduler"
@@ -31,7 +38,12 @@ _EITHER = (f"?name={DEAD_MAN}", f"?name={PAIR}", "?#|")
 ARMED = Command(_PRINT, ((".proplist", ".id,name,comment"),), _EITHER)
 """Reads the jobs of ours; a device without any answers with a few bytes."""
 _READ_BACK = ((".proplist", ".id,name,comment,disabled,invalid,.about"),)
-_TRUE = ("true", "yes")
+_FALSE, _TRUE = ("false", "no"), ("true", "yes")
+_DEAD_MAN_PREFIX = (
+    f"/system scheduler remove [find name={DEAD_MAN}]\n"
+    '/log warning message="atlantis: a change was not confirmed in time and is taken back"\n'
+)
+_MARGIN_S = 60.0
 
 
 class WillNotRun(DeviceFailed):
@@ -57,7 +69,70 @@ def jobs_of(rows: Iterable[Row]) -> tuple[ArmedJob, ...]:
     return tuple(ArmedJob(row.get(".id", ""), row.get("name", ""), row.get("comment") or "a run") for row in rows)
 
 
-async def arm(session: Channel, name: str, owner: str, values: Mapping[str, str]) -> str:
+@dataclass(frozen=True, slots=True)
+class DeadMan:
+    """An armed dead-man job."""
+
+    id: str
+    """Empty: it was sent, and not read back."""
+    armed: float
+    """On the loop's clock, before the job was sent."""
+    after_s: float
+
+    def is_near(self, now: float) -> bool:
+        """Whether it may run before anything more is finished."""
+        return now > self.armed + self.after_s - _MARGIN_S
+
+    @property
+    def over(self) -> float:
+        """When it has run for certain, on the loop's clock."""
+        return self.armed + self.after_s + _MARGIN_S
+
+
+def forbidden(facts: Facts) -> str | None:
+    """Say why the scheduler would not run a job, or return None. Before 7.17 nothing was restricted (Device-mode)."""
+    mode = facts.device_mode
+    if mode.get("flagged") in _TRUE:
+        return "the device is flagged, and refuses new jobs"
+    return f"device-mode {mode.get('mode', '')} forbids the scheduler" if mode.get("scheduler") in _FALSE else None
+
+
+async def arm_dead_man(session: Channel, script: str, owner: str, after_s: float, now: float) -> DeadMan:
+    """Arm the dead-man job and read it back. Raises WillNotRun, SessionLost."""
+    values = {"interval": f"{after_s:.0f}s", "on-event": _DEAD_MAN_PREFIX + script}
+    return DeadMan(await _arm(session, DEAD_MAN, owner, values), now, after_s)
+
+
+async def arm_pair(session: Channel, script: str, owner: str, after_s: float) -> str:
+    """Arm the far end's job, see that the device will run it, and return its `.id`. Raises AlreadyArmed, WillNotRun."""
+    start = await _moment(session, after_s)
+    values = {
+        "start-date": start.strftime("%Y-%m-%d"),
+        "start-time": start.strftime("%H:%M:%S"),
+        "interval": f"{max(1, round(after_s))}s",
+        "on-event": script,
+    }
+    return await _arm(session, PAIR, owner, values)
+
+
+def pair_script(menu: str, peer: str, rollback: str) -> str:
+    """Write the far end's job: `peer` is the MAC address that has to be registered with the radios of `menu`."""
+    look = f'{menu}/registration-table/get [find mac-address="{peer}"] uptime'
+    return f':do {{\n{look}\n}} on-error={{\n{rollback}}}\n{MENU}/remove [find name="{PAIR}"]\n'
+
+
+async def _moment(session: Channel, after_s: float) -> datetime:
+    """Return the device's own time `after_s` from now."""
+    rows = (await session.command(Command("/system/clock/print"))).checked().rows
+    row = rows[0] if rows else {}
+    try:
+        now = datetime.strptime(f"{row['date']} {row['time']}", "%Y-%m-%d %H:%M:%S")  # noqa: DTZ007 - its own zone
+    except (KeyError, ValueError):
+        raise DeviceFailed(f"its clock says {row.get('date')} {row.get('time')}, which is no time") from None
+    return now + timedelta(seconds=after_s)
+
+
+async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str]) -> str:
     """Arm a job, read it back, and return its `.id`. Raises WillNotRun, AlreadyArmed, SessionLost."""
     reply = await session.command(Command(f"{MENU}/add", (("name", name), ("comment", owner), *values.items())))
     rows = (await session.command(Command(_PRINT, _READ_BACK, (f"?name={name}",)))).rows

@@ -18,13 +18,12 @@ from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import FEW_FOREIGN
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.apply._claim import CLAIMS, SIGNS, claim, claimed, claimed_by, is_claiming, signs
-from atlantis_netcfg.routeros.apply._deadman import DeadMan, arm
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
-from atlantis_netcfg.routeros.apply._shield import Held, Hold, held_by
 from atlantis_netcfg.routeros.apply._state import differing, restoring
 from atlantis_netcfg.routeros.observe import HISTORY, counting_rows, merged, number_of_rows, observe, printing
-from atlantis_netcfg.routeros.scheduler_jobs import WillNotRun
+from atlantis_netcfg.routeros.safe_mode import Holder, SafeModeUnavailable, held_by
+from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,7 +54,7 @@ async def begin(work: Work) -> Writer:
     sign = [claim(work.signer.text, _sign_s(work))] if signed else []
     if sign:
         work.record(Signed(device=work.job.name, sign=work.signer.text))
-    look = () if alone else work.shield.beside
+    look = () if alone else work.safe_mode.beside
     answers = await work.channel.flight([*sign, *SAVING, _ACTIONS if signed else _COUNT, CLAIMS, *look])
     export, probe, history, claims, *seen = answers[len(sign) :]
     if sign:
@@ -64,7 +63,7 @@ async def begin(work: Work) -> Writer:
     text = found.text if found.text is not None else await fetch(work.channel, partial(_as_read, work))
     work.job.journal.save(work.job.name, text)
     if not work.restores:
-        _nobody_else(work, claims, work.shield.seen(seen) if seen else None)
+        _nobody_else(work, claims, work.safe_mode.seen(seen) if seen else None)
         if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
             await _look_again(work)
         # Only now: the job would take back to what was read, which has to be what is there.
@@ -96,11 +95,11 @@ async def take(work: Work) -> None:
     """Take safe mode. Raises DeviceFailed if it is not ours then."""
     work.holding = True
     try:
-        hold = await work.shield.take(work.channel)
-    except Held:
+        holder = await work.safe_mode.take(work.channel)
+    except SafeModeUnavailable:
         work.holding = False
         raise
-    work.owner = hold.who
+    work.owner = holder.who
     _taken(work)
 
 
@@ -109,12 +108,12 @@ def _taken(work: Work) -> None:
     work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
 
 
-def _nobody_else(work: Work, claims: Reply, hold: Hold | None) -> None:
+def _nobody_else(work: Work, claims: Reply, holder: Holder | None) -> None:
     other = work.signer.other(signs(claims.rows))
     if other is not None:
         raise claimed_by(other, work.job.site)
-    if hold is not None and hold.taken and not hold.ours:
-        raise held_by(hold.who)
+    if holder is not None and holder.taken and not holder.ours:
+        raise held_by(holder.who)
 
 
 async def _arm(work: Work) -> None:
@@ -126,7 +125,7 @@ async def _arm(work: Work) -> None:
     # From here on the job may be there, whatever becomes of this session.
     work.dead_man = DeadMan("", now, after_s)
     try:
-        work.dead_man = await arm(work.channel, script, work.signer.text, after_s, now)
+        work.dead_man = await arm_dead_man(work.channel, script, work.signer.text, after_s, now)
     except WillNotRun as problem:
         work.dead_man = None
         if work.protection is not Protection.CONSOLE:

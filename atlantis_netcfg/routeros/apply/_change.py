@@ -23,8 +23,7 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import SessionLost
 from atlantis_netcfg.routeros.apply._begin import begin, take
-from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionLost
-from atlantis_netcfg.routeros.apply._shield import Held, Hold
+from atlantis_netcfg.routeros.apply._protection import Interfered, Protection
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.counters import closing, read_counts
@@ -41,6 +40,7 @@ from atlantis_netcfg.routeros.observe import (
 )
 from atlantis_netcfg.routeros.pin import MONITOR, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeUnavailable
 from atlantis_netcfg.routeros.scheduler_jobs import disarm
 
 if TYPE_CHECKING:
@@ -68,13 +68,13 @@ async def change(work: Work) -> None:
     if stages.prepare:
         work.permanent = True
         await _write(work, writer, stages.prepare)
-    hold: Hold | None = None
+    holder: Holder | None = None
     for number, piece in enumerate(stages.protected):
         if number:
-            await _checkpoint(work, hold)
+            await _checkpoint(work, holder)
         if not work.holding:
             await take(work)
-        hold = await _write(work, writer, piece)
+        holder = await _write(work, writer, piece)
     await verify(work, stages.finish)
     if work.holding:
         await _release(work, await _holder(work), last=not stages.finish and work.dead_man is None)
@@ -88,17 +88,17 @@ async def change(work: Work) -> None:
     work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
 
-async def _write(work: Work, writer: Writer, actions: Sequence[Action]) -> Hold | None:
+async def _write(work: Work, writer: Writer, actions: Sequence[Action]) -> Holder | None:
     """Send actions turn by turn, each announced in the journal before and acknowledged after.
 
     Returns who held safe mode at the end, if that could be seen in the same round trip.
     """
-    hold: Hold | None = None
+    holder: Holder | None = None
     for turn in writer.turns(actions):
-        hold = work.shield.seen(await _send(work, writer, turn, work.shield.beside))
-        if work.holding and hold is not None and not hold.ours:
-            raise _lost(work, hold)
-    return hold
+        holder = work.safe_mode.seen(await _send(work, writer, turn, work.safe_mode.beside))
+        if work.holding and holder is not None and not holder.ours:
+            raise _lost(work, holder)
+    return holder
 
 
 async def _send(
@@ -121,30 +121,33 @@ async def _send(
     return written.beside
 
 
-def _lost(work: Work, hold: Hold) -> ProtectionLost:
+def _lost(work: Work, holder: Holder) -> ProtectionLost:
     work.holding = False
-    who = f"{hold.who} has taken safe mode from us" if hold.taken else "safe mode is not held any more"
+    who = f"{holder.who} has taken safe mode from us" if holder.taken else "safe mode is not held any more"
     return ProtectionLost(f"{who} in the middle of the change")
 
 
-async def _checkpoint(work: Work, hold: Hold | None) -> None:
+async def _checkpoint(work: Work, holder: Holder | None) -> None:
     """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
 
     `hold` was read together with the piece's last script, or is asked for.
     """
     session = await work.contact.reach(work.job.patience.verify_s, "checkpoint", insist=False)
     await work.contact.leave(session, wait=False)
-    await _release(work, hold or await work.shield.look(work.channel))
+    await _release(work, holder or await work.safe_mode.look(work.channel))
     try:
         await take(work)
-    except Held as held:
-        await _take_later(work, held)
+    except SafeModeUnavailable as unavailable:
+        await _take_later(work, unavailable)
 
 
-async def _take_later(work: Work, current: Held) -> None:
-    """Wait until whoever looked in has gone; they must not have changed anything. Raises Held, Interfered."""
-    hold = await work.contact.until_free(work.shield, work.channel, work.job.patience.undo_s)
-    if hold.taken and not hold.ours:
+async def _take_later(work: Work, current: SafeModeUnavailable) -> None:
+    """Wait until whoever looked in has gone; they must not have changed anything.
+
+    Raises SafeModeUnavailable, Interfered.
+    """
+    holder = await work.contact.until_free(work.safe_mode, work.channel, work.job.patience.undo_s)
+    if holder.taken and not holder.ours:
         raise current
     await take(work)
     now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
@@ -218,25 +221,25 @@ def _essence(action: Action) -> tuple[str, str, str]:
     return (action.menu, action.verb, action.subject)
 
 
-async def _holder(work: Work) -> Hold:
+async def _holder(work: Work) -> Holder:
     """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
     seen = work.after.facts.safe_mode_owner if work.after is not None else None
     if seen is not None and seen == work.owner:
-        return Hold(taken=True, ours=True, who=seen)
-    return await work.shield.look(work.channel)
+        return Holder(taken=True, ours=True, who=seen)
+    return await work.safe_mode.look(work.channel)
 
 
-async def _release(work: Work, hold: Hold, *, last: bool = False) -> None:
+async def _release(work: Work, holder: Holder, *, last: bool = False) -> None:
     """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
-    if not hold.ours:
-        raise _lost(work, hold)
+    if not holder.ours:
+        raise _lost(work, holder)
     witness = _witness(work)
     work.record(Releasing(device=work.job.name))
     work.permanent = True
     farewell = work.farewell() if last else ()
     look = closing(work.job.counted)
     reads = [each.command for each in witness]
-    answers = await work.shield.release(work.channel, [*reads, *look, *farewell])
+    answers = await work.safe_mode.release(work.channel, [*reads, *look, *farewell])
     if look:
         work.last_look = read_counts(*answers[len(witness) : len(witness) + len(look)])
     answers = answers[: len(witness)]

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 from atlantis_netcfg.console.types import ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Refused, SessionLost
-from atlantis_netcfg.routeros.apply._protection import ProtectionLost
-from atlantis_netcfg.routeros.apply._shield import Hold, NoShield, held_by
+from atlantis_netcfg.routeros.safe_mode import Holder, NoSafeMode, ProtectionLost, held_by
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel, OpenConsole, SshEndpoint
 
-__all__ = ["ConsoleShield"]
+__all__ = ["ConsoleSafeMode"]
 
 T = TypeVar("T")
 
@@ -35,7 +34,7 @@ _US = "our SSH session"
 
 
 @dataclass(slots=True)
-class ConsoleShield(NoShield):
+class ConsoleSafeMode(NoSafeMode):
     """Safe mode of an SSH session (Ctrl+X), which is held open while the API session writes.
 
     Who holds it cannot be read over the API before 7.18: our prompt says `<SAFE>`, and a second taker is asked a
@@ -49,7 +48,7 @@ class ConsoleShield(NoShield):
     beside: tuple[Command, ...] = field(default=(), init=False)
     _console: Console | None = field(default=None, init=False)
 
-    async def take(self, session: Channel) -> Hold:
+    async def take(self, session: Channel) -> Holder:
         """Open the console and take it there."""
         if self._console is None:
             self._console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda console: console.close())
@@ -61,19 +60,19 @@ class ConsoleShield(NoShield):
         except DeviceFailed:
             await self.drop()
             raise
-        return Hold(taken=True, ours=True, who=_US)
+        return Holder(taken=True, ours=True, who=_US)
 
-    async def look(self, session: Channel) -> Hold:  # noqa: ARG002 - the console answers
+    async def look(self, session: Channel) -> Holder:  # noqa: ARG002 - the console answers
         """Let the prompt be printed anew."""
         console = self._console
         if console is None:
-            return Hold(taken=False)
+            return Holder(taken=False)
         try:
             await in_thread(lambda: console.run(_LOOK, timeout_s=self.patience_s))
         except DeviceFailed:
             await self.drop()
-            return Hold(taken=False)
-        return Hold(taken=console.safe, ours=console.safe, who=_US)
+            return Holder(taken=False)
+        return Holder(taken=console.safe, ours=console.safe, who=_US)
 
     async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
         """Ctrl+X again; then what was changed is read, which tells if it was unrolled instead."""
@@ -91,23 +90,23 @@ class ConsoleShield(NoShield):
         """End the console without releasing; `free` tells when the device has undone it."""
         await self.drop()
 
-    async def free(self, session: Channel) -> Hold:
+    async def free(self, session: Channel) -> Holder:
         """Try to take it with a new console, and let go at once: nobody else holds it then."""
         await self.drop()
         try:
             console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda opened: opened.close())
         except ConsoleUnreachable:
-            return Hold(taken=True, who="an SSH session of which nothing can be learnt")
+            return Holder(taken=True, who="an SSH session of which nothing can be learnt")
         try:
             await in_thread(console.take_safe_mode)
             await in_thread(console.release_safe_mode)
         except SafeModeHeld:
-            return Hold(taken=True, who=await _somebody(session))
+            return Holder(taken=True, who=await _somebody(session))
         except DeviceFailed:
-            return Hold(taken=True, who="an SSH session that was lost")
+            return Holder(taken=True, who="an SSH session that was lost")
         finally:
             await in_thread(console.close)
-        return Hold(taken=False)
+        return Holder(taken=False)
 
     async def drop(self) -> None:
         """Close the console: with safe mode held its connection is dropped, which keeps nothing."""

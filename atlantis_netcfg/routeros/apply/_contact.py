@@ -16,13 +16,13 @@ from atlantis_netcfg.routeros.api import (
     LoginRefused,
     Traffic,
 )
-from atlantis_netcfg.routeros.apply._shield import Hold
+from atlantis_netcfg.routeros.safe_mode import Holder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
-    from atlantis_netcfg.routeros.apply._shield import Shield
+    from atlantis_netcfg.routeros.safe_mode import SafeMode
 
 __all__ = ["Contact"]
 
@@ -71,16 +71,16 @@ class Contact:
             await asyncio.sleep(pause_s)
         raise failure
 
-    async def until_free(self, safe_mode: Shield, session: Channel, patience_s: float) -> Hold:
+    async def until_free(self, safe_mode: SafeMode, session: Channel, patience_s: float) -> Holder:
         """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
-        hold = Hold(taken=False)
+        holder = Holder(taken=False)
         for pause_s in self._pauses(patience_s):
-            hold = await safe_mode.free(session)
-            if not hold.taken or hold.ours:
-                return hold
-            self._say(f"{hold.who} holds safe mode: waiting until it is released or undone")
+            holder = await safe_mode.free(session)
+            if not holder.taken or holder.ours:
+                return holder
+            self._say(f"{holder.who} holds safe mode: waiting until it is released or undone")
             await asyncio.sleep(pause_s)
-        return hold
+        return holder
 
     async def until_fired(self, session: Channel, question: Command, patience_s: float) -> None:
         """Wait until no dead-man job is armed any more."""

@@ -20,11 +20,16 @@ from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import Mode, Status
 from atlantis_netcfg.routeros.apply._prerequisites import missing
-from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, choose
+from atlantis_netcfg.routeros.apply._protection import (
+    Choice,
+    Interfered,
+    Protection,
+    choose,
+    console_safe_mode,
+    safe_mode_of,
+)
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._shield import HOLD, ApiShield, Held
-from atlantis_netcfg.routeros.apply._shields import console_of, shield_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import AGREE_APART, number_of, planned, unagreed
@@ -44,6 +49,7 @@ from atlantis_netcfg.routeros.observe import (
     with_rows,
 )
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavailable
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
@@ -79,7 +85,7 @@ async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
         await _lay_down(work, result)
         return work.ended(result)
     finally:
-        await work.shield.drop()
+        await work.safe_mode.drop()
         await work.contact.close(wait=work.holding)
 
 
@@ -244,7 +250,7 @@ async def _complete(work: Work, mode: Mode) -> None:
     takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
     takes = takes and not unagreed(work.job, work.aim)
     work.holding = work.holding or takes
-    beside = work.shield.taking if takes else ()
+    beside = work.safe_mode.taking if takes else ()
     requested, sampled = _questions(work, mode), samples(work.seen)
     beside = (*beside, *requested, *sampled.values())
     work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside)
@@ -253,8 +259,8 @@ async def _complete(work: Work, mode: Mode) -> None:
     work.examination.answered(answers[len(answers) - len(requested) :])
     if takes:
         try:
-            work.owner = (await work.shield.taken(work.channel, answers[: len(answers) - len(requested)])).who
-        except Held:
+            work.owner = (await work.safe_mode.taken(work.channel, answers[: len(answers) - len(requested)])).who
+        except SafeModeUnavailable:
             work.holding = False
 
 
@@ -340,7 +346,7 @@ def _protect(work: Work) -> None:
         work.choice = Choice(Protection.NONE, why="nothing in it can do harm by itself")
         work.stages = cut(found, Protection.NONE)
     if not work.holding:
-        work.shield = shield_of(work.choice, job)
+        work.safe_mode = safe_mode_of(work.choice, job)
 
 
 async def _occupied(work: Work, mode: Mode) -> DeviceResult | None:
@@ -369,8 +375,8 @@ async def _busy(work: Work, *, resumes: bool) -> Busy | None:
     other = work.signer.other(left.markers)
     alive = left.alive(work.signer.is_over, bridge=False)
     if owner is None and other is None and left and not work.seen.facts.has_safe_mode:
-        hold = await console_of(work.job).free(work.channel)
-        owner = hold.who if hold.taken else None
+        holder = await console_safe_mode(work.job).free(work.channel)
+        owner = holder.who if holder.taken else None
     if owner is not None:
         return Busy(
             f"{owner} holds safe mode, and there is only one",
@@ -388,9 +394,9 @@ async def _busy(work: Work, *, resumes: bool) -> Busy | None:
 async def _until_undone(work: Work) -> None:
     """Wait until safe mode of a run that has died is over, and the device has taken back what was in it."""
     job, session = work.job, work.channel
-    reply = await session.command(HOLD)
-    work.shield = ApiShield() if reply.trap is None else console_of(job)
-    await work.contact.until_free(work.shield, session, job.patience.undo_s)
+    reply = await session.command(READ)
+    work.safe_mode = ApiSafeMode() if reply.trap is None else console_safe_mode(job)
+    await work.contact.until_free(work.safe_mode, session, job.patience.undo_s)
 
 
 def _has_to_run(work: Work) -> bool:

@@ -40,8 +40,12 @@ class CannotInvert(DeviceFailed):
     """No script can take this plan back."""
 
 
-def inverse(seen: Observed, aim: Plan) -> str:
-    """Return the lines that undo any part of `aim` on the device that was `seen`. Raises CannotInvert."""
+def inverse(seen: Observed, aim: Plan, *, with_secrets: bool = False) -> str:
+    """Return the lines that undo any part of `aim` on the device that was `seen`. Raises CannotInvert.
+
+    `with_secrets`: in clear, as the rows themselves hold them. The far end of a bridge needs that: a key that stayed
+    new at one end would keep the link away.
+    """
     then = Observed(seen.facts, simulate(seen.rows, aim))
     try:
         back = plan(aim.device, restoring(seen), then).actions
@@ -49,21 +53,40 @@ def inverse(seen: Observed, aim: Plan) -> str:
         raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
     # Names of ports go back first, so that every line below speaks of them as they were.
     then = Observed(seen.facts, after(then.rows, [each for each in back if each.layer is Layer.NAMES]))
-    lines = [*_changes(back, seen, then), *_orders(back, aim.actions, seen, then)]
+    back = tuple(each for each in back if each.layer is not Layer.NAMES)
+    changes = _changes(back, seen, then, with_secrets=with_secrets)
+    lines = [*_names(aim.actions, seen), *changes, *_orders(back, aim.actions, seen, then)]
     text = "".join(f"{line}\n" for line in lines)
     if len(text.encode("utf-8", "surrogateescape")) > LIMIT:
         raise CannotInvert("the way back is too long for one script")
     return text
 
 
-def _changes(back: Sequence[Action], seen: Observed, then: Observed) -> Iterator[str]:
+def _names(forth: Sequence[Action], seen: Observed) -> list[str]:
+    """Give ports their names back, step by step: of two that have swapped theirs, one went round by another name."""
+    lines: list[str] = []
+    rows = seen.rows
+    for action in (each for each in forth if each.layer is Layer.NAMES):
+        names = [row["name"] for row in rows[action.menu] if row.get(".id") in action.ids]
+        lines[:0] = [
+            _tried(f"{MENUS[action.menu].title} set {row_id} name={quote(name)}")
+            for row_id, name in zip(action.ids, names, strict=True)
+        ]
+        rows = after(rows, (action,))
+    return lines
+
+
+def _changes(back: Sequence[Action], seen: Observed, then: Observed, *, with_secrets: bool) -> Iterator[str]:
     lost = {
         path: [row for row in rows if row.get(".id", "") not in _ids(then.rows[path])]
         for path, rows in seen.rows.items()
     }
     for action in back:
-        if any(name in action.secrets and value for name, value in action.values):
+        secrets = [value for name, value in action.values if name in action.secrets and value]
+        if secrets and not with_secrets:
             raise CannotInvert("the way back would hold a password in clear")
+        if not all(secret.strip("*") for secret in secrets):
+            raise CannotInvert(f"a secret of {action.subject} cannot be read, and so not written back")
         if action.verb is Verb.REMOVE:
             yield from (_removed(action, row_id, seen, then) for row_id in action.ids)
         elif action.verb is Verb.ADD:

@@ -17,21 +17,13 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.routeros.safe_mode import ApiSafeMode, NoSafeMode
+from atlantis_netcfg.routeros.scheduler_jobs import forbidden
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts, Plan
     from atlantis_netcfg.routeros.apply._job import DeviceJob
-
-__all__ = ["BUDGET", "Choice", "Interfered", "Protection", "ProtectionLost", "choose"]
-
-BUDGET = 80
-"""Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them
-it leaves safe mode without a word. Counted per row.
-
-Assumption: safe-mode-counts-rows
-Assumption: safe-mode-undoes-scripts
-Assumption: safe-mode-second-taker
-"""
+    from atlantis_netcfg.routeros.safe_mode import SafeMode
 
 
 class Protection(StrEnum):
@@ -50,10 +42,6 @@ class Protection(StrEnum):
     def holds(self) -> bool:
         """Whether safe mode is held while it is written."""
         return self in (Protection.SAFE_MODE, Protection.CONSOLE)
-
-
-class ProtectionLost(DeviceFailed):
-    """The protection is not ours any more while changes depend on it: nothing more may be sent."""
 
 
 class Interfered(DeviceFailed):
@@ -98,7 +86,7 @@ def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, 
     if all(action.inert for action in plan.actions):
         return Choice(Protection.NONE, why="nothing in it can do harm by itself")
     no_ssh = _no_ssh(job)
-    no_job = _no_job(facts) or invertible
+    no_job = forbidden(facts) or invertible
     wait_s = max(job.patience.dead_man_s, 3 * seconds)
     if no_ssh is None:
         # Longer than a dead session keeps safe mode. Assumption: dead-man-after-silence
@@ -117,10 +105,17 @@ def _no_ssh(job: DeviceJob) -> str | None:
     return None
 
 
-def _no_job(facts: Facts) -> str | None:
-    """Say why the scheduler would not run a job, or return None. Before 7.17 nothing was restricted."""
-    if facts.device_mode.get("flagged") in ("yes", "true"):
-        return "the device is flagged, and refuses new jobs"
-    if facts.device_mode.get("scheduler") in ("no", "false"):
-        return f"device-mode {facts.device_mode.get('mode', '')} forbids the scheduler"
-    return None
+def safe_mode_of(choice: Choice, job: DeviceJob) -> SafeMode:
+    """Return what holds safe mode for a choice; it holds nothing yet."""
+    if choice.protection is Protection.SAFE_MODE:
+        return ApiSafeMode()
+    return console_safe_mode(job) if choice.protection is Protection.CONSOLE else NoSafeMode()
+
+
+def console_safe_mode(job: DeviceJob) -> SafeMode:
+    """Return the one of a console, if the device has one that we may use."""
+    if job.ssh is None or job.ssh.pin is None:
+        return NoSafeMode()
+    from atlantis_netcfg.routeros.apply._console import ConsoleSafeMode  # noqa: PLC0415 - the SSH client is heavy
+
+    return ConsoleSafeMode(job.console, job.ssh, job.patience.verify_s)

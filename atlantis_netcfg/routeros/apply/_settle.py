@@ -16,20 +16,20 @@ from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
 from atlantis_netcfg.routeros.apply._job import Status
-from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, ProtectionLost
-from atlantis_netcfg.routeros.apply._shields import shield_of
+from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, safe_mode_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import Work
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.safe_mode import ProtectionLost
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, jobs_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceResult
-    from atlantis_netcfg.routeros.apply._shield import Hold
+    from atlantis_netcfg.routeros.safe_mode import Holder
 
 __all__ = ["let_go", "settle"]
 
@@ -62,17 +62,17 @@ async def let_go(work: Work) -> bool:
     if not work.holding:
         return True
     if session is None:
-        await work.shield.drop()
+        await work.safe_mode.drop()
         return False
     try:
         if work.touched:
-            await work.shield.unroll(session)
-        elif (await work.shield.look(session)).ours:
-            await work.shield.release(session, ())
+            await work.safe_mode.unroll(session)
+        elif (await work.safe_mode.look(session)).ours:
+            await work.safe_mode.release(session, ())
     except (SessionLost, Refused, ProtectionLost):
         # The device undoes it by itself as soon as it knows that the session is over.
         work.session = None
-        await work.shield.drop()
+        await work.safe_mode.drop()
         await work.contact.leave(session)
         return False
     work.holding = False
@@ -126,13 +126,13 @@ async def _disarmed(work: Work) -> bool:
 
 
 async def _decided(work: Work, reason: NetcfgError) -> DeviceResult:
-    session, hold, now = await _state(work)
+    session, holder, now = await _state(work)
     changed = differing(work.seen, now)
     if not changed:
         return _rolled_back(work, reason)
-    if hold.taken:
+    if holder.taken:
         return _unknown(
-            work, f"{reason}; {hold.who} still holds safe mode, and the device differs in {_names(changed)}"
+            work, f"{reason}; {holder.who} still holds safe mode, and the device differs in {_names(changed)}"
         )
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
@@ -157,7 +157,7 @@ def _is_foreign(work: Work, now: Observed) -> bool:
     return any((action.menu, action.subject) not in planned for action in left if action.verb is not Verb.MOVE)
 
 
-async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
+async def _state(work: Work) -> tuple[Channel, Holder, Observed]:
     """Read the device once nobody holds safe mode any more, over as many sessions as that takes."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.reach_s + patience.undo_s
@@ -165,7 +165,7 @@ async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
         try:
             session = work.session or await work.contact.reach(patience.reach_s, "after a loss")
             work.session = session
-            hold = await work.contact.until_free(work.shield, session, patience.undo_s)
+            holder = await work.contact.until_free(work.safe_mode, session, patience.undo_s)
             now = await observe(session, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
         except SessionLost:
             work.session = None
@@ -173,7 +173,7 @@ async def _state(work: Work) -> tuple[Channel, Hold, Observed]:
                 raise
             await asyncio.sleep(patience.first_poll_s)
         else:
-            return session, hold, now
+            return session, holder, now
 
 
 def _is_declared(work: Work, reason: NetcfgError, now: Observed) -> bool:
@@ -227,7 +227,7 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
     inner = Work(job, work.contact, work.started, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else Choice(Protection.NONE)
-    inner.shield, inner.permanent = shield_of(inner.choice, job), True
+    inner.safe_mode, inner.permanent = safe_mode_of(inner.choice, job), True
     try:
         inner.plan = plan(job.name, job.desired, now)
         inner.stages = cut(inner.plan, inner.protection)

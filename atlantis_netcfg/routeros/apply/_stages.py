@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Layer, Verb
-from atlantis_netcfg.routeros.apply._protection import BUDGET, Protection
+from atlantis_netcfg.routeros.safe_mode import BUDGET
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.routeros._types import Action, Plan
+    from atlantis_netcfg.routeros.apply._protection import Protection
 
 __all__ = ["Stages", "cut"]
 

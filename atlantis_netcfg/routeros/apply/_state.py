@@ -12,6 +12,7 @@ from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._items import RunTime
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
 
@@ -66,20 +67,25 @@ def invalid(observed: Observed) -> tuple[str, ...]:
 def restoring(before: Observed) -> Desired:
     """Return the observed state as something to declare: every row and every value, nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
-    items = {menu.path: tuple(_items(menu, before.rows[menu.path])) for menu in menus}
+    items = {menu.path: tuple(_items(menu, before.rows[menu.path], before.facts.version)) for menu in menus}
     return Desired("the state before the run", items, frozenset(items), restores=True)
 
 
-def _items(menu: Menu, rows: tuple[Row, ...]) -> list[Item]:
+def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[Item]:
     return [
-        Item(menu.path, _values(menu, row), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
+        Item(menu.path, _values(menu, row, version), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
         for row in rows
         if menu.is_touchable(row)
     ]
 
 
-def _values(menu: Menu, row: Row) -> Mapping[str, str | None]:
-    return {each.name: row[each.name] for each in menu.fields if each.name in row and not each.unread}
+def _values(menu: Menu, row: Row, version: Version) -> Mapping[str, str | None]:
+    """What the row says, and None for what it did not say and nothing else would take back: it was unset."""
+    return {
+        each.name: row.get(each.name)
+        for each in menu.fields
+        if not each.unread and (each.name in row or (each.keep and each.default is None and each.exists(version)))
+    }
 
 
 def _content(

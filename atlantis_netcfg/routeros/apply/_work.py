@@ -13,12 +13,12 @@ from atlantis_netcfg.journal import JournalFailed
 from atlantis_netcfg.routeros.apply._claim import Signer, withdrawing
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
-from atlantis_netcfg.routeros.apply._shield import NoShield
 from atlantis_netcfg.routeros.apply._stages import Stages
 from atlantis_netcfg.routeros.apply._state import plan_hash
 from atlantis_netcfg.routeros.apply._telling import cleaned, ended
 from atlantis_netcfg.routeros.apply.leftovers import Leftovers
 from atlantis_netcfg.routeros.parsing import Examination
+from atlantis_netcfg.routeros.safe_mode import NoSafeMode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed, Plan, PortCounts
     from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._contact import Contact
-    from atlantis_netcfg.routeros.apply._deadman import DeadMan
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
-    from atlantis_netcfg.routeros.apply._shield import Shield
     from atlantis_netcfg.routeros.apply._writer import Writer
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Estimate
+    from atlantis_netcfg.routeros.safe_mode import SafeMode
+    from atlantis_netcfg.routeros.scheduler_jobs import DeadMan
 
 __all__ = ["Work"]
 
@@ -71,7 +71,7 @@ class Work:
     stages: Stages = field(default_factory=Stages)
     writer: Writer | None = None
     choice: Choice = field(default_factory=lambda: Choice(Protection.NONE))
-    shield: Shield = field(default_factory=NoShield)
+    safe_mode: SafeMode = field(default_factory=NoSafeMode)
     script: str | None = None
     """The way back, for a dead-man job."""
     dead_man: DeadMan | None = None

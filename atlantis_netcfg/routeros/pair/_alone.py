@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.routeros.pair import _safe
+from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceResult
     from atlantis_netcfg.routeros.pair._transaction import Transaction
 
 __all__ = ["follow"]
-
-_QUICK_S = 20.0
 
 
 async def follow(work: Transaction) -> DeviceResult | None:
@@ -41,7 +39,7 @@ async def _back(work: Transaction, why: str) -> DeviceResult:
     near = work.near
     try:
         session = near.channel
-        await _safe.unroll(session, _QUICK_S)
+        await SAFE_MODE.unroll(session)
         left = near.same(await near.reread(session))
     except NetcfgError as lost:
         return near.result(Status.UNKNOWN, f"the outcome is not known: {why}; then: {lost}")

@@ -16,8 +16,8 @@ from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
-from atlantis_netcfg.routeros.pair import _safe
 from atlantis_netcfg.routeros.pair._end import NotAsDeclared
+from atlantis_netcfg.routeros.safe_mode import ApiSafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import PAIR
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class _Way:
         if end.owner and not silent:
             with suppress(NetcfgError, TimeoutError):
                 async with asyncio.timeout(_QUICK_S):
-                    await _safe.unroll(session, _QUICK_S)
+                    await ApiSafeMode(_QUICK_S).unroll(session)
         await end.contact.leave(session)
 
     async def _settled(
@@ -166,8 +166,7 @@ class _Way:
         while clock() < final:
             try:
                 session = await end.contact.reach(max(0.0, until - clock()), "after a failure")
-                patience = end.job.patience
-                current = await _safe.until_free(session, patience.undo_s, patience.last_poll_s)
+                current = await end.contact.until_free(ApiSafeMode(), session, end.job.patience.undo_s)
                 left = end.same(await end.reread(session))
             except DeviceFailed:
                 if clock() >= until:

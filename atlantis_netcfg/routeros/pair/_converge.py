@@ -15,7 +15,8 @@ from atlantis_netcfg.routeros.pair._alone import follow
 from atlantis_netcfg.routeros.pair._back import back
 from atlantis_netcfg.routeros.pair._end import End
 from atlantis_netcfg.routeros.pair._leftovers import clear, read_again, returned
-from atlantis_netcfg.routeros.pair._transaction import BUDGET, SAFE_MODE_S, Transaction
+from atlantis_netcfg.routeros.pair._transaction import Transaction
+from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
@@ -108,7 +109,7 @@ def _end_by_end(pair: Pair) -> str:
 def _words(pair: Pair) -> str:
     return (
         f"{pair.name} change as one, far end first; if the link is not back within {pair.link_timeout_s:.0f} s both"
-        f" return by themselves (where the far end's scheduler may not run, within {SAFE_MODE_S / 60:.0f} min)"
+        f" return by themselves (where the far end's scheduler may not run, within {DEAD_SESSION_S / 60:.0f} min)"
     )
 
 

@@ -101,6 +101,13 @@ class End:
         return self.before
 
     @property
+    def aim(self) -> Plan:
+        """The plan. Raises RuntimeError where there is none."""
+        if self.plan is None:
+            raise RuntimeError(f"{self.name} has not been planned")
+        return self.plan
+
+    @property
     def actions(self) -> tuple[Action, ...]:
         """What is to be done."""
         return self.plan.actions if self.plan is not None else ()

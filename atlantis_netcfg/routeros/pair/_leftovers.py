@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.apply import Mode, Status
-from atlantis_netcfg.routeros.pair import _safe
-from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE_S
+from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ async def clear(work: Transaction, mode: Mode) -> Results | None:
             return ended
     try:
         for end in work.ends:
-            current = _safe.Held.of(await end.channel.command(_safe.HOLD))
+            current = await ApiSafeMode().look(end.channel)
             if current.taken:
                 return _stopped(work, f"{end.name}: {current.who} holds safe mode, and there is only one")
         for end in work.ends:
@@ -55,8 +54,8 @@ async def returned(work: Transaction) -> None:
     """After a run that was killed: give both ends the time that they need to return by themselves."""
     for end in work.ends:
         try:
-            session = await end.contact.reach(SAFE_MODE_S + work.pair.link_timeout_s, "returning by itself")
-            await _safe.until_free(session, end.job.patience.undo_s, end.job.patience.last_poll_s)
+            session = await end.contact.reach(DEAD_SESSION_S + work.pair.link_timeout_s, "returning by itself")
+            await end.contact.until_free(ApiSafeMode(), session, end.job.patience.undo_s)
             await end.contact.leave(session)
         except DeviceFailed:
             continue

@@ -17,16 +17,32 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
+from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
 from atlantis_netcfg.routeros.apply._state import digest
 from atlantis_netcfg.routeros.commands import executed
-from atlantis_netcfg.routeros.pair import _fuse, _safe
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
-from atlantis_netcfg.routeros.pair._inverse import NotInvertible, inverse
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED, PAIR, AlreadyArmed, disarm, jobs_of
+from atlantis_netcfg.routeros.safe_mode import (
+    DEAD_SESSION_S,
+    READ,
+    ApiSafeMode,
+    Holder,
+    ProtectionLost,
+    SafeModeUnavailable,
+)
+from atlantis_netcfg.routeros.scheduler_jobs import (
+    ARMED,
+    PAIR,
+    AlreadyArmed,
+    arm_pair,
+    disarm,
+    forbidden,
+    jobs_of,
+    pair_script,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,12 +52,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
     from atlantis_netcfg.routeros.pair._pair import Pair, Signal
 
-__all__ = ["BUDGET", "SAFE_MODE_S", "LinkGone", "Refusal", "Transaction"]
+__all__ = ["SAFE_MODE", "LinkGone", "Refusal", "Transaction"]
 
-BUDGET = 80
-"""Entries of history that one safe mode may take; the device keeps 100 (Manual, Configuration Management)."""
-SAFE_MODE_S = 600.0
-"""Until safe mode of a dead session is undone: about nine minutes (Manual, Configuration Management), and some."""
+SAFE_MODE = ApiSafeMode(silence_s=20.0)
+"""For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
 
 
 class LinkGone(DeviceFailed):
@@ -96,7 +110,7 @@ class Transaction:
     async def _protect(self) -> None:
         now = asyncio.get_running_loop().time()
         self.deadline = now + self.pair.link_timeout_s - self.pair.reserve_s
-        self.fires = now + SAFE_MODE_S
+        self.fires = now + DEAD_SESSION_S
         if self.far.actions:
             await self._arm()
         for end in self.ends:
@@ -111,7 +125,10 @@ class Transaction:
         await self._take(self.near)
 
     async def _take(self, end: End) -> None:
-        end.owner = await _safe.take(end.channel, end.name)
+        try:
+            end.owner = (await ApiSafeMode().take(end.channel)).who
+        except SafeModeUnavailable as unavailable:
+            raise SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
         end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
         self._protected(end)
 
@@ -125,17 +142,17 @@ class Transaction:
     async def _arm(self) -> None:
         """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
         far, near = self.far, self.near.radio(after=False)
-        radio, why = far.radio(after=False), _fuse.why_not(far.seen.facts)
+        radio, why = far.radio(after=False), forbidden(far.seen.facts) or ""
         try:
-            way_back = inverse(far.actions, far.seen.rows)
-        except NotInvertible as reason:
+            rollback = inverse(far.seen, far.aim, with_secrets=True)
+        except CannotInvert as reason:
             why = why or f"there is no script for the way back ({reason})"
         if not why and radio is not None and near is not None:
             try:
-                text = _fuse.script(radio.menu, near.mac, way_back)
+                text = pair_script(radio.menu, near.mac, rollback)
                 far.record(Signed(device=far.name, sign=far.signer.text))
                 far.arms = True
-                far.job_id = await _fuse.arm(far.channel, far.signer.text, text, self.pair.link_timeout_s)
+                far.job_id = await arm_pair(far.channel, text, far.signer.text, self.pair.link_timeout_s)
             except AlreadyArmed:
                 raise
             except DeviceFailed as failed:
@@ -164,8 +181,8 @@ class Transaction:
         if not far.storm:
             return
         self._announce(far, far.storm)
-        patience_s = self.pair.link_timeout_s + SAFE_MODE_S
-        commands = [executed(_script(far.storm)), _safe.HOLD]
+        patience_s = self.pair.link_timeout_s + DEAD_SESSION_S
+        commands = [executed(_script(far.storm)), READ]
         self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
         done, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
         if done:
@@ -180,8 +197,8 @@ class Transaction:
     async def _write(self, end: End, actions: Sequence[Action]) -> None:
         for text, inside in scripts(actions):
             self._announce(end, inside)
-            reply, hold = await end.channel.flight([executed(text), _safe.HOLD])
-            self._acknowledged(end, inside, reply, hold)
+            reply, holder = await end.channel.flight([executed(text), READ])
+            self._acknowledged(end, inside, reply, holder)
 
     def _announce(self, end: End, actions: Sequence[Action]) -> None:
         layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in actions))
@@ -191,14 +208,14 @@ class Transaction:
     def _heard(self, replies: Sequence[Reply]) -> None:
         self._acknowledged(self.far, self.far.storm, *replies)
 
-    def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, hold: Reply) -> None:
+    def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
         result = output(reply.ret or "")
         end.note(ActionsAcknowledged(device=end.name, actions=result.acknowledged))
         if reply.trap is not None or list(result.acknowledged) != [action.number for action in actions]:
             words = reply.trap.message if reply.trap is not None else result.words
             raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
-        if not _safe.Held.of(hold).ours:
-            raise _safe.HoldLost(f"{end.name}: safe mode is not held any more in the middle of the change")
+        if not Holder.of(holder).ours:
+            raise ProtectionLost(f"{end.name}: safe mode is not held any more in the middle of the change")
         end.say(Stage.APPLYING, f"{len(result.acknowledged)} actions sent")
 
     # --- proving ---------------------------------------------------------------------------------------------------
@@ -258,10 +275,13 @@ class Transaction:
         await self.defuse(self._anew[self.far.name])
 
     async def release(self, end: End, session: Channel) -> None:
-        """Make one end permanent. Raises HoldLost, SessionLost: then it is not known whether it is."""
+        """Make one end permanent. Raises ProtectionLost, SessionLost: then it is not known whether it is."""
         end.record(Releasing(device=end.name))
         end.released = True
-        await _safe.release(session, end.owner, end.name)
+        try:
+            await SAFE_MODE.release_of(session, end.owner)
+        except ProtectionLost as lost:
+            raise ProtectionLost(f"{end.name}: {lost}") from lost
         end.kept = True
         end.owner = ""
         end.record(Released(device=end.name))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +12,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "twin"))
 
 from twin_bench import Bench, make
 
-from atlantis_netcfg.routeros._types import Action, Layer, Verb
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.routeros import desired
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb
+from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._scripts import scripts
-from atlantis_netcfg.routeros.pair._fuse import script
-from atlantis_netcfg.routeros.pair._inverse import NotInvertible, inverse
+from atlantis_netcfg.routeros.planner import plan
+from atlantis_netcfg.routeros.scheduler_jobs import pair_script
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -53,6 +55,14 @@ def rows(bench: Bench, *menus: str) -> Mapping[str, tuple[dict[str, str], ...]]:
     }
 
 
+FACTS = Facts("far", Version(7, 18), "", "", {}, (), None, True, None, "", 0)
+
+
+def rollback(actions: tuple[Action, ...], seen: Mapping[str, tuple[dict[str, str], ...]]) -> str:
+    """The script of a bridge's far end: keys are put back, too."""
+    return inverse(Observed(FACTS, seen), Plan("far", actions, ""), with_secrets=True)
+
+
 def change(seen: Mapping[str, tuple[dict[str, str], ...]]) -> tuple[Action, ...]:
     old = next(row for row in seen[PROFILES] if row["name"] == "old")
     new = (("name", "new"), ("mode", "dynamic-keys"), ("wpa2-pre-shared-key", "a new key"))
@@ -79,7 +89,7 @@ def test_takes_back_however_far_it_came(done: int) -> None:
     for text, _ in scripts(actions[:done]):
         assert bench.script(text).startswith("ok")
     assert (bench.text() != before) == (done > 0)
-    assert bench.script(inverse(actions, seen)) == ""
+    assert bench.script(rollback(actions, seen)) == ""
     assert bench.text() == before
 
 
@@ -99,8 +109,15 @@ add bridge=b comment=hers interface=wlan1
 """Cable and radio are called as the other one should be, and the bridge has the cable."""
 
 
-def name(number: int, menu: str, row: str, new: str) -> Action:
-    return replace(action(number, menu, Verb.SET, ids=(row,), values=(("name", new),)), layer=Layer.NAMES)
+DECLARED = """\
+/interface ethernet
+set [ find default-name=ether1 ] name=ether1
+/interface wireless
+set [ find default-name=wlan1 ] name=wlan1
+/interface bridge port
+add bridge=b comment="atlantis: radio" interface=wlan1
+add bridge=b comment="atlantis: cable" interface=ether1
+"""
 
 
 @pytest.mark.parametrize("done", range(6))
@@ -109,48 +126,49 @@ def test_takes_names_back_however_far_it_came(done: int) -> None:
     assert bench.script(SWAPPED) == ""
     seen = rows(bench, RADIO, PORT, MEMBER)
     before = bench.text()
-    cable = next(row[".id"] for row in seen[PORT] if row["name"] == "wlan1")
-    radio, member = seen[RADIO][0][".id"], seen[MEMBER][0][".id"]
-    actions = (
-        name(1, PORT, cable, "ether1-atlantis"),
-        name(2, RADIO, radio, "wlan1"),
-        name(3, PORT, cable, "ether1"),
-        action(4, MEMBER, Verb.ADD, values=(("bridge", "b"), ("interface", "wlan1"))),
-        action(5, MEMBER, Verb.SET, ids=(member,), values=(("comment", "ours"), ("interface", "ether2"))),
-    )
-    for text, _ in scripts(actions[:done]):
+    aim = plan("far", desired.read(DECLARED), Observed(FACTS, seen))
+    assert [action.layer is Layer.NAMES for action in aim.actions] == [True, True, True, False, False]
+    for text, _ in scripts(aim.actions[:done]):
         assert bench.script(text).startswith("ok")
     assert (bench.text() != before) == (done > 0)
-    assert bench.script(inverse(actions, seen)) == ""
+    assert bench.script(rollback(aim.actions, seen)) == ""
     assert bench.text() == before
 
 
-def test_a_place_in_a_list_would_be_lost() -> None:
+@pytest.mark.parametrize("done", range(2))
+def test_puts_a_row_back_in_its_place(done: int) -> None:
     bench = make(**SPEC)
-    bench.script(OLD)
-    seen = rows(bench, CONNECT)
+    assert bench.script(OLD + "add interface=wlan1 ssid=y\n") == ""
+    seen, before = rows(bench, CONNECT), bench.text()
     removal = action(1, CONNECT, Verb.REMOVE, ids=(seen[CONNECT][0][".id"],))
-    with pytest.raises(NotInvertible, match="its place in the list would be lost"):
-        inverse((removal,), seen)
+    for text, _ in scripts((removal,)[:done]):
+        assert bench.script(text).startswith("ok")
+    assert (bench.text() != before) == (done > 0)
+    assert bench.script(rollback((removal,), seen)) == ""
+    assert bench.text() == before
 
 
 def test_a_hidden_key_cannot_be_written_back() -> None:
-    seen = {RADIO: ({".id": "*3", "default-name": "wlan1", "nv2-preshared-key": "*****"},)}
-    change = action(1, RADIO, Verb.SET, ids=("*3",), values=(("nv2-preshared-key", "new"),))
-    with pytest.raises(NotInvertible, match="cannot be read"):
-        inverse((change,), seen)
+    bench = make(**SPEC)
+    seen = rows(bench, RADIO)
+    hidden = {RADIO: ({**seen[RADIO][0], "nv2-preshared-key": "*****"},)}
+    key = action(1, RADIO, Verb.SET, ids=(seen[RADIO][0][".id"],), values=(("nv2-preshared-key", "new"),))
+    with pytest.raises(CannotInvert, match="cannot be read"):
+        rollback((key,), hidden)
 
 
-def test_a_row_that_was_not_read_cannot_be_written_back() -> None:
-    change = action(1, RADIO, Verb.SET, ids=("*3",), values=(("ssid", "new"),))
-    with pytest.raises(NotInvertible, match="was not read"):
-        inverse((change,), {RADIO: ()})
+def test_a_device_alone_holds_no_key_in_a_script() -> None:
+    bench = make(**SPEC)
+    assert bench.script(OLD) == ""
+    seen = rows(bench, RADIO, PROFILES, CONNECT)
+    with pytest.raises(CannotInvert, match="a password in clear"):
+        inverse(Observed(FACTS, seen), Plan("far", change(seen), ""))
 
 
 def test_the_job_writes_back_where_nobody_is_registered_and_goes() -> None:
     bench = make(**SPEC)
     bench.script("/interface wireless set wlan1 ssid=new")
-    job = script(RADIO, "48:A9:8A:00:00:01", f":do {{\n{RADIO}/set wlan1 ssid=old\n}} on-error={{\n}}\n")
+    job = pair_script(RADIO, "48:A9:8A:00:00:01", f":do {{\n{RADIO}/set wlan1 ssid=old\n}} on-error={{\n}}\n")
     words = ["/system/scheduler/add", "=name=atlantis-pair", "=interval=5m", f"=on-event={job}"]
     bench.say(*words, "=start-date=2026-01-01", "=start-time=08:01:00")
     bench.now += 59
