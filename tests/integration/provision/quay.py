@@ -21,11 +21,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from ansible.parsing.vault import VaultLib, VaultSecret
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User, spawn
+from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, User
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.site import perform
@@ -55,6 +56,8 @@ class Quay:
     """Only the router stands here; the ends of the Wi-Fi bridge do not."""
     twin: str = ROUTER
     """The emulated router that stands at the address now."""
+    program: bool = False
+    """Start the program itself, instead of a process that has imported what it needs."""
 
     def do(self, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Command the twin that stands at the address."""
@@ -69,7 +72,7 @@ class Quay:
         (twin,) = self.spec.twins
         router = twin.router.model_copy(update={"name": name, "serial_number": name.upper(), **box})
         spec = SiteSpec(name=self.spec.name, twins=(twin.model_copy(update={"router": router}),))
-        self.twins = self.stack.enter_context(spawn(spec, self.inventory.parent / name))
+        self.twins = self.stack.enter_context(preforked.spawn(spec, self.inventory.parent / name))
         self.twin = name
         self.door.port = self.twins.ready[name]["api_ssl"]
 
@@ -95,16 +98,31 @@ class Quay:
 
     def provision(self, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
         """Type a command; `inventory=` is added, and `only=`: nothing but the router stands at this quay."""
-        done = subprocess.run(
-            [PROVISION, *typed, *self.only(typed), *self._inventory(typed)],
+        done = self.start([*typed, *self.only(typed), *self._inventory(typed)])
+        assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done
+
+    def start(
+        self,
+        words: list[str],
+        *,
+        stdin: int = subprocess.DEVNULL,
+        stderr: int = subprocess.PIPE,
+        pass_fds: tuple[int, ...] = (),
+    ) -> subprocess.CompletedProcess[str]:
+        """Type these words as they are."""
+        if not self.program:
+            return preforked.run(words, env=self.environment(), stdin=stdin, stderr=stderr, pass_fds=pass_fds)
+        return subprocess.run(
+            [PROVISION, *words],
             env=self.environment(),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
+            stdin=stdin,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            pass_fds=pass_fds,
             text=True,
             check=False,
         )
-        assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
-        return done
 
     def playbook(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Run the playbook for the router without `provision`."""
@@ -135,15 +153,8 @@ class Quay:
         ours, theirs = os.openpty()
         with os.fdopen(ours, "wb", buffering=0) as keyboard:
             keyboard.write(f"{answer}\n".encode())
-            done = subprocess.run(
-                [PROVISION, *typed, *self.only(typed), *self._inventory(typed)],
-                env=self.environment(),
-                stdin=theirs,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                check=False,
-            )
+            words = [*typed, *self.only(typed), *self._inventory(typed)]
+            done = self.start(words, stdin=theirs, stderr=subprocess.STDOUT)
             os.close(theirs)
         assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}"
         return done.stdout
@@ -163,13 +174,8 @@ class Quay:
         return told
 
     def runs(self) -> list[dict[str, Any]]:
-        done = subprocess.run(
-            [PROVISION, "runs", "site=coastal", "--json"],
-            env=self.environment(),
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        done = self.start(["runs", "site=coastal", "--json"])
+        assert done.returncode == 0, done.stderr
         listed: list[dict[str, Any]] = json.loads(done.stdout)["runs"]
         return listed
 
@@ -202,7 +208,7 @@ def quay(folder: Path, *others: User, seed: str = "") -> Iterator[Quay]:
     spec = spec.model_copy(update={"twins": (twin.model_copy(update={"router": router}),)})
     with ExitStack() as stack:
         stack.enter_context(_namespace())
-        twins = stack.enter_context(spawn(spec, folder / "twins"))
+        twins = stack.enter_context(preforked.spawn(spec, folder / "twins"))
         door = Door(twins.ready[ROUTER]["api_ssl"])
         stack.enter_context(forwarded(door))
         opened = Quay(root, folder / "state", spec, twins, door, stack)

@@ -15,11 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from quay import _VAULT, PROVISION, _inventory, _namespace, _pump
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite, spawn
+from atlantis_netcfg.emulator.routeros import SiteSpec, SpawnedSite
 from atlantis_netcfg.operations.rehearsal import factory_spec
 
 if TYPE_CHECKING:
@@ -60,10 +61,9 @@ class Bench:
         )
 
     def provision(self, *typed: str, code: int) -> str:
-        process = self.start(*typed)
-        out, err = process.communicate(timeout=110)
-        assert process.returncode == code, f"exit {process.returncode}\n{out}\n{err}"
-        return out + err
+        done = preforked.run([*typed, f"inventory={self.inventory}"], env=self.environment)
+        assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+        return done.stdout + done.stderr
 
     def json(self, *typed: str, code: int) -> dict[str, Any]:
         process = self.start(*typed, "--json")
@@ -90,7 +90,7 @@ def bench(folder: Path) -> Iterator[Bench]:
         stack.enter_context(_namespace())
         for address in (MANAGEMENT, FACTORY):
             subprocess.run(["ip", "address", "add", f"{address}/32", "dev", "lo"], check=True)
-        twins = stack.enter_context(spawn(site, folder / "twins"))
+        twins = stack.enter_context(preforked.spawn(site, folder / "twins"))
         ready = twins.ready[ROUTER]
         for address, doors in ((MANAGEMENT, ready["ports"]), (FACTORY, ready["first_contact"]["ports"])):
             for port in (22, 8729):

@@ -30,7 +30,7 @@ def follow(at: Quay, command: list[str], code: int = 0) -> str:
     """Type what was advised; `runs` takes no inventory, and a run here is of the router alone."""
     words = [word.replace("NAME", "coastal") for word in command]
     if words[0] == "runs":
-        done = subprocess.run([PROVISION, *words], env=at.environment(), capture_output=True, text=True, check=False)
+        done = at.start(words)
         assert done.returncode == code, done.stderr
         return done.stdout + done.stderr
     yes = ("--yes",) if words[0].startswith("site=") and "--yes" not in words else ()

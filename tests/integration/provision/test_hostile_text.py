@@ -7,7 +7,6 @@ in the files that a command writes. A command is played here, or the reason stan
 from __future__ import annotations
 
 import json
-import subprocess
 from typing import TYPE_CHECKING
 
 import pytest
@@ -24,7 +23,7 @@ from impostor import (
     refusing,
 )
 from npk_files import write
-from quay import ADDRESS, PROVISION, ROUTER, Door, Quay, forwarded, quay
+from quay import ADDRESS, ROUTER, Door, Quay, forwarded, quay
 from vpn_desk import NOBODY, PASSPHRASE, over_a_pipe
 
 from atlantis_netcfg.cli import main
@@ -33,6 +32,7 @@ from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.journal import Store
 
 if TYPE_CHECKING:
+    import subprocess
     from collections.abc import Iterator
     from pathlib import Path
 
@@ -128,6 +128,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 @pytest.mark.parametrize("said", SAID)
 @pytest.mark.parametrize("asked", ASKING)
 def test_nothing_of_it_is_obeyed(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
+    at.program = said == "texts"
     files = {"DRIFT": tmp_path / "drift.xml", "PACKAGE": write(tmp_path, "routeros", "7.21.5", "arm64")}
     with hostile(tmp_path, at.door.port, SAID[said]) as device:
         at.door.port = device.port
@@ -145,6 +146,7 @@ def test_nothing_of_it_is_obeyed(at: Quay, tmp_path: Path, asked: str, said: str
 def test_nothing_of_it_is_obeyed_after_a_run(at: Quay, tmp_path: Path, asked: str, said: str) -> None:
     at.configure()
     (run,) = at.runs()
+    at.program = said == "everything"
     if asked == "install":
         authority(at, "onboard", f"host={ROUTER}", f"recipient={NOBODY}", "--no-push")
     with hostile(tmp_path, at.door.port, SAID[said]) as device:
@@ -161,6 +163,7 @@ def test_nothing_of_a_gateway_is_obeyed(
     at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str, manner: str
 ) -> None:
     stands_in(tmp_path, monkeypatch, manner)
+    at.program = manner == "answers"
     files = {"DRIFT": tmp_path / "drift.xml", "BUNDLE": tmp_path / "bundle"}
     harmless(at, *(_named(word, files) for word in OVER_SSH[asked]), codes={0, 2, 3, 4, 5, 6})
     for file in written(at, files["DRIFT"]):
@@ -187,9 +190,11 @@ def test_nothing_of_the_vpns_server_is_obeyed(
     """Nor is what it leaves out, or has of another kind, a fault of ours."""
     authority(at, "onboard", "partner=iqua", "device=auv1", "kind=robot", f"recipient={NOBODY}", "--no-push")
     for manner in MANNERS:
+        at.program = manner == MANNERS[0]
         stands_in(tmp_path, monkeypatch, manner)
         said = harmless(at, *TO_SERVER[asked], passphrase=asked != "status")
         assert ("evil" in said) or manner == "lacks", "it did arrive"
+    at.program = asked == "sync"
     for words in RECORDED:
         harmless(at, *words)
 
@@ -197,6 +202,7 @@ def test_nothing_of_the_vpns_server_is_obeyed(
 @pytest.mark.parametrize("asked", FIRST_CONTACT)
 def test_nothing_of_a_console_is_obeyed(at: Quay, asked: str) -> None:
     """Over a serial line it is the same conversation."""
+    at.program = asked == "plan"
     with hostile_console() as port, forwarded(Door(port), 22):
         harmless(at, *FIRST_CONTACT[asked], "wait=1")
 
@@ -223,6 +229,7 @@ def test_nothing_of_a_boxs_rows_is_obeyed(
 
 def test_nothing_of_who_is_to_be_trusted_is_obeyed(at: Quay, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stands_in(tmp_path, monkeypatch, "away")
+    at.program = True
     with hostile_console() as port, forwarded(Door(port), 22):
         told = at.typed(*TRUST, answer="yes\nyes", code=4)
     assert f"{GATEWAY} was not reached: evil" in told
@@ -271,15 +278,8 @@ def _typed(
     inventory = [f"inventory={at.inventory}"] if any(word.name == "inventory" for word in command.words) else []
     with over_a_pipe(PASSPHRASE) as number:
         signs = passphrase and any(flag.name == "passphrase-fd" for flag in command.flags)
-        done = subprocess.run(
-            [PROVISION, *words, *at.only(words), *inventory, *(["--passphrase-fd", number] if signs else [])],
-            env=at.environment(),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            pass_fds=[int(number)],
-            text=True,
-            check=False,
-        )
+        line = [*words, *at.only(words), *inventory, *(["--passphrase-fd", number] if signs else [])]
+        done = at.start(line, pass_fds=(int(number),))
     assert done.returncode in codes, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 

@@ -10,8 +10,9 @@ import sys
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
-from quay import CHECKOUT, PROVISION, _inventory, _namespace
+from quay import CHECKOUT, _inventory, _namespace
 from test_adopt_run import led
 
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSim, RutosSpec
@@ -39,14 +40,7 @@ def provision(inventory: Path, state: Path, *typed: str, code: int) -> str:
     variables = {"ATLANTIS_STATE": str(state)}
     if (password := inventory.parent / "vault-password").exists():
         variables["ANSIBLE_VAULT_PASSWORD_FILE"] = str(password)
-    done = subprocess.run(
-        [PROVISION, *typed, f"inventory={inventory}"],
-        env={**os.environ, **variables},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = preforked.run([*typed, f"inventory={inventory}"], env={**os.environ, **variables})
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 

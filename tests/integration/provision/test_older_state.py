@@ -8,9 +8,10 @@ import shutil
 import subprocess
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from hints_said import advised, said
-from quay import CHECKOUT, PROVISION, ROUTER, quay
+from quay import CHECKOUT, ROUTER, quay
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Store
@@ -44,13 +45,9 @@ def typed(state: Path, *words: str, code: int, passphrase: bool = False, **envir
     with os.fdopen(writing, "wb") as pipe:
         pipe.write(PASSPHRASE + b"\n")
     try:
-        done = subprocess.run(
-            [PROVISION, *words, *((f"--passphrase-fd={reading}",) if passphrase else ())],
+        done = preforked.run(
+            [*words, *((f"--passphrase-fd={reading}",) if passphrase else ())],
             env={**os.environ, **environment, "ATLANTIS_STATE": str(state)},
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
             pass_fds=(reading,),
         )
     finally:

@@ -1,0 +1,290 @@
+"""`provision` without its second of imports: a process that has imported what commands need forks a child for each.
+
+A child is what the program would be: a process of its own with the arguments, environment, folder, network, standard
+streams and passed descriptors of its caller, in which `cli.main` runs and Python ends as it always does. What it has
+imported is the only difference, and Ansible's settings are not among it, as they are read when they are imported. The
+program itself is started by the tests of its start, by those that kill it, and once for each command that is typed.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import fcntl
+import gc
+import json
+import os
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from contextlib import ExitStack, suppress
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, cast
+
+from atlantis_netcfg.emulator.routeros import SpawnedSite
+from atlantis_netcfg.emulator.routeros.wire import host
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.emulator.routeros import SiteSpec
+
+PRELOADED = (
+    *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
+    *("atlantis_netcfg.cli._outcome", "atlantis_netcfg.cli._parse", "atlantis_netcfg.cli._playbook"),
+    *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.drift", "atlantis_netcfg.cli.run"),
+    *("atlantis_netcfg.operations.jobs", "atlantis_netcfg.operations.rehearsal", "atlantis_netcfg.operations.restore"),
+    *("atlantis_netcfg.operations.simcard", "atlantis_netcfg.operations.site", "atlantis_netcfg.operations.site_run"),
+    *("atlantis_netcfg.operations.vault", "atlantis_netcfg.report.drift", "atlantis_netcfg.routeros.fleet"),
+    *("cryptography.hazmat.primitives.kdf.pbkdf2", "cryptography.x509", "jinja2.nativetypes", "jinja2.sandbox"),
+    *("multiprocessing.queues", "multiprocessing.shared_memory", "multiprocessing.synchronize", "packaging.tags"),
+    *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
+)
+"""What most commands import; no more than that, so that a command which forgets an import still fails."""
+_NEW_NETWORK = 0x40000000
+"""CLONE_NEWNET, see unshare(2)."""
+_HIGH = 500
+"""Descriptors from here on are in nobody's way while a child puts its own in their places."""
+
+
+class Process:
+    """What was started: the few words of `subprocess.Popen` that its callers use."""
+
+    def __init__(self, ours: socket.socket) -> None:
+        self._ours = ours
+        self._code: int | None = None
+        self.stdin: TextIO | None = None
+        self.stdout: TextIO | None = None
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Give its exit code. Raises TimeoutExpired."""
+        if self._code is None:
+            self._ours.settimeout(timeout)
+            try:
+                self._code = int(self._ours.recv(16))
+            except TimeoutError as late:
+                raise subprocess.TimeoutExpired("a process of preforked.py", timeout or 0) from late
+            self._ours.close()
+        return self._code
+
+    def kill(self) -> None:
+        """End it, if it has not ended."""
+        with suppress(OSError):
+            self._ours.shutdown(socket.SHUT_WR)
+
+
+def run(
+    arguments: Sequence[str],
+    *,
+    env: Mapping[str, str],
+    stdin: int = subprocess.DEVNULL,
+    stderr: int = subprocess.PIPE,
+    pass_fds: Sequence[int] = (),
+) -> subprocess.CompletedProcess[str]:
+    """Run a command line of `provision`; as `subprocess.run` with `capture_output` and `text` does."""
+    with ExitStack() as stack, ExitStack() as theirs:
+        readers, writers = [], []
+        for _ in range(1 if stderr == subprocess.STDOUT else 2):
+            reader, writer = os.pipe()
+            readers.append(stack.enter_context(os.fdopen(reader, "rb")))
+            writers.append(theirs.enter_context(os.fdopen(writer, "wb")).fileno())
+        if stdin == subprocess.DEVNULL:
+            stdin = theirs.enter_context(Path(os.devnull).open("rb")).fileno()
+        process = _start(
+            _Request("atlantis_netcfg.cli", list(arguments), dict(env), list(pass_fds)), stdin, writers[0], writers[-1]
+        )
+        stack.callback(process.kill)
+        theirs.close()
+        printed = _read_all(readers)
+        status = process.wait()
+    return subprocess.CompletedProcess(["provision", *arguments], status, *printed)
+
+
+def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
+    """Start the twins of `spec`, as `emulator.routeros.spawn` does; they end when their standard input does."""
+    file, log = state_dir / "site.json", state_dir / "twins.log"
+    host.write(file, spec.model_dump_json(indent=1).encode())
+    hearing, writing = os.pipe()
+    reading, saying = os.pipe()
+    with log.open("ab") as errors, os.fdopen(hearing, "rb"), os.fdopen(saying, "wb"):
+        module = "atlantis_netcfg.emulator.routeros.__main__"
+        request = _Request(module, [str(file), "--state", str(state_dir)], dict(os.environ), session=True)
+        process = _start(request, hearing, saying, errors.fileno())
+    process.stdin, process.stdout = os.fdopen(writing, "w"), os.fdopen(reading)
+    return SpawnedSite(cast("subprocess.Popen[str]", process), log)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """What a child becomes; the descriptors beyond the standard streams have the same numbers there."""
+
+    module: str
+    """Its `main` is what runs."""
+    arguments: list[str]
+    env: dict[str, str]
+    passed: list[int] = field(default_factory=list)
+    session: bool = False
+    """In a session of its own."""
+    folder: str = field(default_factory=os.getcwd)
+
+
+def _start(request: _Request, *streams: int) -> Process:
+    ours, answer = socket.socketpair()
+    with (
+        answer,
+        os.fdopen(os.memfd_create("request"), "w+b", buffering=0) as words,
+        Path("/proc/thread-self/ns/net").open("rb") as network,
+    ):
+        words.write(json.dumps(asdict(request)).encode())
+        descriptors = [answer.fileno(), words.fileno(), network.fileno(), *streams, *request.passed]
+        socket.send_fds(_server(), [b"!"], descriptors)
+    return Process(ours)
+
+
+def _read_all(readers: Sequence[BinaryIO]) -> list[str]:
+    """All at the same time: a command that waits for one of them to be read would wait for ever."""
+    texts = [b""] * len(readers)
+
+    def read(number: int) -> None:
+        texts[number] = readers[number].read()
+
+    threads = [threading.Thread(target=read, args=(number,)) for number in range(1, len(readers))]
+    for thread in threads:
+        thread.start()
+    read(0)
+    for thread in threads:
+        thread.join()
+    return [text.decode() for text in texts]
+
+
+@cache
+def _server() -> socket.socket:
+    """One for this process of the tests; it ends with it."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        process = subprocess.Popen(
+            [sys.executable, "-P", __file__, str(theirs.fileno())],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
+        )
+
+    def end() -> None:
+        ours.close()
+        process.wait()
+
+    atexit.register(end)
+    return ours
+
+
+class _Server:
+    """Forks a child for each request, tells who asked how it ended, and kills it when nobody waits for it any more."""
+
+    def __init__(self, control: socket.socket) -> None:
+        self.control = control
+        self.selector = selectors.DefaultSelector()
+        self.selector.register(control, selectors.EVENT_READ, self._accept)
+        self.request: list[int] | None = None
+        """In a child: the descriptors that came for it."""
+
+    def serve(self) -> list[int] | None:
+        """Give, in a child, what came for it; and None at the end."""
+        while self.selector.get_map() and self.request is None:
+            for key, _ in self.selector.select():
+                key.data()
+                if self.request is not None:
+                    break
+        return self.request
+
+    def _accept(self) -> None:
+        data, descriptors, *_ = socket.recv_fds(self.control, 1, 64)
+        if not data:
+            self.selector.unregister(self.control)
+            return
+        child = os.fork()
+        if child == 0:
+            self._leave()
+            self.request = descriptors
+            return
+        answer = socket.socket(fileno=descriptors[0])
+        for descriptor in descriptors[1:]:
+            os.close(descriptor)
+        process = os.pidfd_open(child)
+
+        def ended() -> None:
+            self.selector.unregister(process)
+            os.close(process)
+            _, status = os.waitpid(child, 0)
+            if answer in self.selector.get_map():
+                self.selector.unregister(answer)
+            with answer, suppress(OSError):
+                answer.sendall(str(os.waitstatus_to_exitcode(status)).encode())
+
+        def given_up() -> None:
+            self.selector.unregister(answer)
+            signal.pidfd_send_signal(process, signal.SIGKILL)
+
+        self.selector.register(process, selectors.EVENT_READ, ended)
+        self.selector.register(answer, selectors.EVENT_READ, given_up)
+
+    def _leave(self) -> None:
+        """Let go, in a child, of what is closed by number; it would be closed again, and be another's by then."""
+        for key in [*self.selector.get_map().values()]:
+            if isinstance(key.fileobj, socket.socket):
+                key.fileobj.detach()
+        self.selector.close()
+
+
+def _become(descriptors: list[int]) -> str:
+    """Take the caller's place: its network, descriptors, environment, folder and words; give the module to run."""
+    _, words, network, *streams = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, _HIGH) for descriptor in descriptors]
+    os.closerange(3, _HIGH)
+    with os.fdopen(words, "rb") as file:
+        file.seek(0)
+        request = _Request(**json.load(file))
+    if os.fstat(network).st_ino != Path("/proc/self/ns/net").stat().st_ino:
+        libc = ctypes.CDLL(None, use_errno=True)
+        assert libc.setns(network, _NEW_NETWORK) == 0, os.strerror(ctypes.get_errno())
+    for descriptor, number in zip(streams, (0, 1, 2, *request.passed), strict=True):
+        os.dup2(descriptor, number)
+    os.closerange(_HIGH, _HIGH + len(descriptors) + 1)
+    sys.stdin, sys.stdout, sys.stderr = (
+        open(number, mode, encoding=stream.encoding, errors=stream.errors, closefd=False)  # noqa: SIM115 - streams
+        for number, mode, stream in ((0, "r", sys.stdin), (1, "w", sys.stdout), (2, "w", sys.stderr))
+    )
+    if request.session:
+        os.setsid()
+    os.environ.clear()
+    os.environ.update(request.env)
+    time.tzset()
+    os.chdir(request.folder)
+    sys.argv = ["provision", *request.arguments]
+    return request.module
+
+
+def _main() -> int:
+    control = socket.socket(fileno=int(sys.argv[1]))
+    if os.geteuid() == 0:  # the namespace of the test that comes first would stay as long as we do
+        ctypes.CDLL(None).unshare(_NEW_NETWORK)
+    for name in PRELOADED:
+        import_module(name)
+    assert "ansible.constants" not in sys.modules
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    gc.collect()
+    gc.freeze()
+    descriptors = _Server(control).serve()
+    if descriptors is None:
+        return 0
+    main: Any = import_module(_become(descriptors)).main
+    return int(main())
+
+
+if __name__ == "__main__":
+    sys.exit(_main())
