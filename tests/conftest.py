@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ipaddress
+import itertools
 import os
 import signal
 import socket
+from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,17 @@ MARKERS = (
 MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 """Folders whose tests start real systemd hosts; a rehearsal in any other test goes without them."""
 SYSTEM_PROGRAMS = ("/usr/local/sbin", "/usr/sbin", "/sbin")
+_USUAL_S = 120
+"""What a test may take; those that may take longer are the longest."""
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
+
+
+class Length(IntEnum):
+    """How long the longest test of a file takes, by its marks."""
+
+    SHORT = 0
+    SLOW = 1
+    LONG = 2
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -41,6 +53,38 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PATH"] = os.pathsep.join(dict.fromkeys([*os.environ["PATH"].split(os.pathsep), *SYSTEM_PROGRAMS]))
     for marker in MARKERS:
         config.addinivalue_line("markers", marker)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deal the files to the workers so that nobody waits for a long test that began last.
+
+    A worker takes its share from the front, and one that has nothing left takes from the end of another's share
+    (`--dist worksteal`): the short tests stand there. One worker begins with the longest tests, and builds the computer
+    that many of them start; the others come to theirs when it is built.
+    """
+    workers: int = getattr(config, "workerinput", {}).get("workercount", 1)
+    if workers == 1:
+        return
+    kinds: dict[Length, list[list[pytest.Item]]] = {length: [] for length in Length}
+    for _, file in itertools.groupby(items, key=lambda item: item.path):
+        tests = [*file]
+        kinds[max(map(_length, tests))].append(tests)
+    short = [test for file in kinds[Length.SHORT] for test in file]
+    dealt: list[pytest.Item] = []
+    for number in range(workers):
+        order = (Length.LONG, Length.SLOW) if number == 0 else (Length.SLOW, Length.LONG)
+        share = [test for length in order for file in kinds[length][number::workers] for test in file]
+        missing = max(0, len(items) * (number + 1) // workers - len(dealt) - len(share))
+        dealt += [*share, *short[:missing]]
+        del short[:missing]
+    items[:] = [*dealt, *short]
+
+
+def _length(test: pytest.Item) -> Length:
+    if (timeout := test.get_closest_marker("timeout")) is not None and timeout.args[0] > _USUAL_S:
+        return Length.LONG
+    return Length.SHORT if test.get_closest_marker("slow") is None else Length.SLOW
 
 
 def allowed_skips() -> frozenset[str]:
