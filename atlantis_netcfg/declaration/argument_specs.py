@@ -10,6 +10,7 @@ import ast
 import inspect
 import sys
 from enum import Enum
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -144,6 +145,7 @@ def _default(field: FieldInfo) -> object:
     return list(default) if isinstance(default, tuple) else default
 
 
+@cache
 def _docs(model: type[BaseModel]) -> dict[str, str]:
     """The strings below the fields of a model and of what it inherits from."""
     docs: dict[str, str] = {}
