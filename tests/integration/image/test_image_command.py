@@ -78,7 +78,7 @@ def desk(
     with loop(tmp_path / "behind", SIZE, OLD) as card:
         shown = Tree(tmp_path / "tree")
         shown.disk(card.number, size=SIZE).serial(SERIAL)
-        monkeypatch.setattr("atlantis_netcfg.image.BlockTree", lambda: shown.blocks)
+        monkeypatch.setattr("atlantis_netcfg.image.blocks.BlockTree", lambda: shown.blocks)
         words = ["inventory=real", "site=coastal", "host=coastal-gateway", f"from={vendors}"]
         yield Desk(card, shown, tmp_path / "state", words, capsys)
 
