@@ -12,21 +12,21 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
-    from atlantis_netcfg.operations.vpn.onboarding import Handed, Outlet
+    from atlantis_netcfg.operations.vpn.onboarding import HandedOut, HandoutTarget
     from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["bringing", "close", "close_revoked", "close_synced", "hold", "outlet"]
 
 
-def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> Outlet:
+def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
     """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
     from pathlib import Path
 
-    from atlantis_netcfg.operations.vpn.onboarding import CONTACT, Outlet
+    from atlantis_netcfg.operations.vpn.onboarding import CONTACT, HandoutTarget
 
     to, contact = arguments.optional("to"), arguments.optional("contact")
-    return Outlet(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
+    return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
 
 
 def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
@@ -40,7 +40,7 @@ def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
 def close(
     arguments: Arguments,
     declaration: Declaration,
-    handed: Sequence[Handed],
+    handed: Sequence[HandedOut],
     server: Server,
     authority: Authority,
 ) -> ExitCode:
@@ -72,7 +72,7 @@ def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Dep
         return Deployed(errors=(stopped,), deployed=False)
 
 
-def _row(handed: Handed) -> dict[str, Any]:
+def _row(handed: HandedOut) -> dict[str, Any]:
     """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
     from datetime import UTC, datetime
 
@@ -90,7 +90,7 @@ def _row(handed: Handed) -> dict[str, Any]:
     }
 
 
-def _lines(declaration: Declaration, handed: Handed) -> Iterator[str]:
+def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
     member, certificate = handed.issued.member, handed.issued.certificate
     what = "already so" if handed.issued.already else certificate.common_name
     yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.deploying import Server
-    from atlantis_netcfg.operations.vpn.operator import Desk
+    from atlantis_netcfg.operations.vpn.operator import OperatorContext
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = [
@@ -95,11 +95,11 @@ def who() -> str:
     return f"{name}@{socket.gethostname()}"
 
 
-def desk(arguments: Arguments, authority: Authority) -> Desk:
+def desk(arguments: Arguments, authority: Authority) -> OperatorContext:
     """Who signs, on this command line."""
-    from atlantis_netcfg.operations.vpn.operator import Desk
+    from atlantis_netcfg.operations.vpn.operator import OperatorContext
 
-    return Desk(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
+    return OperatorContext(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 
 
 def waiting(arguments: Arguments) -> Callable[[str], None]:
@@ -148,10 +148,10 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 def server(arguments: Arguments, declaration: Declaration) -> Server:
     """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
     from atlantis_netcfg.operations.vpn.connected import Connected, over_ssh
-    from atlantis_netcfg.operations.vpn.deploying import Later
+    from atlantis_netcfg.operations.vpn.deploying import NoPush
 
     if arguments.given(NO_PUSH):
-        return Later()
+        return NoPush()
     otherwise = ", or add --no-push, which contacts nobody" if arguments.command.flag(NO_PUSH.name) else ""
     return Connected(declaration, over_ssh(declaration, request(arguments), otherwise), who())
 

@@ -33,11 +33,11 @@ def run(arguments: Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.audit import audited, first_moment
+    from atlantis_netcfg.operations.vpn.audit import audit, start_of
 
     since = arguments.optional("since")
-    start = first_moment(since) if since is not None else None
-    found = audited(_vpn.opened(arguments), start, arguments.optional("partner"))
+    start = start_of(since) if since is not None else None
+    found = audit(_vpn.opened(arguments), start, arguments.optional("partner"))
     rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in found.entries]
     checked = found.agreement
     values = {

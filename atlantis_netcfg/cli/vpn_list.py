@@ -44,7 +44,7 @@ def run(arguments: Arguments) -> ExitCode:
                 str(member.address),
                 f"{until:%Y-%m-%d}" if until is not None else "-",
                 records.when(seen),
-                records.standing_of(member, now),
+                records.status_of(member, now),
             )
         )
     values = {"members": [records.member_row(member, now) for member in members]}

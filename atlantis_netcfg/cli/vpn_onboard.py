@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.wishes import Asked
+    from atlantis_netcfg.operations.vpn.wishes import DeviceWords
 
 __all__ = ["COMMAND", "run"]
 
@@ -56,10 +56,10 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn.init_authority import refuse_example_authority
     from atlantis_netcfg.operations.vpn.onboarding import Onboarding
     from atlantis_netcfg.operations.vpn.recipients import recipients_of
-    from atlantis_netcfg.operations.vpn.wishes import wishes_of
+    from atlantis_netcfg.operations.vpn.wishes import requests_of
 
-    declaration, requested = _vpn.declared(arguments), _asked(arguments)
-    wishes = wishes_of(declaration, requested)
+    declaration, requested = _vpn.declared(arguments), _device_words(arguments)
+    wishes = requests_of(declaration, requested)
     outlet = _members.outlet(arguments, recipients_of(requested, [request.name for request in wishes]))
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
@@ -73,20 +73,20 @@ def run(arguments: Arguments) -> ExitCode:
     return _members.close(arguments, declaration, handed, server, authority)
 
 
-def _asked(arguments: Arguments) -> Sequence[Asked]:
+def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
     """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
     from pathlib import Path
 
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.declaration.lists import read
-    from atlantis_netcfg.operations.vpn.wishes import KEYS, Asked
+    from atlantis_netcfg.operations.vpn.wishes import KEYS, DeviceWords
 
     words = {key: arguments.optional(key) for key in KEYS}
     batch = arguments.optional("batch")
     if batch is None:
-        return [Asked("", **words)]
+        return [DeviceWords("", **words)]
     if given := [key for key, value in words.items() if value is not None and key != "recipient"]:
         raise UsageError(f"`{given[0]}=` does not go with `batch=`", hint="write it into the file, for each device")
     common = {key: value for key, value in words.items() if value is not None}
     rows = read(Path(batch), KEYS)
-    return [Asked(**{**common, **row.values, "place": row.place}) for row in rows]
+    return [DeviceWords(**{**common, **row.values, "place": row.place}) for row in rows]

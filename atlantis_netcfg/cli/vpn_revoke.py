@@ -11,7 +11,7 @@ from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, INVENTORY, NO_PUSH
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.vpn.identity import Member, Roll
+    from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 __all__ = ["COMMAND", "run"]
 
@@ -57,7 +57,7 @@ def run(arguments: Arguments) -> ExitCode:
     return _members.close_revoked(arguments, revoked, cut)
 
 
-def _chosen(arguments: Arguments, roll: Roll) -> tuple[Member, ...]:
+def _chosen(arguments: Arguments, roll: MembershipList) -> tuple[Member, ...]:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.records import find, of_partner
 

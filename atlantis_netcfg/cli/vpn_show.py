@@ -34,7 +34,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     now = datetime.now(UTC)
     member = records.find(_vpn.opened(arguments).roll(), arguments.word("name"))
-    lines = _lines(member, records.standing_of(member, now))
+    lines = _lines(member, records.status_of(member, now))
     return _vpn.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.status import Standing
+    from atlantis_netcfg.operations.vpn.status import VpnStatus
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["COMMAND", "run"]
@@ -38,13 +38,13 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn import records
     from atlantis_netcfg.operations.vpn.connected import Connected
-    from atlantis_netcfg.operations.vpn.status import standing
+    from atlantis_netcfg.operations.vpn.status import vpn_status
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
     with progress(quiet=arguments.flag("json")) as notify:
-        found = standing(authority, server if isinstance(server, Connected) else None, notify)
+        found = vpn_status(authority, server if isinstance(server, Connected) else None, notify)
     roll, partner = authority.roll(), arguments.optional("partner")
     members = records.of_partner(roll, partner) if roll.members or partner is not None else ()
     now = datetime.now(UTC)
@@ -57,9 +57,9 @@ def run(arguments: Arguments) -> ExitCode:
     return _vpn.tell(arguments, found.exit, values, _lines(found, members, now))
 
 
-def _lines(found: Standing, members: Sequence[Member], now: datetime) -> Iterator[str]:
+def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterator[str]:
     from atlantis_netcfg.cli._vpn import table
-    from atlantis_netcfg.operations.vpn.records import expires, standing_of, when
+    from atlantis_netcfg.operations.vpn.records import expires, status_of, when
 
     for entry in found.told:
         yield f"{entry.verdict.value:<12} {entry.message}"
@@ -80,7 +80,7 @@ def _lines(found: Standing, members: Sequence[Member], now: datetime) -> Iterato
                 f"{until:%Y-%m-%d}" if until is not None else "-",
                 when(seen),
                 f"{session.real} as {session.common_name}" if session is not None else "-",
-                standing_of(member, now),
+                status_of(member, now),
             )
         )
     yield from table(rows)

@@ -11,13 +11,25 @@ from atlantis_netcfg.vpn.firewall import TABLE
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-__all__ = ["CONF", "FIREWALL", "FLOOR", "FOLDER", "NO_CONF", "SEEN", "SERVICE", "STEPS", "files", "units"]
+__all__ = [
+    "CONF",
+    "FIREWALL",
+    "FLOOR",
+    "FOLDER",
+    "KERNEL_STEPS",
+    "NO_CONF",
+    "SEEN",
+    "SERVICE",
+    "system_files",
+    "system_units",
+]
 
 FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"
 SERVICE = "openvpn-server@atlantis.service"
 FIREWALL = "/etc/atlantis/vpn.nft"
 SEEN = "/var/lib/atlantis/vpn/seen.json"
+"""`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
 
 FLOOR: Mapping[str, Any] = {
     "package": "openvpn",
@@ -40,14 +52,14 @@ _GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
 _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
-_NO_REDIRECTS = 'for one in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$one" || exit; done'
-STEPS = (
+_NO_REDIRECTS = 'for interface in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$interface" || exit; done'
+KERNEL_STEPS = (
     Step("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
     Step("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
 )
 
 
-def files() -> Iterator[File]:
+def system_files() -> Iterator[File]:
     """All of it but the configuration of OpenVPN itself; the same for every pilot."""
     yield File(
         _SYSCTL,
@@ -67,7 +79,7 @@ def files() -> Iterator[File]:
     yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
 
 
-def units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
+def system_units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
     """The firewall before the tunnel, which a change of `keys` or of the configuration starts anew, and no other."""
     firewall = Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
     tunnel = Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))

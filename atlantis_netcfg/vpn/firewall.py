@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.identity import MembershipList
     from atlantis_netcfg.vpn.policy import Permission, Policy, Traffic
 
 __all__ = ["ADMITTED", "TABLE", "firewall", "text"]
@@ -29,7 +29,7 @@ _PING = "icmp type { echo-request, echo-reply }"
 _ANSWER = "ct state established ct direction reply"
 
 
-def firewall(declaration: Declaration, roll: Roll) -> str:
+def firewall(declaration: Declaration, roll: MembershipList) -> str:
     """What `nft -f` loads, atomically and as often as one likes."""
     return text(policy(declaration, roll))
 

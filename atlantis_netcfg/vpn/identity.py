@@ -13,7 +13,18 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["TIMERS", "Certificate", "Identity", "KeyType", "Kind", "Link", "Member", "Roll", "Standing", "Wrap"]
+__all__ = [
+    "TIMERS",
+    "Certificate",
+    "CertificateStatus",
+    "Identity",
+    "KeyType",
+    "Kind",
+    "Link",
+    "Member",
+    "MembershipList",
+    "Wrap",
+]
 
 
 class Kind(StrEnum):
@@ -52,7 +63,7 @@ class KeyType(StrEnum):
     RSA = "rsa"
 
 
-class Standing(StrEnum):
+class CertificateStatus(StrEnum):
     """What a certificate is worth."""
 
     ISSUED = "issued"
@@ -77,7 +88,7 @@ class Certificate:
     not_after: datetime
     wrap: Wrap
     key: KeyType
-    standing: Standing
+    standing: CertificateStatus
     seen: datetime | None = None
     """Last time that the server was seen to have a session of it."""
     revoked: datetime | None = None
@@ -86,7 +97,7 @@ class Certificate:
     @property
     def good(self) -> bool:
         """Whether the server admits it, its dates aside."""
-        return self.standing in {Standing.ISSUED, Standing.SEEN}
+        return self.standing in {CertificateStatus.ISSUED, CertificateStatus.SEEN}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +124,7 @@ class Member:
 
 
 @dataclass(frozen=True, slots=True)
-class Roll:
+class MembershipList:
     """What the ledger says."""
 
     members: Mapping[str, Member]

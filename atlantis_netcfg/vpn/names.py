@@ -10,7 +10,7 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Container
 
-    from atlantis_netcfg.vpn.identity import Member, Roll
+    from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 __all__ = ["LONGEST", "NAME", "RESERVED", "NameRefused", "NameTaken", "check_free", "check_name", "member_name"]
 
@@ -81,7 +81,9 @@ def member_name(partner: str, device: str) -> str:
     return check_name(name, "name")
 
 
-def check_free(name: str, partner: str | None, device: str, roll: Roll, declared: Container[str] = ()) -> Member | None:
+def check_free(
+    name: str, partner: str | None, device: str, roll: MembershipList, declared: Container[str] = ()
+) -> Member | None:
     """The member of that name, if it is this device; None if the name is free; else NameTaken.
 
     `declared`: names of the declaration's hosts, which no partner's device may have.

@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Dds, VpnService
-    from atlantis_netcfg.vpn.identity import Member, Roll
+    from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 __all__ = ["ANYTHING", "PING", "Flow", "Party", "Permission", "Policy", "Protocol", "Traffic", "Zone", "policy"]
 
 
-def policy(declaration: Declaration, roll: Roll) -> Policy:
+def policy(declaration: Declaration, roll: MembershipList) -> Policy:
     """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
     return _Draft(declaration, roll).policy()
 
@@ -48,7 +48,7 @@ _DECLARED = frozenset({Kind.HOST, Kind.ROUTER})
 class _Draft:
     """The zones of a pilot, and what follows from them."""
 
-    def __init__(self, declaration: Declaration, roll: Roll) -> None:
+    def __init__(self, declaration: Declaration, roll: MembershipList) -> None:
         self._pilot = declaration.pilot
         self._partners = declaration.partners
         self._sites = declaration.sites

@@ -16,6 +16,7 @@ from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn import _server_system as system
+from atlantis_netcfg.vpn._server_system import FIREWALL, FOLDER, SEEN, SERVICE
 from atlantis_netcfg.vpn.firewall import firewall
 from atlantis_netcfg.vpn.identity import TIMERS, Link
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.vpn.identity import Certificate, Member, Roll
+    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
 
 __all__ = [
     "CCD",
@@ -45,18 +46,13 @@ __all__ = [
     "tunnel_address",
 ]
 
-FOLDER = system.FOLDER
 CCD = f"{FOLDER}/ccd"
 """One file for each certificate that is admitted, by its common name; ours alone."""
-FIREWALL = system.FIREWALL
-SERVICE = system.SERVICE
 INTERFACE = "tun0"
 MANAGEMENT = "/run/atlantis-vpn/management.sock"
 """Takes one client at a time: a second one hangs without a word (facts 5)."""
 STATUS = "/run/atlantis-vpn/status"
 """Status version 3, written in place every 10 s."""
-SEEN = system.SEEN
-"""`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
 
 PACKAGES = ("conntrack", "nftables", "openssl", "openvpn", "python3")
 _CIPHERS = ("AES-256-GCM", "CHACHA20-POLY1305", "AES-128-GCM")
@@ -113,7 +109,7 @@ class OpenvpnServer:
         }
 
 
-def openvpn_server(declaration: Declaration, host: Host, roll: Roll, authority: Path) -> OpenvpnServer:
+def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, authority: Path) -> OpenvpnServer:
     """Work it out; of the authority's folder the public files are read. Raises UsageError where one is missing."""
     ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
     crl = _read(authority, "crl.pem")
@@ -126,7 +122,7 @@ def openvpn_server(declaration: Declaration, host: Host, roll: Roll, authority: 
         File(_CA, ca),
         File(_CERT, cert),
         File(system.CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=system.NO_CONF),
-        *system.files(),
+        *system.system_files(),
         *live_files(declaration, roll, crl, ca=ca),
     )
     return OpenvpnServer(
@@ -135,14 +131,14 @@ def openvpn_server(declaration: Declaration, host: Host, roll: Roll, authority: 
             directories=(Directory(FOLDER, mode="0750"), Directory(CCD, mode="0750")),
             files=files,
             only=(CCD,),
-            steps=system.STEPS,
-            units=system.units((_CA, _CERT, *_SECRETS)),
+            steps=system.KERNEL_STEPS,
+            units=system.system_units((_CA, _CERT, *_SECRETS)),
         ),
         secrets=secrets,
     )
 
 
-def live_files(declaration: Declaration, roll: Roll, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
+def live_files(declaration: Declaration, roll: MembershipList, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
     """What changes while the tunnel is up: who is admitted as what, who is revoked, and the firewall between them.
 
     With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.

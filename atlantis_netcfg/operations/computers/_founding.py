@@ -10,7 +10,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn._computers import computers
 from atlantis_netcfg.operations.vpn.init_authority import server_names
-from atlantis_netcfg.operations.vpn.wishes import Asked, wish_of
+from atlantis_netcfg.operations.vpn.wishes import DeviceWords, request_of
 from atlantis_netcfg.vpn.authority import Authority, Delivered
 from atlantis_netcfg.vpn.enrolment_package import identity_file
 
@@ -43,5 +43,5 @@ def found(declaration: Declaration, folder: Path) -> Path:
         return Delivered(str(path), hashlib.sha256(data).hexdigest())
 
     with authority.unlocked(lambda: passphrase, _WHO) as signer:
-        signer.issue([wish_of(declaration, Asked(host=name)) for name in computers(declaration)], deliver)
+        signer.issue([request_of(declaration, DeviceWords(host=name)) for name in computers(declaration)], deliver)
     return folder

@@ -8,7 +8,7 @@ from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.operations.vpn._check import shown
 from atlantis_netcfg.vpn import names
-from atlantis_netcfg.vpn.authority import CLIENT_DAYS, Wish
+from atlantis_netcfg.vpn.authority import CLIENT_DAYS, EnrolmentRequest
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.vpn._check import Check
 
-__all__ = ["computers", "wish_of_host"]
+__all__ = ["computers", "request_of_host"]
 
 
-def wish_of_host(declaration: Declaration, check: Check) -> Wish | None:
+def request_of_host(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
     """The wish; None where something is wrong, which `check` has kept."""
     for word in ("partner", "device", "kind", "vehicle", "address"):
         if check.words[word] is not None:
@@ -32,7 +32,7 @@ def wish_of_host(declaration: Declaration, check: Check) -> Wish | None:
     if host is None or check.checked(lambda: names.check_name(host.name, "host")) is None:
         return None
     router = isinstance(host.device, Router)
-    return Wish(
+    return EnrolmentRequest(
         name=host.name,
         kind=Kind.ROUTER if router else Kind.HOST,
         partner=None,

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.operations.vpn._check import shown
 from atlantis_netcfg.vpn import names
-from atlantis_netcfg.vpn.authority import CLIENT_DAYS, Wish
+from atlantis_netcfg.vpn.authority import CLIENT_DAYS, EnrolmentRequest
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn._check import Check
 
-__all__ = ["wish_of_device"]
+__all__ = ["request_of_device"]
 
 _KINDS = tuple(kind for kind in Kind if kind is not Kind.HOST)
 
 
-def wish_of_device(declaration: Declaration, check: Check) -> Wish | None:
+def request_of_device(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
     """The wish; None where something is wrong, which `check` has kept."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
     link, wrap, key = (check.choice("link", list(Link)), check.choice("wrap", list(Wrap)), _key(check, kind))
@@ -32,7 +32,7 @@ def wish_of_device(declaration: Declaration, check: Check) -> Wish | None:
     address = _address(declaration, check, partner)
     if name is None:
         return None
-    return Wish(
+    return EnrolmentRequest(
         name=name,
         kind=kind,
         partner=partner,

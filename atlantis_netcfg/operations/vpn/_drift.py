@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.gateway.parts import File
     from atlantis_netcfg.operations.vpn._state import Crl, ServerState
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.identity import MembershipList
 
 __all__ = ["ALARM", "drift"]
 
@@ -23,7 +23,7 @@ _CLOCK_S = 60.0
 _CRL = f"{FOLDER}/crl.pem"
 
 
-def drift(state: ServerState, files: Sequence[File], roll: Roll) -> tuple[str, ...]:
+def drift(state: ServerState, files: Sequence[File], roll: MembershipList) -> tuple[str, ...]:
     """Compare; `wanted` is what `live_files` gives. Nothing: the server is as recorded."""
     if not state.ready:
         return ("no server of the VPN was ever set up there",)
@@ -43,7 +43,7 @@ def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
             yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
 
 
-def _list(state: ServerState, files: Sequence[File], roll: Roll) -> Iterator[str]:
+def _list(state: ServerState, files: Sequence[File], roll: MembershipList) -> Iterator[str]:
     crl = state.crl
     if crl is None:
         yield "the server has no list of revoked certificates that can be read: nobody can connect"

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Endpoint, Reply
     from atlantis_netcfg.vpn.identity import Identity
 
-__all__ = ["PEM", "PROFILE", "Importing", "Looked"]
+__all__ = ["PEM", "PROFILE", "RouterImport", "RouterObservation"]
 
 PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"
 """Files on the router, for seconds."""
@@ -44,7 +44,7 @@ _SAME = {"true": "yes", "false": "no"}
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class RouterObservation:
     """One look at a router."""
 
     interface: Mapping[str, str] | None
@@ -65,7 +65,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True)
-class Importing:
+class RouterImport:
     """All that is needed for it."""
 
     name: str
@@ -82,7 +82,7 @@ class Importing:
         """The MAC address by which the interface is known to hold this identity's keys."""
         return routeros.mark(self.identity)
 
-    async def look(self) -> Looked:
+    async def look(self) -> RouterObservation:
         """Read, and change nothing. Raises RouterTooOld, and what a session raises."""
         self._say(Stage.CONNECTING, f"to {self.endpoint}")
         session = await Session.open(self.endpoint)
@@ -91,7 +91,7 @@ class Importing:
         finally:
             await session.close()
 
-    async def carry_out(self) -> Looked:
+    async def carry_out(self) -> RouterObservation:
         """Do what a look has found missing; returns what it was. Raises DeviceFailed, OutcomeUnknown."""
         session = await Session.open(self.endpoint)
         try:
@@ -118,7 +118,7 @@ class Importing:
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
-    async def _look(self, session: Session) -> Looked:
+    async def _look(self, session: Session) -> RouterObservation:
         reads = (
             Command("/system/resource/print", ((".proplist", "version"),)),
             Command(f"{_MENU}/print"),
@@ -143,7 +143,7 @@ class Importing:
         there = tuple(row["name"] for row in files)
         changes = tuple(self._changes(interface, certificate, stale, there))
         replaced = interface is not None and not self._holds(interface)
-        return Looked(
+        return RouterObservation(
             interface=interface,
             certificate=certificate,
             authority=_authority(self.identity) in found,
@@ -214,7 +214,7 @@ class Importing:
 
     # --- doing -----------------------------------------------------------------------------------------------------
 
-    async def _import(self, session: Session, seen: Looked) -> None:
+    async def _import(self, session: Session, seen: RouterObservation) -> None:
         for name in seen.files:
             await _do(session, "/file/remove", numbers=name)
         for number in seen.stale:
@@ -232,7 +232,7 @@ class Importing:
         await _do(session, f"{_MENU}/set", **{".id": number}, **desired, password=self.tunnel.password.reveal())
         await self._name(session, seen, certificate)
 
-    async def _import_certificate(self, session: Session, seen: Looked) -> Mapping[str, str]:
+    async def _import_certificate(self, session: Session, seen: RouterObservation) -> Mapping[str, str]:
         self._say(Stage.APPLYING, f"certificate {self.tunnel.certificate}")
         authority = "" if seen.authority else self.identity.ca
         text = f"{self.identity.cert}{self.identity.key.reveal()}{authority}"
@@ -264,7 +264,7 @@ class Importing:
             hint='on the router: `/log print where topics~"ovpn"`',
         )
 
-    async def _name(self, session: Session, seen: Looked, certificate: Mapping[str, str]) -> None:
+    async def _name(self, session: Session, seen: RouterObservation, certificate: Mapping[str, str]) -> None:
         """Let the certificate have the declared name; the one before goes, with its key."""
         if certificate["name"] == self.tunnel.certificate:
             return

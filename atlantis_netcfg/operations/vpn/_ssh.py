@@ -14,7 +14,7 @@ from atlantis_netcfg.operations.vpn.errors import HostKeyChanged, ServerAway
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-__all__ = ["in_words", "ssh_words"]
+__all__ = ["ssh_command", "ssh_error"]
 
 _KEPT: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterval=20 -o ServerAliveCountMax=6"
 """As in ansible.cfg: 6 unanswered probes of 20 s outlive a gap of 70 s."""
@@ -23,7 +23,7 @@ _CONNECT_S: Final = 120
 _NOT_FOUND: Final = 127
 
 
-def ssh_words(access: Mapping[str, Any]) -> Sequence[str]:
+def ssh_command(access: Mapping[str, Any]) -> Sequence[str]:
     """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
     kept = os.environ.get("ANSIBLE_SSH_ARGS", _KEPT)
     words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(kept)]
@@ -43,7 +43,7 @@ def control_path(host: str, port: int, user: str) -> str:
     return str(folder / digest[:10])
 
 
-def in_words(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
+def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
     """What ssh has said last, for a person."""
     where = f"{access['user']}@{access['host']}, port {access['port']}"
     last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")

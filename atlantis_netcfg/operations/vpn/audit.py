@@ -14,7 +14,7 @@ from atlantis_netcfg.vpn.ledger import LedgerDamaged
 if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority import Agreement, Authority, Entry
 
-__all__ = ["Audit", "audited", "first_moment"]
+__all__ = ["Audit", "audit", "start_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Audit:
         )
 
 
-def audited(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
+def audit(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
     """Read the record, and compare it. Of a damaged one no entry is told as true."""
     try:
         found = authority.agreement()
@@ -75,7 +75,7 @@ def _concerned(result: object) -> set[str]:
     return {result.partition(".")[0]} if isinstance(result, str) else set()
 
 
-def first_moment(since: str) -> datetime:
+def start_of(since: str) -> datetime:
     """The moment that a day (`2026-11-01`) or a span (`30d`) begins with. Raises UsageError."""
     try:
         day = date.fromisoformat(since) if len(since) == len("2026-11-01") else None

@@ -74,7 +74,7 @@ class Connected:
         except NetcfgError:
             return
         else:
-            live.hold_record(authority, state)
+            live.check_record(authority, state)
 
     def published(self, notify: Subscriber = ignore) -> bytes:
         """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
@@ -90,7 +90,7 @@ class Connected:
             return self._outstanding(self._away[0])
         try:
             with self.link(notify) as link:
-                queue = live.go_on(self.declaration, authority, link, self.who)
+                queue = live.finish_revocations(self.declaration, authority, link, self.who)
                 self._say(notify, "members, list and firewall", Stage.APPLYING)
                 pushed = live.push(self.declaration, authority, link)
                 self._say(notify, "who is connected", Stage.VERIFYING)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.vpn.authority import Authority, Revoked
 
-__all__ = ["Deployed", "Later", "Server"]
+__all__ = ["Deployed", "NoPush", "Server"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Server(Protocol):
         """The same, and see that those who were revoked are dead."""
 
 
-class Later:
+class NoPush:
     """`--no-push`: nothing is contacted."""
 
     def hold(self, authority: Authority, notify: Subscriber) -> None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration
 
-__all__ = ["founded", "refuse_example_authority", "server_names"]
+__all__ = ["existing_authority", "refuse_example_authority", "server_names"]
 
 
 def server_names(declaration: Declaration) -> ServerNames:
@@ -24,7 +24,7 @@ def server_names(declaration: Declaration) -> ServerNames:
     return ServerNames(server_name(declaration), (vpn.endpoint_name,), addresses)
 
 
-def founded(folder: Path, declaration: Declaration) -> Authority | None:
+def existing_authority(folder: Path, declaration: Declaration) -> Authority | None:
     """The authority that is there already. Raises UsageError if its server is another than the declared one."""
     if not Authority.exists(folder):
         return None
@@ -32,7 +32,7 @@ def founded(folder: Path, declaration: Declaration) -> Authority | None:
     names, desired = authority.server(), server_names(declaration)
     if names != desired:
         raise UsageError(
-            f"{folder} has an authority whose server is {_told(names)}, and the inventory declares {_told(desired)}",
+            f"{folder} has an authority whose server is {_names_text(names)}, and the inventory declares {_names_text(desired)}",
             hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
             "another authority has another folder: `authority=FOLDER`",
         )
@@ -49,5 +49,5 @@ def refuse_example_authority(declaration: Declaration, *, named: bool) -> None:
         )
 
 
-def _told(names: ServerNames) -> str:
+def _names_text(names: ServerNames) -> str:
     return ", ".join([names.common_name, *names.dns, *map(str, names.addresses)])

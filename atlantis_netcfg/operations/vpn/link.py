@@ -19,7 +19,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from atlantis_netcfg.core.remote_bundle import INSTALL, Tool, build_live
-from atlantis_netcfg.operations.vpn._ssh import in_words, ssh_words
+from atlantis_netcfg.operations.vpn._ssh import ssh_command, ssh_error
 from atlantis_netcfg.operations.vpn.errors import AnswerLost, ServerAway, ServerRefused
 
 if TYPE_CHECKING:
@@ -227,10 +227,10 @@ class SshLink(_Link):
     def _words(self, command: str) -> Sequence[str]:
         if self._access["become"]:
             command = f"sudo -H -S -n sh -c {shlex.quote(command)}"
-        return [*ssh_words(self._access), command]
+        return [*ssh_command(self._access), command]
 
     def _trouble(self, code: int | None, text: str) -> ServerAway:
-        return in_words(self.name, self._access, code, text)
+        return ssh_error(self.name, self._access, code, text)
 
 
 class LocalLink(_Link):

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.parts import File
     from atlantis_netcfg.operations.vpn.link import ServerLink
-    from atlantis_netcfg.vpn.authority import Authority, Sighting
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.authority import Authority, SessionObservation
+    from atlantis_netcfg.vpn.identity import MembershipList
 
 __all__ = [
     "Crl",
@@ -33,16 +33,16 @@ __all__ = [
     "RecordOlder",
     "ServerState",
     "Session",
+    "check_record",
+    "desired_files",
     "drift",
-    "go_on",
-    "hold_record",
+    "finish_revocations",
     "note_seen",
     "observe",
     "push",
     "revoke_live",
     "sessions",
     "verify",
-    "wanted",
 ]
 
 _TRIES: Final = 3
@@ -102,13 +102,15 @@ class Evidence:
         return {**values, "confirmed": self.confirmed, "ended": [session.as_json() for session in self.ended]}
 
 
-def wanted(declaration: Declaration, authority: Authority, roll: Roll | None = None) -> tuple[File, ...]:
+def desired_files(
+    declaration: Declaration, authority: Authority, roll: MembershipList | None = None
+) -> tuple[File, ...]:
     """The live files of the server, by the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
     return live_files(declaration, authority.roll() if roll is None else roll, authority.crl(), ca=ca)
 
 
-def hold_record(authority: Authority, state: ServerState) -> None:
+def check_record(authority: Authority, state: ServerState) -> None:
     """Raise RecordOlder where the server's list of revoked certificates has what the record does not know."""
     if state.crl is not None and state.crl.signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
         raise RecordOlder(why)
@@ -119,7 +121,7 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
 
     What it has already is not sent. Raises ServerAway, AnswerLost, ServerRefused.
     """
-    files = wanted(declaration, authority)
+    files = desired_files(declaration, authority)
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
         values = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
@@ -143,7 +145,7 @@ def revoke_live(
     Raises ServerAway, AnswerLost, ServerRefused.
     """
     roll = authority.roll()
-    files = [file for file in wanted(declaration, authority, roll) if file.path in (PLACE["crl"], FIREWALL)]
+    files = [file for file in desired_files(declaration, authority, roll) if file.path in (PLACE["crl"], FIREWALL)]
     names, addresses = tuple(common_names), _addresses(roll, common_names)
     began = time.monotonic()
     values = link.ask(
@@ -192,7 +194,9 @@ def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tupl
     )
 
 
-def go_on(declaration: Declaration, authority: Authority, link: ServerLink, who: str = "") -> Evidence | None:
+def finish_revocations(
+    declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
+) -> Evidence | None:
     """Throw out whoever is queued, and settle those of whom the server says that they are dead. None: nobody is."""
     queued = authority.roll().queued
     if not queued:
@@ -212,7 +216,7 @@ def sessions(link: ServerLink) -> tuple[Session, ...]:
 
 def note_seen(
     declaration: Declaration, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
-) -> tuple[Sighting, Pushed | None]:
+) -> tuple[SessionObservation, Pushed | None]:
     """Record who was seen; where a successor was, its predecessor is admitted no longer: that is pushed."""
     now = datetime.now(UTC)
     seen = {name: min(at, now) for name, at in state.seen.items()}
@@ -223,7 +227,7 @@ def note_seen(
     return sighting, push(declaration, authority, link) if sighting.superseded else None
 
 
-def _addresses(roll: Roll, common_names: Collection[str]) -> tuple[str, ...]:
+def _addresses(roll: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:
     """Of members of which no certificate is good any more: of others the address is still in use."""
     return tuple(
         str(member.address)

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.vpn.operator import Desk
-    from atlantis_netcfg.vpn.authority import Change, Wish
+    from atlantis_netcfg.operations.vpn.operator import OperatorContext
+    from atlantis_netcfg.vpn.authority import EnrolmentRequest, RenewalRequest
     from atlantis_netcfg.vpn.identity import Identity, Member
 
-__all__ = ["CONTACT", "Handed", "Onboarding", "Outlet", "reserved"]
+__all__ = ["CONTACT", "HandedOut", "HandoutTarget", "Onboarding", "reserved"]
 
 CONTACT = "whoever gave you this file"
 _CONTACT_MAX = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Outlet:
+class HandoutTarget:
     """How hand-outs leave: to whom they are sealed, and where they are copied to."""
 
     recipients: Mapping[str, str] = field(default_factory=dict)
@@ -57,7 +57,7 @@ class Outlet:
 
 
 @dataclass(frozen=True, slots=True)
-class Handed:
+class HandedOut:
     """A member, its newest certificate, and the file that goes to whoever holds the device."""
 
     issued: Issued
@@ -67,7 +67,7 @@ class Handed:
     """Opens the file; this is the only time that it is told."""
 
 
-def reserved(declaration: Declaration, wishes: Sequence[Wish] = ()) -> frozenset[IPv4Address]:
+def reserved(declaration: Declaration, wishes: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
     """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
 
     An address that a wish names is meant for that member.
@@ -84,11 +84,11 @@ class Onboarding:
     """One command's issuing: what was handed out is kept by common name until the command tells it."""
 
     declaration: Declaration
-    desk: Desk
-    outlet: Outlet
+    desk: OperatorContext
+    outlet: HandoutTarget
     _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
 
-    def finished(self, wishes: Sequence[Wish]) -> tuple[Handed, ...]:
+    def finished(self, wishes: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
         """The members, if all of them are in the VPN just as they are wished for: nobody needs to type a passphrase.
 
         Empty if anything is left to do. Raises NameTaken.
@@ -99,28 +99,30 @@ class Onboarding:
         same = all(_same(request, member) for request, member in pairs)
         return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(wishes) else ()
 
-    def _there(self, member: Member) -> Handed:
+    def _there(self, member: Member) -> HandedOut:
         newest = member.good[-1]
         path = _place(self.desk.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
             path = handouts.host_identity(self.desk.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
-        return Handed(Issued(member, newest, Delivered(str(path), digest), already=True), path)
+        return HandedOut(Issued(member, newest, Delivered(str(path), digest), already=True), path)
 
-    def issue(self, wishes: Sequence[Wish], passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
+    def issue(self, wishes: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
         kept = reserved(self.declaration, wishes)
         with self.desk.unlocked(passphrase) as signer:
             return tuple(self._told(item) for item in signer.issue(wishes, self._deliver, reserved=kept))
 
-    def renew(self, members: Sequence[Member], change: Change, passphrase: Callable[[], Secret]) -> tuple[Handed, ...]:
+    def renew(
+        self, members: Sequence[Member], change: RenewalRequest, passphrase: Callable[[], Secret]
+    ) -> tuple[HandedOut, ...]:
         """Give each a successor of its certificate."""
         with self.desk.unlocked(passphrase) as signer:
             return tuple(self._told(signer.renew(member.name, self._deliver, change)) for member in members)
 
-    def _told(self, issued: Issued) -> Handed:
+    def _told(self, issued: Issued) -> HandedOut:
         name = issued.certificate.common_name
-        return Handed(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
+        return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
 
     def _deliver(self, identity: Identity) -> Delivered:
         """Write the member's file, before the record says that it has one."""
@@ -158,7 +160,7 @@ def _place(folder: Path, common_name: str) -> Path:
     return folder / "handouts" / common_name / f"{common_name}.tar.age"
 
 
-def _same(request: Wish, member: Member) -> bool:
+def _same(request: EnrolmentRequest, member: Member) -> bool:
     """Whether a wish is fulfilled by the member as it is."""
     newest = member.good[-1] if member.good else None
     return (

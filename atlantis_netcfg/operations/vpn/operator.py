@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority import Authority, Signer
 
-__all__ = ["Desk"]
+__all__ = ["OperatorContext"]
 
 
 @dataclass(frozen=True, slots=True)
-class Desk:
+class OperatorContext:
     """A person before the authority."""
 
     authority: Authority

@@ -12,7 +12,7 @@ from atlantis_netcfg.vpn.pki import check_recipient
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.operations.vpn.wishes import Asked
+    from atlantis_netcfg.operations.vpn.wishes import DeviceWords
 
 __all__ = ["recipient_of", "recipients_of"]
 
@@ -21,7 +21,7 @@ _LONGEST = 20_000
 _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 
-def recipients_of(requested: Iterable[Asked], names: Iterable[str]) -> Mapping[str, str]:
+def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
     """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
     found: dict[str, str] = {}
     errors: list[UsageError] = []

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.vpn.identity import Standing
+from atlantis_netcfg.vpn.identity import CertificateStatus
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.vpn.identity import Certificate, Member, Roll
+    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
 
-__all__ = ["certificate_row", "expires", "find", "member_row", "of_partner", "period", "standing_of", "when"]
+__all__ = ["certificate_row", "expires", "find", "member_row", "of_partner", "period", "status_of", "when"]
 
 _PERIODS = {"d": 1, "w": 7}
 
 
-def find(roll: Roll, name: str) -> Member:
+def find(roll: MembershipList, name: str) -> Member:
     """The member of that name; a common name stands for its member. Raises UsageError with the near miss."""
     for typed in (name, name.partition(".")[0]):
         if typed in roll.members:
@@ -28,7 +28,7 @@ def find(roll: Roll, name: str) -> Member:
     raise UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
 
 
-def of_partner(roll: Roll, partner: str | None) -> tuple[Member, ...]:
+def of_partner(roll: MembershipList, partner: str | None) -> tuple[Member, ...]:
     """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
     if not roll.members:
         raise NothingMatched(
@@ -45,7 +45,7 @@ def of_partner(roll: Roll, partner: str | None) -> tuple[Member, ...]:
     return found
 
 
-def standing_of(member: Member, now: datetime) -> str:
+def status_of(member: Member, now: datetime) -> str:
     """How it stands with a member, in a few words."""
     if not member.good:
         return "revoked"
@@ -54,7 +54,7 @@ def standing_of(member: Member, now: datetime) -> str:
         return "expired"
     if newest is not oldest:
         return f"renewed, {oldest.common_name} still in use"
-    return "in use" if newest.standing is Standing.SEEN else "never seen"
+    return "in use" if newest.standing is CertificateStatus.SEEN else "never seen"
 
 
 def expires(member: Member) -> datetime | None:
@@ -72,7 +72,7 @@ def member_row(member: Member, now: datetime) -> dict[str, Any]:
         "address": str(member.address),
         "link": str(member.link),
         "vehicle": member.vehicle,
-        "standing": standing_of(member, now),
+        "standing": status_of(member, now),
         "certificates": [certificate_row(certificate) for certificate in member.certificates],
     }
 
@@ -83,18 +83,18 @@ def certificate_row(certificate: Certificate) -> dict[str, Any]:
         "common_name": certificate.common_name,
         "serial": f"{certificate.serial:x}",
         "sha256": certificate.sha256,
-        "not_before": _told(certificate.not_before),
-        "not_after": _told(certificate.not_after),
+        "not_before": _iso(certificate.not_before),
+        "not_after": _iso(certificate.not_after),
         "wrap": str(certificate.wrap),
         "key": str(certificate.key),
         "standing": str(certificate.standing),
-        "seen": _told(certificate.seen),
-        "revoked": _told(certificate.revoked),
+        "seen": _iso(certificate.seen),
+        "revoked": _iso(certificate.revoked),
         "reason": certificate.reason,
     }
 
 
-def _told(moment: datetime | None) -> str | None:
+def _iso(moment: datetime | None) -> str | None:
     return None if moment is None else moment.astimezone(UTC).isoformat(timespec="seconds")
 
 

@@ -11,7 +11,7 @@ from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.enrolment_package import identity_file
-from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Member, Standing, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Member, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -44,7 +44,7 @@ def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
         not_after=made.not_valid_after_utc,
         wrap=Wrap.TLS_CRYPT_V2,
         key=kind,
-        standing=Standing.ISSUED,
+        standing=CertificateStatus.ISSUED,
     )
     member = Member(
         name=host.name,

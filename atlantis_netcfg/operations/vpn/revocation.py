@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.operations.vpn.operator import Desk
+    from atlantis_netcfg.operations.vpn.operator import OperatorContext
     from atlantis_netcfg.vpn.authority import Revoked
     from atlantis_netcfg.vpn.identity import Member
 
@@ -28,7 +28,9 @@ def reason_of(typed: str | None) -> str:
     return typed
 
 
-def revoke(prompt: Desk, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]) -> Revoked:
+def revoke(
+    prompt: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
+) -> Revoked:
     """Record it and publish the list; nothing is asked of the server here."""
     with prompt.unlocked(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)

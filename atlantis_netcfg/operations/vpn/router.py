@@ -38,7 +38,7 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import refuse_examples
-from atlantis_netcfg.operations.vpn._import import Importing
+from atlantis_netcfg.operations.vpn._import import RouterImport
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.vpn import routeros
@@ -155,7 +155,7 @@ def _require_router(host: Host) -> None:
 
 def _prepared(
     declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
-) -> tuple[Importing, DeviceJob]:
+) -> tuple[RouterImport, DeviceJob]:
     _require_router(host)
     tunnel = routeros.declared(declaration, host)
     if tunnel is None:
@@ -171,7 +171,7 @@ def _prepared(
     refuse_examples(declaration, rehearsed=request.rehearsed)
     gate(declaration, [host], request)
     job = device_job(declaration, host, request, NoJournal(), notify)
-    importing = Importing(
+    importing = RouterImport(
         name=host.name,
         site=host.site,
         endpoint=job.endpoint,
@@ -184,7 +184,7 @@ def _prepared(
     return importing, job
 
 
-def _journalled(importing: Importing, job: DeviceJob, journal: Journal) -> Installed:
+def _journalled(importing: RouterImport, job: DeviceJob, journal: Journal) -> Installed:
     try:
         changes, notes = asyncio.run(_run(importing, job))
     except NetcfgError as failure:
@@ -196,7 +196,7 @@ def _journalled(importing: Importing, job: DeviceJob, journal: Journal) -> Insta
     )
 
 
-async def _run(importing: Importing, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
+async def _run(importing: RouterImport, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
     saved = await converge(job, mode=Mode.BACKUP)
     if saved.exit is not ExitCode.DONE:
         raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
@@ -213,7 +213,7 @@ def _unverified(identity: Identity) -> tuple[str, ...]:
     )
 
 
-def _failed(importing: Importing, failure: NetcfgError) -> Installed:
+def _failed(importing: RouterImport, failure: NetcfgError) -> Installed:
     status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
     hint = failure.hint and complete(failure.hint, site=importing.site, device=importing.name)
     return Installed(importing.name, status, failure.exit, str(failure), hint)

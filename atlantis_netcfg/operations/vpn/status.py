@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.live import ServerState
     from atlantis_netcfg.vpn.authority import Authority
 
-__all__ = ["Standing", "Told", "standing"]
+__all__ = ["StatusItem", "VpnStatus", "vpn_status"]
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class StatusItem:
     """One thing that was looked at."""
 
     verdict: Verdict
@@ -39,10 +39,10 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class VpnStatus:
     """All that is known now."""
 
-    told: tuple[Told, ...]
+    told: tuple[StatusItem, ...]
     state: ServerState | None
     """None: the server was not reached, or was not to be asked."""
 
@@ -68,12 +68,12 @@ class Standing:
         }
 
 
-def standing(authority: Authority, server: Connected | None, notify: Subscriber = ignore) -> Standing:
+def vpn_status(authority: Authority, server: Connected | None, notify: Subscriber = ignore) -> VpnStatus:
     """Look at the record, and at the server unless there is None. Raises LedgerDamaged."""
     result = list(_record(authority))
     state = None
     if server is None:
-        result.append(Told(Verdict.SKIP, "the server was not asked (`--no-push`)"))
+        result.append(StatusItem(Verdict.SKIP, "the server was not asked (`--no-push`)"))
     else:
         try:
             with server.link(notify) as link:
@@ -81,60 +81,68 @@ def standing(authority: Authority, server: Connected | None, notify: Subscriber 
                 result += _server(authority, server, link, state)
         except NetcfgError as error:
             verdict = Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else Verdict.FAIL
-            result.append(Told(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site)))
-    return Standing((*result, *_queued(authority)), state)
+            result.append(
+                StatusItem(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site))
+            )
+    return VpnStatus((*result, *_queued(authority)), state)
 
 
-def _record(authority: Authority) -> Iterator[Told]:
+def _record(authority: Authority) -> Iterator[StatusItem]:
     """What the authority finds wrong with itself, each with what helps."""
     problems = authority.check()
     for problem in problems:
-        yield Told(Verdict.FAIL, problem)
+        yield StatusItem(Verdict.FAIL, problem)
     if not problems:
         roll = authority.roll()
         good = sum(1 for member in roll.members.values() if member.good)
-        yield Told(
+        yield StatusItem(
             Verdict.PASS,
             f"the record agrees with its signature, certificates and list: {good} of {len(roll.members)} members "
             f"are admitted, list {roll.crl_number} is good until {roll.crl_next_update:%Y-%m-%d}",
         )
 
 
-def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[Told]:
-    differs = live.drift(state, live.wanted(server.declaration, authority), authority.roll())
+def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
+    differs = live.drift(state, live.desired_files(server.declaration, authority), authority.roll())
     try:
-        live.hold_record(authority, state)
+        live.check_record(authority, state)
     except live.RecordOlder as older:
-        yield Told(Verdict.FAIL, str(older), older.hint)
-        yield from (Told(Verdict.FAIL, differ) for differ in differs)
+        yield StatusItem(Verdict.FAIL, str(older), older.hint)
+        yield from (StatusItem(Verdict.FAIL, differ) for differ in differs)
         return
     for item in differs:
-        yield Told(Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
+        yield StatusItem(Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
     if not differs:
         up = sum(session.is_up for session in state.sessions)
-        yield Told(Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}")
+        yield StatusItem(
+            Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}"
+        )
     if not state.ready:
         return
     sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
     for name in sighting.strangers:
-        yield Told(Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?")
+        yield StatusItem(
+            Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
+        )
     up_now = {session.common_name for session in state.sessions if session.is_up}
     for name in sighting.withdrawn:
         if name in up_now:
-            yield Told(Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session")
+            yield StatusItem(
+                Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session"
+            )
         else:
-            yield Told(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
+            yield StatusItem(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
     for name in sighting.superseded:
-        yield Told(Verdict.PASS, f"{name} is retired: its successor was seen")
-    evidence = live.go_on(server.declaration, authority, link, server.who)
+        yield StatusItem(Verdict.PASS, f"{name} is retired: its successor was seen")
+    evidence = live.finish_revocations(server.declaration, authority, link, server.who)
     if evidence is not None and evidence.confirmed:
-        yield Told(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
+        yield StatusItem(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
 
 
-def _queued(authority: Authority) -> Iterator[Told]:
+def _queued(authority: Authority) -> Iterator[StatusItem]:
     queued = authority.roll().queued
     if queued:
-        yield Told(
+        yield StatusItem(
             Verdict.FAIL,
             f"revoked, and not confirmed dead by the server: {', '.join(queued)}",
             "`provision vpn sync` when the server can be reached",

@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.vpn._check import Check, Refused
-from atlantis_netcfg.operations.vpn._computers import wish_of_host
-from atlantis_netcfg.operations.vpn._devices import wish_of_device
-from atlantis_netcfg.vpn.authority import Change
+from atlantis_netcfg.operations.vpn._computers import request_of_host
+from atlantis_netcfg.operations.vpn._devices import request_of_device
+from atlantis_netcfg.vpn.authority import RenewalRequest
 from atlantis_netcfg.vpn.identity import KeyType, Link, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import Wish
+    from atlantis_netcfg.vpn.authority import EnrolmentRequest
 
-__all__ = ["KEYS", "Asked", "Refused", "change_of", "wish_of", "wishes_of"]
+__all__ = ["KEYS", "DeviceWords", "Refused", "change_of", "request_of", "requests_of"]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class DeviceWords:
     """What a person, or one record of a file, has asked for; nothing of it is checked yet."""
 
     place: str = ""
@@ -45,18 +45,18 @@ class Asked:
     recipient: str | None = None
 
 
-KEYS = tuple(field.name for field in fields(Asked) if field.name != "place")
+KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place")
 """What a record of a file may hold; the words of the command are the same."""
 
 
-def wishes_of(declaration: Declaration, requested: Iterable[Asked]) -> tuple[Wish, ...]:
+def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
     """The wishes, in the order of what was asked for. Raises Refused with everything that is wrong."""
-    wishes: list[Wish] = []
+    wishes: list[EnrolmentRequest] = []
     errors: list[NetcfgError] = []
-    seen: dict[str, Asked] = {}
+    seen: dict[str, DeviceWords] = {}
     for item in requested:
         try:
-            request = wish_of(declaration, item)
+            request = request_of(declaration, item)
         except UsageError as error:
             errors += [_placed(item, each) for each in getattr(error, "errors", (error,))]
             continue
@@ -71,24 +71,24 @@ def wishes_of(declaration: Declaration, requested: Iterable[Asked]) -> tuple[Wis
     return tuple(wishes)
 
 
-def _placed(item: Asked, error: NetcfgError) -> NetcfgError:
+def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
     return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
 
 
-def wish_of(declaration: Declaration, item: Asked) -> Wish:
+def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
     """The wish for a partner's device, or for a declared host. Raises UsageError, Refused when more is wrong."""
     check = Check(asdict(item))
-    request = wish_of_host(declaration, check) if item.host is not None else wish_of_device(declaration, check)
+    request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
     check.close()
     if request is None:
         raise AssertionError("refused without a reason")
     return request
 
 
-def change_of(**words: str | None) -> Change:
+def change_of(**words: str | None) -> RenewalRequest:
     """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
     check = Check(words)
-    change = Change(
+    change = RenewalRequest(
         days=check.days(),
         wrap=check.choice("wrap", list(Wrap)),
         key=check.choice("key", list(KeyType)),

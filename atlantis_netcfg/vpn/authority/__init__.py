@@ -27,13 +27,13 @@ from atlantis_netcfg.vpn.authority._head import NONE_SIGNED
 from atlantis_netcfg.vpn.authority._signer import Signer
 from atlantis_netcfg.vpn.authority._types import (
     CLIENT_DAYS,
-    Change,
     Delivered,
+    EnrolmentRequest,
     Issued,
+    RenewalRequest,
     Revoked,
     ServerNames,
-    Sighting,
-    Wish,
+    SessionObservation,
 )
 from atlantis_netcfg.vpn.ledger import Entry
 from atlantis_netcfg.vpn.names import NameRefused, NameTaken
@@ -47,9 +47,9 @@ __all__ = [
     "AuthorityBusy",
     "AuthorityDamaged",
     "AuthorityFailed",
-    "Change",
     "ClockBehind",
     "Delivered",
+    "EnrolmentRequest",
     "Entry",
     "Issued",
     "NameRefused",
@@ -58,9 +58,9 @@ __all__ = [
     "NoSuchMember",
     "OtherMember",
     "PoolFull",
+    "RenewalRequest",
     "Revoked",
     "ServerNames",
-    "Sighting",
+    "SessionObservation",
     "Signer",
-    "Wish",
 ]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from ipaddress import IPv4Address, IPv4Network
 
-    from atlantis_netcfg.vpn.identity import Member, Roll
+    from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 __all__ = ["Addresses"]
 
@@ -27,7 +27,7 @@ class Addresses:
     left, the one that rests longest first, and never before the server has confirmed that the member is out.
     """
 
-    def __init__(self, roll: Roll, reserved: Collection[IPv4Address] = ()) -> None:
+    def __init__(self, roll: MembershipList, reserved: Collection[IPv4Address] = ()) -> None:
         queued = set(roll.queued)
         self._used: dict[IPv4Address, str] = dict.fromkeys(reserved, "the declaration")
         self._resting: dict[IPv4Address, datetime] = {}

@@ -14,12 +14,12 @@ from atlantis_netcfg.vpn.authority import _founding as founding
 from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority import _lists as lists
 from atlantis_netcfg.vpn.authority import _sealed as sealed
-from atlantis_netcfg.vpn.authority._book import Book, new_operation
-from atlantis_netcfg.vpn.authority._desk import Desk
-from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
+from atlantis_netcfg.vpn.authority._book import LedgerSession, new_operation
+from atlantis_netcfg.vpn.authority._desk import SigningSession
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, os_errors_as
 from atlantis_netcfg.vpn.authority._lock import Lock
 from atlantis_netcfg.vpn.authority._server import names_of
-from atlantis_netcfg.vpn.authority._sighting import sighting
+from atlantis_netcfg.vpn.authority._sighting import observe_sessions
 from atlantis_netcfg.vpn.authority._signer import Signer
 from atlantis_netcfg.vpn.ledger import records
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.vpn.authority._types import Delivered, ServerNames, Sighting
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.authority._types import Delivered, ServerNames, SessionObservation
+    from atlantis_netcfg.vpn.identity import MembershipList
     from atlantis_netcfg.vpn.ledger import Entry
 
 __all__ = ["Authority"]
@@ -56,18 +56,18 @@ class Authority:
         Killed at any moment, the repeat begins anew; a complete one is never overwritten: it is returned if it was
         founded with the same names, else UsageError.
         """
-        founding.prepare(folder)
+        founding.prepare_folder(folder)
         with Lock(folder, who):
-            founding.found(folder, passphrase, server_names, who, sealed_by)
+            founding.init_authority(folder, passphrase, server_names, who, sealed_by)
         return cls(folder)
 
     @classmethod
     def open(cls, folder: Path) -> Authority:
         """The authority of a folder. Raises NoAuthority."""
-        founding.require(folder)
+        founding.require_authority(folder)
         return cls(folder)
 
-    def roll(self) -> Roll:
+    def roll(self) -> MembershipList:
         """Who is in the VPN. Raises LedgerDamaged."""
         return self._fold().roll()
 
@@ -84,7 +84,7 @@ class Authority:
 
     def opening_bytes(self) -> int:
         """Memory that opening the CA key takes; 0: none to speak of."""
-        with translated("the CA key cannot be read"):
+        with os_errors_as("the CA key cannot be read"):
             path = self.folder / files.SEALED["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
@@ -97,7 +97,7 @@ class Authority:
 
         Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
         """
-        with translated("the revocation list cannot be read"):
+        with os_errors_as("the revocation list cannot be read"):
             pem = (self.folder / files.CRL).read_bytes()
             ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
@@ -110,9 +110,9 @@ class Authority:
 
     def beyond(self, pem: bytes) -> str | None:
         """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
-        with translated("the certificate authority cannot be read"):
+        with os_errors_as("the certificate authority cannot be read"):
             ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
-        return lists.beyond(self.folder, self._fold(), ca, pem)
+        return lists.beyond_record(self.folder, self._fold(), ca, pem)
 
     def check(self, now: datetime | None = None) -> list[str]:
         """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
@@ -138,7 +138,7 @@ class Authority:
         ClockBehind, AuthorityFailed.
         """
         # Asked and opened before the lock: nobody waits for somebody who looks for the note with the passphrase.
-        ca = sealed.unseal(self.folder, passphrase())
+        ca = sealed.unseal_ca(self.folder, passphrase())
         with self._signing(ca, who, waiting=waiting, trust_clock=trust_clock) as signer:
             yield signer
 
@@ -152,35 +152,35 @@ class Authority:
                     f"{files.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
-            heads.read(self.folder, ca.certificate, book.fold).hold(book.digests)
+            heads.read_head(self.folder, ca.certificate, book.fold).hold(book.digests)
             book.check_clock(trusted=trust_clock)
-            prompt = Desk(self.folder, book, ca)
+            prompt = SigningSession(self.folder, book, ca)
             prompt.recover(left=left)
             try:
                 yield Signer(prompt)
             except BaseException:
                 # Best effort: the next command that signs does it.
                 with suppress(NetcfgError):
-                    heads.sign(self.folder, book, ca)
+                    heads.sign_head(self.folder, book, ca)
                 raise
-            heads.sign(self.folder, book, ca)
+            heads.sign_head(self.folder, book, ca)
 
     @contextmanager
-    def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[Book, bool]]:
-        founding.require(self.folder)
+    def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[LedgerSession, bool]]:
+        founding.require_authority(self.folder)
         with ExitStack() as exit_stack:
             lock = exit_stack.enter_context(Lock(self.folder, who or _me(), waiting))
-            yield exit_stack.enter_context(Book(self.folder, who or _me())), lock.left
+            yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
 
-    def seen(self, sightings: Mapping[str, datetime], who: str = "") -> Sighting:
+    def seen(self, sightings: Mapping[str, datetime], who: str = "") -> SessionObservation:
         """Record which common names the server had sessions of, and when last; an older certificate is superseded.
 
         Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
         """
-        if not sighting(self._fold(), sightings)[0]:
-            return sighting(self._fold(), sightings)[1]
+        if not observe_sessions(self._fold(), sightings)[0]:
+            return observe_sessions(self._fold(), sightings)[1]
         with self._writing(who) as (book, _):
-            new, answer = sighting(book.fold, sightings)
+            new, answer = observe_sessions(book.fold, sightings)
             book.write(new, new_operation())
         return answer
 
@@ -208,11 +208,11 @@ class Authority:
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: founding.Sealing = "age") -> None:
         """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
         with self._writing(who) as (book, _):
-            ca = sealed.reseal(self.folder, book, (old, new), sealed_by)
-            heads.sign(self.folder, book, ca)
+            ca = sealed.reseal_ca(self.folder, book, (old, new), sealed_by)
+            heads.sign_head(self.folder, book, ca)
 
-    def _fold(self) -> ledger.Fold:
-        return ledger.Fold(self.history())
+    def _fold(self) -> ledger.LedgerState:
+        return ledger.LedgerState(self.history())
 
 
 def _me() -> str:

@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.vpn.authority._errors import ClockBehind
-from atlantis_netcfg.vpn.ledger import FILE, Fold, Ledger, utc_now
+from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, utc_now
 from atlantis_netcfg.vpn.ledger.records import ClockTrusted
 
 if TYPE_CHECKING:
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.ledger import Record
 
-__all__ = ["Book", "new_operation"]
+__all__ = ["LedgerSession", "new_operation"]
 
 SLACK = timedelta(minutes=2)
 """So far a clock may be set back by a time server: records of that while bear the time of the last one."""
 
 
-class Book:
+class LedgerSession:
     """Opened by the one who holds the lock. Raises LedgerDamaged, LedgerFailed."""
 
     def __init__(self, folder: Path, who: str) -> None:
         self._ledger = Ledger(folder / FILE)
         self._who = who
-        self.fold = Fold(self._ledger.entries)
+        self.fold = LedgerState(self._ledger.entries)
 
     @property
     def usable(self) -> bool:

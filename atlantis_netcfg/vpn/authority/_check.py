@@ -12,7 +12,7 @@ from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority import _lists as lists
-from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._errors import os_errors_as
 from atlantis_netcfg.vpn.authority._lock import is_held
 from atlantis_netcfg.vpn.ledger import records
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from atlantis_netcfg.vpn.ledger import Entry, Fold, Reading
+    from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading
 
 __all__ = ["Agreement", "agreement", "problems"]
 
@@ -67,7 +67,7 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
 
 def agreement(folder: Path) -> Agreement:
     """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
-    with translated("the authority cannot be read"):
+    with os_errors_as("the authority cannot be read"):
         reading, fold, ca = _opened(folder)
     reading.sound()
     head = _head(folder, reading, fold, ca)
@@ -76,21 +76,21 @@ def agreement(folder: Path) -> Agreement:
     return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
 
 
-def _opened(folder: Path) -> tuple[Reading, Fold, x509.Certificate]:
+def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
     reading = ledger.read(folder / ledger.FILE)
-    return reading, ledger.Fold(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+    return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
 
 
-def _is_of_ledger(fold: Fold, ca: x509.Certificate) -> bool:
+def _is_of_ledger(fold: LedgerState, ca: x509.Certificate) -> bool:
     return fold.founded is not None and fold.founded.ca_sha256 == pki.sha256(ca)
 
 
-def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> heads.Head | NetcfgError | None:
+def _head(folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate) -> heads.Head | NetcfgError | None:
     """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
     if reading.damage is not None or not _is_of_ledger(fold, ca):
         return None
     try:
-        head = heads.read(folder, ca, fold)
+        head = heads.read_head(folder, ca, fold)
         head.hold(reading.digests)
     except NetcfgError as error:
         return error
@@ -98,7 +98,7 @@ def _head(folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate) -> h
 
 
 def _disagreements(
-    folder: Path, reading: Reading, fold: Fold, ca: x509.Certificate, head: heads.Head | NetcfgError | None
+    folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate, head: heads.Head | NetcfgError | None
 ) -> Iterator[str]:
     """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
     if not _is_of_ledger(fold, ca):
@@ -118,7 +118,7 @@ def _disagreements(
     yield from _list(folder, fold, ca)
 
 
-def _unsigned(folder: Path, reading: Reading, fold: Fold, head: heads.Head) -> Iterator[str]:
+def _unsigned(folder: Path, reading: Reading, fold: LedgerState, head: heads.Head) -> Iterator[str]:
     """Lines after the head that only a command with the CA key writes."""
     # A command that runs, or was killed, has lines of its own there.
     if fold.open or is_held(folder):
@@ -131,7 +131,7 @@ def _unsigned(folder: Path, reading: Reading, fold: Fold, head: heads.Head) -> I
             )
 
 
-def _certificates(fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+def _certificates(fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     for item in fold.issued.values():
         try:
             made = pki.load_cert(files.copy_of(item).decode("ascii"))
@@ -151,7 +151,7 @@ def _times(entries: Sequence[Entry]) -> Iterator[str]:
             yield f"line {after.number} of the ledger is older than the line before it"
 
 
-def _unfinished(folder: Path, fold: Fold) -> Iterator[str]:
+def _unfinished(folder: Path, fold: LedgerState) -> Iterator[str]:
     if fold.open and not is_held(folder):
         commands = ", ".join(
             sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in fold.open.values())
@@ -159,7 +159,7 @@ def _unfinished(folder: Path, fold: Fold) -> Iterator[str]:
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
 
-def _ends(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+def _ends(folder: Path, fold: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
         yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
     if fold.server is not None and fold.server.not_after - now < SOON:
@@ -178,7 +178,7 @@ def _ends(folder: Path, fold: Fold, ca: x509.Certificate, now: datetime) -> Iter
         yield f"{files.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
-def _server(folder: Path, fold: Fold) -> Iterator[str]:
+def _server(folder: Path, fold: LedgerState) -> Iterator[str]:
     if fold.server is None:
         return
     try:
@@ -190,7 +190,7 @@ def _server(folder: Path, fold: Fold) -> Iterator[str]:
         yield f"{files.SERVER_CERT} is not the certificate that was recorded"
 
 
-def _copies(folder: Path, fold: Fold) -> Iterator[str]:
+def _copies(folder: Path, fold: LedgerState) -> Iterator[str]:
     known = {f"{name}.pem": files.copy_of(item) for name, item in fold.issued.items()}
     there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
     for name, path in there.items():
@@ -202,7 +202,7 @@ def _copies(folder: Path, fold: Fold) -> Iterator[str]:
         yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
-def _list(folder: Path, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
+def _list(folder: Path, fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     try:
         facts = pki.read_crl((folder / files.CRL).read_bytes(), ca)
     except OSError as error:
@@ -214,14 +214,14 @@ def _list(folder: Path, fold: Fold, ca: x509.Certificate) -> Iterator[str]:
     roll = fold.roll()
     if facts.sha256 != roll.crl_sha256:
         yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
-    serials = {revoked_serial.serial for revoked_serial in lists.revoked(fold)}
+    serials = {revoked_serial.serial for revoked_serial in lists.revoked_serials(fold)}
     for lost in sorted(serials - facts.serials):
         yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
         yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
 
 
-def _members(fold: Fold, now: datetime) -> Iterator[str]:
+def _members(fold: LedgerState, now: datetime) -> Iterator[str]:
     for member in fold.roll().members.values():
         if member.good and (last := member.good[-1]).not_after - now < SOON:
             ends = "ended" if last.not_after <= now else "ends"

@@ -13,25 +13,25 @@ from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _lists as lists
 from atlantis_netcfg.vpn.authority import _server as server
 from atlantis_netcfg.vpn.authority._book import new_operation
-from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._errors import os_errors_as
 from atlantis_netcfg.vpn.identity import Wrap
 from atlantis_netcfg.vpn.ledger.records import Begun, Committed, RolledBack
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.authority._book import Book
+    from atlantis_netcfg.vpn.authority._book import LedgerSession
     from atlantis_netcfg.vpn.authority._types import ServerNames
 
-__all__ = ["Desk"]
+__all__ = ["SigningSession"]
 
 
 @dataclass(frozen=True)
-class Desk:
+class SigningSession:
     """One for each command that signs."""
 
     folder: Path
-    book: Book
+    book: LedgerSession
     ca: pki.Ca
 
     @cached_property
@@ -47,14 +47,14 @@ class Desk:
 
     def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
         """Put a list in place that says what the record says, and what a list says that is taken over."""
-        return lists.publish(self.folder, self.book, self.ca, operation, also)
+        return lists.publish_crl(self.folder, self.book, self.ca, operation, also)
 
     def serve(self, names: ServerNames) -> None:
         """Make the server a new key and certificate."""
         operation = new_operation()
-        written, record = server.made(self.ca, names, self.book.now())
+        written, record = server.new_server_certificate(self.ca, names, self.book.now())
         self.book.write([Begun(command="serve"), record], operation)
-        with translated("the server's certificate cannot be written"):
+        with os_errors_as("the server's certificate cannot be written"):
             for name, data in written.items():
                 write_atomically(self.folder / name, data)
         self.book.write([Committed()], operation)
@@ -64,7 +64,7 @@ class Desk:
 
         What is wrong is found by looking, not by remembering: this may be killed as well.
         """
-        with translated("the authority cannot be put in order"):
+        with os_errors_as("the authority cannot be put in order"):
             if left or self.book.fold.open:
                 files.sweep(self.folder)
             files.folders(self.folder)
@@ -75,7 +75,7 @@ class Desk:
             whole = of is None or server.is_sound(self.folder, of)
         if of is not None and not whole:
             self.serve(server.names_of(of))
-        if lists.due(self.folder, self.book, self.ca):
+        if lists.is_crl_due(self.folder, self.book, self.ca):
             self.publish(new_operation())
 
     def _end(self, operation: str) -> Committed | RolledBack:
@@ -93,5 +93,5 @@ class Desk:
         return self._secret(files.TLS_CRYPT)
 
     def _secret(self, name: str) -> Secret:
-        with translated("a key of the server cannot be read"):
+        with os_errors_as("a key of the server cannot be read"):
             return Secret((self.folder / name).read_text(encoding="ascii"))

@@ -20,7 +20,7 @@ __all__ = [
     "NoSuchMember",
     "OtherMember",
     "PoolFull",
-    "translated",
+    "os_errors_as",
 ]
 
 
@@ -69,7 +69,7 @@ class ClockBehind(NetcfgError):
 
 
 @contextmanager
-def translated(what: str) -> Iterator[None]:
+def os_errors_as(what: str) -> Iterator[None]:
     """Say in words that a file of the authority could not be read or written."""
     try:
         yield

@@ -16,9 +16,9 @@ from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority import _head as heads
 from atlantis_netcfg.vpn.authority._book import new_operation
-from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, NoAuthority, translated
-from atlantis_netcfg.vpn.authority._lists import sign
-from atlantis_netcfg.vpn.authority._server import made, names_of
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, NoAuthority, os_errors_as
+from atlantis_netcfg.vpn.authority._lists import sign_crl
+from atlantis_netcfg.vpn.authority._server import names_of, new_server_certificate
 from atlantis_netcfg.vpn.ledger.records import Founded
 
 if TYPE_CHECKING:
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority._types import ServerNames
 
-__all__ = ["Sealing", "found", "is_complete", "prepare", "require", "seal"]
+__all__ = ["Sealing", "init_authority", "is_complete", "prepare_folder", "require_authority", "seal_ca_key"]
 
 Sealing = Literal["age", "vault"]
-MARK = "founding"
-_OWN = "work as that user, or name a folder of your own: authority=DIR"
+UNFINISHED_MARK = "founding"
+_OWN_FOLDER_HINT = "work as that user, or name a folder of your own: authority=DIR"
 
 
 def is_complete(folder: Path) -> bool:
@@ -39,11 +39,11 @@ def is_complete(folder: Path) -> bool:
     return (folder / ledger.FILE).exists()
 
 
-def require(folder: Path) -> None:
+def require_authority(folder: Path) -> None:
     """Raise NoAuthority, or AuthorityDamaged where only the ledger is missing."""
     if is_complete(folder):
-        with translated("the authority cannot be read"):
-            hold_own(folder, _OWN)
+        with os_errors_as("the authority cannot be read"):
+            hold_own(folder, _OWN_FOLDER_HINT)
         return
     _unfinished(folder)
     raise NoAuthority(
@@ -51,28 +51,28 @@ def require(folder: Path) -> None:
     )
 
 
-def prepare(folder: Path) -> None:
+def prepare_folder(folder: Path) -> None:
     """Make the folder, for its owner alone."""
-    with translated("there is no place for the authority"):
+    with os_errors_as("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        hold_own(folder, _OWN)
+        hold_own(folder, _OWN_FOLDER_HINT)
         sync_directory(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)
 
 
-def found(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
+def init_authority(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
     """Make it, under the lock; nothing if it is there. Raises UsageError if it is there for other names."""
     if is_complete(folder):
         _same_names(folder, names)
     else:
         _make(folder, passphrase, names, who, sealing)
-    with translated("the authority cannot be completed"):
-        files.forget(folder / MARK)
+    with os_errors_as("the authority cannot be completed"):
+        files.forget(folder / UNFINISHED_MARK)
         files.sweep(folder)
 
 
-def seal(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
+def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
     """The CA key as it lies on disk. Raises WeakPassphrase."""
     encrypt = pki.seal if sealing == "age" else pki.vault_seal
     return encrypt(key.reveal().encode(), passphrase)
@@ -83,10 +83,10 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
     now = ledger.utc_now()
     # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
     ca = pki.new_ca(f"ATLANTIS VPN {secrets.token_hex(4)}", now)
-    server, issued = made(ca, names, now)
-    crl, published = sign(ca, (), 1, now)
+    server, issued = new_server_certificate(ca, names, now)
+    crl, published = sign_crl(ca, (), 1, now)
     written = {
-        files.SEALED[sealing]: seal(pki.key_pem(ca.key), passphrase, sealing),
+        files.SEALED[sealing]: seal_ca_key(pki.key_pem(ca.key), passphrase, sealing),
         files.CA: pki.cert_pem(ca.certificate).encode(),
         **server,
         files.TLS_CRYPT_V2: pki.server_key().reveal().encode(),
@@ -102,9 +102,9 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
     )
     lines = ledger.first_lines([founded, issued, published], who, new_operation(), now)
     digests = [ledger.digest(line) for line in lines.splitlines()]
-    written[heads.FILE] = heads.made(ca, len(digests), digests[-1], now)
-    with translated("the authority cannot be made"):
-        write_atomically(folder / MARK, b"provision vpn init was not completed here: run it again\n")
+    written[heads.HEAD_FILE] = heads.new_head(ca, len(digests), digests[-1], now)
+    with os_errors_as("the authority cannot be made"):
+        write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
         for other in files.SEALED.values():
             (folder / other).unlink(missing_ok=True)
         files.folders(folder)
@@ -115,7 +115,7 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
 
 def _unfinished(folder: Path) -> None:
     """Raise AuthorityDamaged if what is there is not what a killed `init` left."""
-    if not (folder / MARK).exists() and (left := _remains(folder)):
+    if not (folder / UNFINISHED_MARK).exists() and (left := _remains(folder)):
         raise AuthorityDamaged(
             f"{folder} has {left}, but not the ledger: nothing can be issued or revoked without it",
             hint=f"restore {ledger.FILE} from your backup of the authority",
@@ -130,7 +130,7 @@ def _remains(folder: Path) -> str | None:
 
 
 def _same_names(folder: Path, names: ServerNames) -> None:
-    server = ledger.Fold(ledger.read(folder / ledger.FILE).sound().entries).server
+    server = ledger.LedgerState(ledger.read(folder / ledger.FILE).sound().entries).server
     if server is None or names_of(server) != names:
         made = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
         raise UsageError(

@@ -20,7 +20,7 @@ from cryptography.exceptions import UnsupportedAlgorithm
 
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, translated
+from atlantis_netcfg.vpn.authority._errors import AuthorityDamaged, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from atlantis_netcfg.vpn.authority._book import Book
-    from atlantis_netcfg.vpn.ledger import Fold
+    from atlantis_netcfg.vpn.authority._book import LedgerSession
+    from atlantis_netcfg.vpn.ledger import LedgerState
 
-__all__ = ["FILE", "NONE_SIGNED", "Head", "made", "read", "sign"]
+__all__ = ["HEAD_FILE", "NONE_SIGNED", "Head", "new_head", "read_head", "sign_head"]
 
-FILE = "ledger.head"
+HEAD_FILE = "ledger.head"
 NONE_SIGNED = "nothing says how long the ledger was: an older version founded this authority, and signed no end of it"
 _RESTORE = "sign nothing; restore ledger.jsonl and ledger.head from the newest backup of the authority, both of one"
 _WHAT = b"head of the record of an ATLANTIS VPN authority\n"
@@ -67,30 +67,32 @@ class Head:
 _NONE = Head(0, "", datetime.min.replace(tzinfo=UTC))
 
 
-def made(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
+def new_head(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
     """The file of such a head."""
     values = {"line": line, "sha256": digest, "at": at.isoformat()}
     signature = base64.b64encode(pki.sign(ca.key, _text(values))).decode("ascii")
     return json.dumps({**values, "signature": signature}).encode() + b"\n"
 
 
-def sign(folder: Path, book: Book, ca: pki.Ca) -> None:
+def sign_head(folder: Path, book: LedgerSession, ca: pki.Ca) -> None:
     """Sign the last line, unless that was done. Raises AuthorityFailed."""
     line = len(book.digests)
-    if read(folder, ca.certificate, book.fold).line < line:
-        with translated("the head of the record cannot be written"):
-            write_atomically(folder / FILE, made(ca, line, book.digests[-1], book.now()))
+    if read_head(folder, ca.certificate, book.fold).line < line:
+        with os_errors_as("the head of the record cannot be written"):
+            write_atomically(folder / HEAD_FILE, new_head(ca, line, book.digests[-1], book.now()))
 
 
-def read(folder: Path, ca: x509.Certificate, fold: Fold) -> Head:
+def read_head(folder: Path, ca: x509.Certificate, fold: LedgerState) -> Head:
     """The head of a folder; of no line where an older version founded it. Raises AuthorityDamaged, AuthorityFailed."""
-    with translated("the head of the record cannot be read"):
+    with os_errors_as("the head of the record cannot be read"):
         try:
-            data = (folder / FILE).read_bytes()
+            data = (folder / HEAD_FILE).read_bytes()
         except FileNotFoundError:
             if fold.founded is not None and not fold.founded.heads:
                 return _NONE
-            raise AuthorityDamaged(f"{FILE} is missing: nothing says how long the ledger was", hint=_RESTORE) from None
+            raise AuthorityDamaged(
+                f"{HEAD_FILE} is missing: nothing says how long the ledger was", hint=_RESTORE
+            ) from None
     try:
         key = ca.public_key()
         result = json.loads(data)
@@ -101,7 +103,7 @@ def read(folder: Path, ca: x509.Certificate, fold: Fold) -> Head:
     except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
         signed = False
     if not signed:
-        raise AuthorityDamaged(f"{FILE} is not signed by this authority: it was changed", hint=_RESTORE)
+        raise AuthorityDamaged(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
     return head
 
 

@@ -13,15 +13,15 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _files as files
 from atlantis_netcfg.vpn.authority._book import new_operation
-from atlantis_netcfg.vpn.authority._errors import translated
-from atlantis_netcfg.vpn.identity import Certificate, Identity, Standing
+from atlantis_netcfg.vpn.authority._errors import os_errors_as
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity
 from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.vpn.authority._desk import Desk
+    from atlantis_netcfg.vpn.authority._desk import SigningSession
     from atlantis_netcfg.vpn.authority._plan import Planned
     from atlantis_netcfg.vpn.authority._types import Delivered
 
@@ -42,7 +42,10 @@ class _Made:
 
 
 def hand_out(
-    prompt: Desk, command: records.Command, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
+    prompt: SigningSession,
+    command: records.Command,
+    planned: Sequence[Planned],
+    deliver: Callable[[Identity], Delivered],
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
 
@@ -68,15 +71,17 @@ def _names(planned: Sequence[Planned]) -> tuple[str, ...]:
     return tuple(item.member.name for item in planned)
 
 
-def _batch(prompt: Desk, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]) -> None:
+def _batch(
+    prompt: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
+) -> None:
     made = [_made(prompt, one) for one in planned]
     prompt.book.write([entry.record for entry in made], operation)
     done: list[records.Record] = []
     try:
-        with translated("the certificates cannot be written"):
+        with os_errors_as("the certificates cannot be written"):
             files.restore_copies(prompt.folder, [item.record for item in made])
         for one in made:
-            with translated(f"what `{one.planned.member.name}` gets cannot be written"):
+            with os_errors_as(f"what `{one.planned.member.name}` gets cannot be written"):
                 delivered = deliver(_identity(prompt, one))
             done.extend(_handed_out(one.planned, delivered))
     finally:
@@ -90,7 +95,7 @@ def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Reco
         yield records.Revoked(common_name=old, reason=REPLACED)
 
 
-def _made(prompt: Desk, planned: Planned) -> _Made:
+def _made(prompt: SigningSession, planned: Planned) -> _Made:
     key = pki.new_key(planned.key)
     certificate = pki.new_client(
         prompt.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, prompt.book.now()
@@ -117,7 +122,7 @@ def _made(prompt: Desk, planned: Planned) -> _Made:
     return _Made(planned, record, pki.key_pem(key))
 
 
-def _identity(prompt: Desk, made: _Made) -> Identity:
+def _identity(prompt: SigningSession, made: _Made) -> Identity:
     record = made.record
     certificate = Certificate(
         common_name=record.common_name,
@@ -127,7 +132,7 @@ def _identity(prompt: Desk, made: _Made) -> Identity:
         not_after=record.not_after,
         wrap=record.wrap,
         key=record.key,
-        standing=Standing.ISSUED,
+        standing=CertificateStatus.ISSUED,
     )
     before = made.planned.member
     return Identity(

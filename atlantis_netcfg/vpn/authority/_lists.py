@@ -6,9 +6,9 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._errors import os_errors_as
 from atlantis_netcfg.vpn.authority._files import CRL
-from atlantis_netcfg.vpn.identity import Standing
+from atlantis_netcfg.vpn.identity import CertificateStatus
 from atlantis_netcfg.vpn.ledger.records import Published
 
 if TYPE_CHECKING:
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from atlantis_netcfg.vpn.authority._book import Book
-    from atlantis_netcfg.vpn.ledger import Fold
+    from atlantis_netcfg.vpn.authority._book import LedgerSession
+    from atlantis_netcfg.vpn.ledger import LedgerState
 
-__all__ = ["beyond", "due", "publish", "revoked", "sign"]
+__all__ = ["beyond_record", "is_crl_due", "publish_crl", "revoked_serials", "sign_crl"]
 
 BACKDATED = timedelta(days=1)
 """A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
@@ -29,17 +29,17 @@ FRESH = timedelta(days=60)
 """A list with less than this until its `nextUpdate` is signed anew in passing: who works often never sees an alarm."""
 
 
-def revoked(fold: Fold) -> list[pki.RevokedSerial]:
+def revoked_serials(fold: LedgerState) -> list[pki.RevokedSerial]:
     """What must be on the list."""
     ours = (
         pki.RevokedSerial(certificate.serial, certificate.revoked)
         for _, certificate in fold.roll().certificates()
-        if certificate.standing is Standing.REVOKED and certificate.revoked is not None
+        if certificate.standing is CertificateStatus.REVOKED and certificate.revoked is not None
     )
     return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in fold.taken.items())]
 
 
-def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
+def sign_crl(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
     """A list with its record. Raises CrlRefused: never one that a server could not have now."""
     back = max(now - BACKDATED, ca.certificate.not_valid_before_utc)
     pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + BACKDATED.days)
@@ -48,40 +48,42 @@ def sign(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datet
     return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=current)
 
 
-def publish(folder: Path, book: Book, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+def publish_crl(
+    folder: Path, book: LedgerSession, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None
+) -> bytes:
     """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
     path, roll, now = folder / CRL, book.fold.roll(), book.now()
     before = [entry for entry in (_in_place(path, ca.certificate), also) if entry is not None]
     above = max(roll.crl_number, *(crl_facts.number for crl_facts in before), 0)
-    lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked(book.fold)}
+    lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked_serials(book.fold)}
     # What is on a list of before stays: a ledger from an older backup lets nobody back in.
     kept = {serial: pki.RevokedSerial(serial, item.this_update) for item in before for serial in sorted(item.serials)}
-    pem, record = sign(ca, (kept | lines).values(), above + 1, now)
+    pem, record = sign_crl(ca, (kept | lines).values(), above + 1, now)
     book.write([record], operation)
-    with translated("the revocation list cannot be written"):
+    with os_errors_as("the revocation list cannot be written"):
         pki.publish(path, pem, ca.certificate, above=above, now=now)
     return pem
 
 
-def due(folder: Path, book: Book, ca: pki.Ca) -> bool:
+def is_crl_due(folder: Path, book: LedgerSession, ca: pki.Ca) -> bool:
     """Whether the list in place is not the one that the record asks for, or is getting old."""
     roll, now = book.fold.roll(), book.now()
     try:
         facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
     except (OSError, pki.CrlRefused):
         return True
-    serials = frozenset(revoked_serial.serial for revoked_serial in revoked(book.fold))
+    serials = frozenset(revoked_serial.serial for revoked_serial in revoked_serials(book.fold))
     return facts.sha256 != roll.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
 
 
-def beyond(folder: Path, fold: Fold, ca: x509.Certificate, pem: bytes) -> str | None:
+def beyond_record(folder: Path, fold: LedgerState, ca: x509.Certificate, pem: bytes) -> str | None:
     """What a list that a server has says beyond the record, in words; None: nothing, or it is not of this CA."""
     try:
         there = pki.read_crl(pem, ca)
     except pki.CrlRefused:
         return None
     roll, here = fold.roll(), _in_place(folder / CRL, ca)
-    known = {revoked_serial.serial for revoked_serial in revoked(fold)} | (
+    known = {revoked_serial.serial for revoked_serial in revoked_serials(fold)} | (
         here.serials if here is not None else frozenset()
     )
     lost = there.serials - known

@@ -11,15 +11,15 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.journal import Holder
-from atlantis_netcfg.vpn.authority._errors import AuthorityBusy, translated
+from atlantis_netcfg.vpn.authority._errors import AuthorityBusy, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["FILE", "Lock", "is_held"]
+__all__ = ["LOCK_FILE", "Lock", "is_held"]
 
-FILE = "lock"
+LOCK_FILE = "lock"
 PATIENCE_S = 60.0
 """Six people who onboard at once queue for some seconds; a minute is somebody who went to lunch."""
 _PAUSE_S = 0.05
@@ -29,7 +29,7 @@ class Lock:
     """Held from `__enter__` to `__exit__`. Raises AuthorityBusy, naming the holder, when it is not free in time."""
 
     def __init__(self, folder: Path, who: str, waiting: Callable[[str], None] | None = None) -> None:
-        self._path = folder / FILE
+        self._path = folder / LOCK_FILE
         self._who = who
         self._waiting = waiting
         self._descriptor = -1
@@ -37,7 +37,7 @@ class Lock:
         """Whether the one who held it before us was killed."""
 
     def __enter__(self) -> Self:
-        with translated("the authority cannot be locked"):
+        with os_errors_as("the authority cannot be locked"):
             flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(self._path, flags, 0o600)
             try:
@@ -89,7 +89,7 @@ class Lock:
 def is_held(folder: Path) -> bool:
     """Whether somebody works on the authority now."""
     try:
-        descriptor = os.open(folder / FILE, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(folder / LOCK_FILE, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
         return False
     try:

@@ -11,17 +11,17 @@ from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority._addresses import Addresses
 from atlantis_netcfg.vpn.authority._errors import NoSuchMember, OtherMember
 from atlantis_netcfg.vpn.authority._types import CLIENT_DAYS
-from atlantis_netcfg.vpn.identity import Member, Standing
+from atlantis_netcfg.vpn.identity import CertificateStatus, Member
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.vpn.authority._types import Change, Wish
-    from atlantis_netcfg.vpn.identity import Certificate, KeyType, Roll, Wrap
+    from atlantis_netcfg.vpn.authority._types import EnrolmentRequest, RenewalRequest
+    from atlantis_netcfg.vpn.identity import Certificate, KeyType, MembershipList, Wrap
 
-__all__ = ["NEVER_HANDED_OUT", "Planned", "issuing", "known", "renewing", "text"]
+__all__ = ["NEVER_HANDED_OUT", "Planned", "known_member", "plan_issue", "plan_renewal", "printable_text"]
 
 _TEXT = 200
 
@@ -41,11 +41,13 @@ class Planned:
     """Common names to be revoked when it is handed out."""
 
 
-def issuing(roll: Roll, wishes: Sequence[Wish], reserved: Collection[IPv4Address]) -> list[Planned | Member]:
+def plan_issue(
+    roll: MembershipList, wishes: Sequence[EnrolmentRequest], reserved: Collection[IPv4Address]
+) -> list[Planned | Member]:
     """What to make for each wish, in their order; a Member where there is nothing to make. Raises UsageError."""
     addresses = Addresses(roll, reserved)
     found = [_found(roll, wish) for wish in wishes]
-    _once([request.name for request in wishes])
+    _refuse_repeated([request.name for request in wishes])
     # Declared addresses first: none of the others may get one of them.
     for member in found:
         if member is not None and not member.good:
@@ -61,7 +63,7 @@ def issuing(roll: Roll, wishes: Sequence[Wish], reserved: Collection[IPv4Address
     ]
 
 
-def renewing(member: Member, change: Change) -> Planned:
+def plan_renewal(member: Member, change: RenewalRequest) -> Planned:
     """The successor of a member's certificate. Raises UsageError."""
     if not member.good:
         raise UsageError(
@@ -69,19 +71,19 @@ def renewing(member: Member, change: Change) -> Planned:
             hint="onboard the device under another name",
         )
     newest = member.good[-1]
-    in_use = next((item for item in reversed(member.good) if item.standing is Standing.SEEN), member.good[0])
+    in_use = next((item for item in reversed(member.good) if item.standing is CertificateStatus.SEEN), member.good[0])
     return Planned(
         member=member if change.link is None else replace(member, link=change.link),
         common_name=_next_name(member),
         wrap=newest.wrap if change.wrap is None else change.wrap,
         key=newest.key if change.key is None else change.key,
         days=CLIENT_DAYS if change.days is None else change.days,
-        request_id=text(change.request_id, "the request's number"),
+        request_id=printable_text(change.request_id, "the request's number"),
         replaces=tuple(certificate.common_name for certificate in member.good if certificate is not in_use),
     )
 
 
-def known(roll: Roll, name: str) -> Member:
+def known_member(roll: MembershipList, name: str) -> Member:
     """The member of that name. Raises NoSuchMember."""
     if (member := roll.members.get(name)) is not None:
         return member
@@ -92,7 +94,7 @@ def known(roll: Roll, name: str) -> Member:
     )
 
 
-def _found(roll: Roll, request: Wish) -> Member | None:
+def _found(roll: MembershipList, request: EnrolmentRequest) -> Member | None:
     """The member that the wish is about, if there is one."""
     _check(request)
     member = names.check_free(request.name, request.partner, request.device, roll)
@@ -108,7 +110,7 @@ def _found(roll: Roll, request: Wish) -> Member | None:
     return member
 
 
-def _check(request: Wish) -> None:
+def _check(request: EnrolmentRequest) -> None:
     if request.partner is None:
         names.check_name(request.name, "host")
         right = request.device
@@ -117,15 +119,15 @@ def _check(request: Wish) -> None:
     if request.name != right:
         raise names.NameRefused(f"`{ascii(request.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE")
     if request.vehicle is not None:
-        text(request.vehicle, "the vehicle")
-    text(request.request_id, "the request's number")
+        printable_text(request.vehicle, "the vehicle")
+    printable_text(request.request_id, "the request's number")
     if request.address is None and request.pool is None:
         raise UsageError(
             f"`{request.name}` has neither an address nor a pool to take one from", hint="declare its pool"
         )
 
 
-def _same(request: Wish, member: Member) -> None:
+def _same(request: EnrolmentRequest, member: Member) -> None:
     """Refuse a wish of a member that is there and is another one: nothing of it is changed in passing."""
     newest = member.good[-1]
     pairs = (
@@ -146,7 +148,7 @@ def _same(request: Wish, member: Member) -> None:
         )
 
 
-def _declared(request: Wish, member: Member | None) -> IPv4Address | None:
+def _declared(request: EnrolmentRequest, member: Member | None) -> IPv4Address | None:
     """The address that is not ours to choose: declared, or what a member got that was never handed out."""
     if member is None:
         return request.address
@@ -156,7 +158,9 @@ def _declared(request: Wish, member: Member | None) -> IPv4Address | None:
     return request.address if request.address is not None or not keeps else member.address
 
 
-def _planned(request: Wish, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses) -> Planned:
+def _planned(
+    request: EnrolmentRequest, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses
+) -> Planned:
     address = taken.get(request.name)
     if address is None:
         assert request.pool is not None  # noqa: S101 - _check has refused it
@@ -181,7 +185,7 @@ def _next_name(member: Member) -> str:
     return member.name if not used else f"{member.name}.{len(used) + 1}"
 
 
-def _once(wished: list[str]) -> None:
+def _refuse_repeated(wished: list[str]) -> None:
     if twice := next((name for name in wished if wished.count(name) > 1), None) if _repeats(wished) else None:
         raise UsageError(f"`{twice}` is wished for twice in one go", hint="leave one of them out")
 
@@ -190,7 +194,7 @@ def _repeats(wished: list[str]) -> bool:
     return len(set(wished)) < len(wished)
 
 
-def text(message: str, what: str) -> str:
+def printable_text(message: str, what: str) -> str:
     """A person's words, as they may be printed. Raises UsageError."""
     if not message.isprintable() or len(message) > _TEXT:
         raise UsageError(f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two")

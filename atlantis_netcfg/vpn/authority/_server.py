@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-__all__ = ["is_sound", "made", "names_of", "needs_another"]
+__all__ = ["is_sound", "names_of", "needs_another", "new_server_certificate"]
 
 SOON = timedelta(days=90)
 """With less than this until its end, whoever asks for a new one gets it."""
 
 
-def made(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssued]:
+def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssued]:
     """A key and a certificate as files, and their record."""
     key = pki.new_key(KeyType.EC)
     certificate = pki.new_server(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.vpn.authority._types import Sighting
+from atlantis_netcfg.vpn.authority._types import SessionObservation
 from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
@@ -13,14 +13,16 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.vpn.identity import Certificate, Member
-    from atlantis_netcfg.vpn.ledger import Fold
+    from atlantis_netcfg.vpn.ledger import LedgerState
 
-__all__ = ["sighting"]
+__all__ = ["observe_sessions"]
 
 _DAY = timedelta(days=1)
 
 
-def sighting(fold: Fold, sightings: Mapping[str, datetime]) -> tuple[list[records.Record], Sighting]:
+def observe_sessions(
+    fold: LedgerState, sightings: Mapping[str, datetime]
+) -> tuple[list[records.Record], SessionObservation]:
     """What is new, as records, and what it means."""
     members = {fold.issued[name].name: None for name in sightings if name in fold.issued}
     new: list[records.Record] = []
@@ -35,7 +37,7 @@ def sighting(fold: Fold, sightings: Mapping[str, datetime]) -> tuple[list[record
         )
     superseded = tuple(item.common_name for item in new if isinstance(item, records.Superseded))
     strangers = tuple(name for name in sightings if name not in fold.issued)
-    return new, Sighting(superseded, strangers, tuple(withdrawn))
+    return new, SessionObservation(superseded, strangers, tuple(withdrawn))
 
 
 def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:

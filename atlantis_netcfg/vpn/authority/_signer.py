@@ -9,19 +9,19 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import _plan as plan
 from atlantis_netcfg.vpn.authority import _types as types
 from atlantis_netcfg.vpn.authority._book import new_operation
-from atlantis_netcfg.vpn.authority._errors import translated
+from atlantis_netcfg.vpn.authority._errors import os_errors_as
 from atlantis_netcfg.vpn.authority._files import CRL
 from atlantis_netcfg.vpn.authority._issuing import hand_out
 from atlantis_netcfg.vpn.authority._server import needs_another
-from atlantis_netcfg.vpn.identity import Certificate, Member, Standing
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member
 from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Sequence
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.vpn.authority._desk import Desk
-    from atlantis_netcfg.vpn.identity import Identity, Roll
+    from atlantis_netcfg.vpn.authority._desk import SigningSession
+    from atlantis_netcfg.vpn.identity import Identity, MembershipList
 
 __all__ = ["Signer"]
 
@@ -32,17 +32,17 @@ TAKEN = "revoked by the server's list, which a copy of the authority has signed 
 class Signer:
     """Got by `Authority.unlocked()`; good inside that block only."""
 
-    def __init__(self, prompt: Desk) -> None:
+    def __init__(self, prompt: SigningSession) -> None:
         self._desk = prompt
 
     @property
-    def roll(self) -> Roll:
+    def roll(self) -> MembershipList:
         """The roll as it stands after what this signer has done."""
         return self._desk.book.fold.roll()
 
     def issue(
         self,
-        wishes: Sequence[types.Wish],
+        wishes: Sequence[types.EnrolmentRequest],
         deliver: Callable[[Identity], types.Delivered],
         *,
         reserved: Collection[IPv4Address] = (),
@@ -53,7 +53,7 @@ class Signer:
         addresses that are not given away: the server's own, and those of declared hosts. UsageError for a name that is
         refused or taken, for a member of this name that is not the one wished for, for an address in use.
         """
-        planned = plan.issuing(self.roll, wishes, reserved)
+        planned = plan.plan_issue(self.roll, wishes, reserved)
         new = [entry for entry in planned if isinstance(entry, plan.Planned)]
         if new:
             hand_out(self._desk, "issue", new, deliver)
@@ -61,13 +61,13 @@ class Signer:
         return tuple(self._issued(request.name, already=request.name not in names) for request in wishes)
 
     def renew(
-        self, name: str, deliver: Callable[[Identity], types.Delivered], change: types.Change | None = None
+        self, name: str, deliver: Callable[[Identity], types.Delivered], change: types.RenewalRequest | None = None
     ) -> types.Issued:
         """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
 
         Successors that were handed out before and never seen are revoked (`Issued.replaced`).
         """
-        planned = plan.renewing(plan.known(self.roll, name), change or types.Change())
+        planned = plan.plan_renewal(plan.known_member(self.roll, name), change or types.RenewalRequest())
         hand_out(self._desk, "renew", [planned], deliver)
         return self._issued(name, replaced=planned.replaces)
 
@@ -77,19 +77,19 @@ class Signer:
         Once more for members that are revoked: nothing new is recorded, the answer is the same.
         """
         roll = self.roll
-        members = [plan.known(roll, name) for name in dict.fromkeys(names)]
+        members = [plan.known_member(roll, name) for name in dict.fromkeys(names)]
         if not members:
             raise UsageError(
                 "nobody was named whose certificates are to be revoked", hint="`provision vpn list` names them all"
             )
-        why = plan.text(reason, "the reason") or "no reason was given"
+        why = plan.printable_text(reason, "the reason") or "no reason was given"
         lost = [_revocable(member) for member in members]
         if any(lost):
             crl = self._revoke(
                 [member.name for member in members], [certificate for some in lost for certificate in some], why
             )
         else:
-            with translated("the revocation list cannot be read"):
+            with os_errors_as("the revocation list cannot be read"):
                 crl = (self._desk.folder / CRL).read_bytes()
         handed_out = self._desk.book.fold.delivered
         every = (entry.common_name for member in members for entry in member.certificates)
@@ -103,7 +103,9 @@ class Signer:
     def publish(self) -> bytes:
         """Sign the list anew, superseded certificates on it as well; PEM."""
         old = [
-            certificate for _, certificate in self.roll.certificates() if certificate.standing is Standing.SUPERSEDED
+            certificate
+            for _, certificate in self.roll.certificates()
+            if certificate.standing is CertificateStatus.SUPERSEDED
         ]
         operation = new_operation()
         begun = records.Begun(command="publish")
@@ -118,7 +120,7 @@ class Signer:
         """
         facts = pki.read_crl(pem, self._desk.ca.certificate)
         ours = [entry for _, entry in self.roll.certificates() if entry.serial in facts.serials]
-        lost = [item for item in ours if item.standing is not Standing.REVOKED]
+        lost = [item for item in ours if item.standing is not CertificateStatus.REVOKED]
         strange = facts.serials - {our.serial for our in ours} - self._desk.book.fold.taken.keys()
         taken = [records.Taken(serials=tuple(sorted(strange)))] if strange else []
         operation = new_operation()
@@ -158,7 +160,7 @@ class Signer:
 
 def _revocable(member: Member) -> list[Certificate]:
     """What a revocation of the member is about; once for one that was never handed out, so that its name is retired."""
-    good = [item for item in member.certificates if item.standing is not Standing.REVOKED]
+    good = [item for item in member.certificates if item.standing is not CertificateStatus.REVOKED]
     waits = not good and all(certificate.reason == plan.NEVER_HANDED_OUT for certificate in member.certificates)
     return list(member.certificates) if waits else good
 

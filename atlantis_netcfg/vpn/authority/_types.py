@@ -12,7 +12,16 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.identity import Certificate, Kind, Member
 
-__all__ = ["CLIENT_DAYS", "Change", "Delivered", "Issued", "Revoked", "ServerNames", "Sighting", "Wish"]
+__all__ = [
+    "CLIENT_DAYS",
+    "Delivered",
+    "EnrolmentRequest",
+    "Issued",
+    "RenewalRequest",
+    "Revoked",
+    "ServerNames",
+    "SessionObservation",
+]
 
 CLIENT_DAYS = 397
 """A year, and a month to renew in."""
@@ -28,7 +37,7 @@ class ServerNames:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class EnrolmentRequest:
     """One device that shall be a member."""
 
     name: str
@@ -51,7 +60,7 @@ class Wish:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RenewalRequest:
     """What a renewal changes; None: as the newest certificate has it."""
 
     days: int | None = None
@@ -97,7 +106,7 @@ class Revoked:
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class SessionObservation:
     """What the record makes of the server's sessions."""
 
     superseded: tuple[str, ...]

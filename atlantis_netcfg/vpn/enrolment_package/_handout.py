@@ -81,7 +81,7 @@ def contents(declaration: Declaration, identity: Identity, *, contact: str) -> d
             f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
             hint="for example a name, a telephone number and a mail address",
         )
-    local = _own(declaration, identity)
+    local = _key_files(declaration, identity)
     lines = (*local, "README.txt", "README.html", *_beside(identity.member.kind))
     view = pages.page_view(
         declaration,
@@ -105,7 +105,7 @@ def _file_name(identity: Identity) -> str:
     return f"{identity.certificate.common_name}.tar.age"
 
 
-def _own(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
+def _key_files(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
     """The file with the key, and what a router runs to take it."""
     name = identity.member.name
     if is_declared(identity.member):

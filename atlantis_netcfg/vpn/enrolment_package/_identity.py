@@ -22,7 +22,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat,
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,7 +34,7 @@ _NONE = "-"
 _KEYS = ("name", "kind", "partner", "device", "address", "link", "vehicle", "common-name", "wrap", "key")
 _MAX = 64 * 1024
 """Characters; an RSA profile has 7,000."""
-_TOLD = re.compile(r"# ([a-z-]+): (\S+)")
+_HEADER_LINE = re.compile(r"# ([a-z-]+): (\S+)")
 
 
 class NotAnIdentity(UsageError):
@@ -71,7 +71,7 @@ def read_identity(text: str) -> Identity:
     """Read an identity file, or a profile of ours. Raises NotAnIdentity unless everything in it fits together."""
     if len(text) > _MAX:
         raise NotAnIdentity(f"it has more than {_MAX} characters")
-    values = _told(text.replace("\r\n", "\n"))
+    values = _header_values(text.replace("\r\n", "\n"))
     try:
         return _identity(values, {name: _block(text, name) for name in ("ca", "cert", "key", values["wrap"])})
     except ValueError as error:
@@ -83,12 +83,12 @@ class _Misfit(ValueError):
     """Parts of one identity that do not belong together."""
 
 
-def _told(text: str) -> dict[str, str]:
+def _header_values(text: str) -> dict[str, str]:
     lines = text.split("\n")
     if lines.count(_MARK) != 1:
         raise NotAnIdentity(f"it has no line `{_MARK}`")
     start = lines.index(_MARK) + 1
-    found = [_TOLD.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
+    found = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
     values = {item[1]: item[2] for item in found if item}
     if tuple(values) != _KEYS:
         raise NotAnIdentity("the lines at its beginning are not whole")
@@ -141,7 +141,7 @@ def _certificate(values: Mapping[str, str], blocks: Mapping[str, str]) -> Certif
         not_after=found.not_valid_after_utc.astimezone(UTC),
         wrap=Wrap(values["wrap"]),
         key=KeyType(values["key"]),
-        standing=Standing.ISSUED,
+        standing=CertificateStatus.ISSUED,
     )
 
 

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.vpn.identity import Roll
+from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.policy import ANYTHING, PING, Protocol, policy
 from atlantis_netcfg.vpn.server import tunnel_address
 
@@ -86,9 +86,9 @@ def _policy(declaration: Declaration, member: Member) -> Policy:
     return policy(declaration, _roll(member))
 
 
-def _roll(*members: Member) -> Roll:
+def _roll(*members: Member) -> MembershipList:
     """A roll of these alone."""
-    return Roll({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
+    return MembershipList({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
 
 
 def _reach(declaration: Declaration, member: Member, permissions: list[Permission]) -> Reach | None:

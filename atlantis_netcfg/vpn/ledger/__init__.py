@@ -10,22 +10,22 @@ from __future__ import annotations
 from atlantis_netcfg.vpn.ledger._entry import Entry, digest
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
 from atlantis_netcfg.vpn.ledger._file import FILE, Ledger, Reading, first_lines, read, utc_now
-from atlantis_netcfg.vpn.ledger._fold import NEVER_HANDED_OUT, Fold, roll
+from atlantis_netcfg.vpn.ledger._fold import NEVER_HANDED_OUT, LedgerState, membership
 from atlantis_netcfg.vpn.ledger.records import Record
 
 __all__ = [
     "FILE",
     "NEVER_HANDED_OUT",
     "Entry",
-    "Fold",
     "Ledger",
     "LedgerDamaged",
     "LedgerFailed",
+    "LedgerState",
     "Reading",
     "Record",
     "digest",
     "first_lines",
+    "membership",
     "read",
-    "roll",
     "utc_now",
 ]

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from atlantis_netcfg.vpn.ledger._words import words
+from atlantis_netcfg.vpn.ledger._words import describe
 from atlantis_netcfg.vpn.ledger.records import Record
 
 __all__ = ["GENESIS", "Entry", "Misread", "digest", "encode", "parse"]
@@ -37,7 +37,7 @@ class Entry:
     @property
     def words(self) -> str:
         """What happened, in plain words, one line."""
-        return words(self.record)
+        return describe(self.record)
 
     def facts(self) -> dict[str, Any]:
         """The entry for `--json`: line, at, who, operation, kind, words, and the record's own fields."""

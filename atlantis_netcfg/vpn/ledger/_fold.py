@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.vpn.identity import Certificate, Member, Roll, Standing
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
 from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged
 
 if TYPE_CHECKING:
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.ledger import records
     from atlantis_netcfg.vpn.ledger._entry import Entry
 
-__all__ = ["NEVER_HANDED_OUT", "Fold", "roll"]
+__all__ = ["NEVER_HANDED_OUT", "LedgerState", "membership"]
 
 NEVER_HANDED_OUT = "never handed out"
 """Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
 
 
-def roll(entries: Iterable[Entry]) -> Roll:
+def membership(entries: Iterable[Entry]) -> MembershipList:
     """Who is in the VPN after these entries."""
-    return Fold(entries).roll()
+    return LedgerState(entries).roll()
 
 
 @dataclass
@@ -36,7 +36,7 @@ class _Holder:
     """By common name, oldest first."""
 
 
-class Fold:
+class LedgerState:
     """The state after a number of entries; more can be applied. Each kind of record has its method."""
 
     def __init__(self, entries: Iterable[Entry] = ()) -> None:
@@ -73,10 +73,10 @@ class Fold:
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
-    def roll(self) -> Roll:
+    def roll(self) -> MembershipList:
         """Who is in the VPN, as a value."""
         listed = self.published
-        return Roll(
+        return MembershipList(
             members=MappingProxyType({name: self.member(name) for name in self._holders}),
             crl_number=listed.number if listed else 0,
             crl_sha256=listed.sha256 if listed else "",
@@ -123,7 +123,7 @@ class Fold:
             not_after=record.not_after,
             wrap=record.wrap,
             key=record.key,
-            standing=Standing.REVOKED,
+            standing=CertificateStatus.REVOKED,
             revoked=entry.at,
             reason=NEVER_HANDED_OUT,
         )
@@ -134,10 +134,10 @@ class Fold:
         self._did(entry, record.common_name)
         if self.pending.pop(record.common_name, None) is not None:
             self._holder(record.common_name).member = _member(self.issued[record.common_name])
-            self._put(record.common_name, standing=Standing.ISSUED, revoked=None, reason="")
+            self._put(record.common_name, standing=CertificateStatus.ISSUED, revoked=None, reason="")
 
     def _revoked(self, entry: Entry, record: records.Revoked) -> None:
-        self._put(record.common_name, standing=Standing.REVOKED, revoked=entry.at, reason=record.reason)
+        self._put(record.common_name, standing=CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason)
         self._did(entry, record.common_name)
         self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
@@ -145,12 +145,12 @@ class Fold:
 
     def _seen(self, _: Entry, record: records.Seen) -> None:
         if self._good(record.common_name):
-            self._put(record.common_name, standing=Standing.SEEN, seen=record.last)
+            self._put(record.common_name, standing=CertificateStatus.SEEN, seen=record.last)
 
     def _superseded(self, entry: Entry, record: records.Superseded) -> None:
         if self._good(record.common_name):
             reason = f"{record.by} was seen in use"
-            self._put(record.common_name, standing=Standing.SUPERSEDED, revoked=entry.at, reason=reason)
+            self._put(record.common_name, standing=CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason)
 
     def _settled(self, _: Entry, record: records.Settled) -> None:
         self._queued.pop(record.common_name, None)

@@ -9,7 +9,7 @@ from atlantis_netcfg.vpn.ledger import records
 if TYPE_CHECKING:
     from datetime import datetime
 
-__all__ = ["words"]
+__all__ = ["describe"]
 
 _COMMANDS = {
     "issue": "onboarding of {} began",
@@ -22,7 +22,7 @@ _NAMED = 3
 """So many names are told, the others are counted."""
 
 
-def words(record: records.Record) -> str:
+def describe(record: records.Record) -> str:
     """What happened, one line."""
     match record:
         case records.Begun() | records.Committed() | records.RolledBack():

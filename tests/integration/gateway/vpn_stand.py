@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import identity_file
-from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -105,7 +105,7 @@ class Vpn:
             not_after=made.not_valid_after_utc,
             wrap=wrap,
             key=KeyType.EC,
-            standing=Standing.ISSUED,
+            standing=CertificateStatus.ISSUED,
         )
         member = Member(HOST, Kind.HOST, None, HOST, IPv4Address(ADDRESS), Link.FIBRE, None, (certificate,))
         shared = self._keys[wrap]

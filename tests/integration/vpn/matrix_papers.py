@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
-from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.enrolment_package import identity_file, profile
 from atlantis_netcfg.vpn.identity import Kind
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _PASSPHRASE = Secret("a long passphrase of this test alone")
 
 
-def issued(declaration: Declaration, wishes: Sequence[Wish], folder: Path) -> Authority:
+def issued(declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder: Path) -> Authority:
     """An authority with these members; each one's configuration is `NAME.ovpn` of the folder."""
     pilot, server = declaration.pilot.vpn, declaration.hosts[declaration.pilot.vpn.server]
     assert isinstance(server.device, VpnServer)
@@ -53,15 +53,19 @@ def write(path: Path, text: str) -> None:
     path.chmod(0o600)
 
 
-def host(declaration: Declaration, name: str) -> Wish:
+def host(declaration: Declaration, name: str) -> EnrolmentRequest:
     """A declared host, with its declared address."""
     device = declaration.hosts[name].device
     client = getattr(device, "vpn_client", None)
     address = client.address if client else device.vpn_address  # type: ignore[union-attr]
-    return Wish(name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site))
+    return EnrolmentRequest(
+        name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site)
+    )
 
 
-def guest(declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None) -> Wish:
+def guest(
+    declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None
+) -> EnrolmentRequest:
     """A partner's device, with the next address of its pool."""
     pool = declaration.partners[partner].vpn_pool
-    return Wish(f"{partner}-{device}", kind, partner, device, pool=pool, vehicle=vehicle)
+    return EnrolmentRequest(f"{partner}-{device}", kind, partner, device, pool=pool, vehicle=vehicle)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import Authority, Wish
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest
+    from atlantis_netcfg.vpn.identity import MembershipList
 
 NET, SERVER = "net", "server"
 BESIDE, BEHIND, TECHNICIAN, ENGINEER = "beside", "behind", "technician", "engineer"
@@ -90,7 +90,7 @@ class Vpn:
         said = self.run(SERVER, "nft", "list", "counter", "inet", "p_atlantis_vpn", name)
         return int(said.partition("packets ")[2].split()[0])
 
-    def load(self, roll: Roll | None = None, declaration: Declaration | None = None) -> None:
+    def load(self, roll: MembershipList | None = None, declaration: Declaration | None = None) -> None:
         """Write what is live at the server, and load its firewall, as a push does."""
         roll = roll or self.authority.roll()
         for file in product.live_files(declaration or self.declaration, roll, self.authority.crl()):
@@ -113,7 +113,9 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 @contextmanager
-def vpn(declaration: Declaration, wishes: Sequence[Wish], folder: Path, slow: Sequence[str] = ()) -> Iterator[Vpn]:
+def vpn(
+    declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder: Path, slow: Sequence[str] = ()
+) -> Iterator[Vpn]:
     """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them."""
     if os.geteuid() != 0:
         pytest.skip("making a network namespace needs root")

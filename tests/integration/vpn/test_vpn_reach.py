@@ -21,13 +21,13 @@ from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
 from atlantis_netcfg.vpn.firewall import TABLE
-from atlantis_netcfg.vpn.identity import Kind, Standing
+from atlantis_netcfg.vpn.identity import CertificateStatus, Kind
 from atlantis_netcfg.vpn.policy import policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.vpn.identity import Roll
+    from atlantis_netcfg.vpn.identity import MembershipList
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow]
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -85,9 +85,9 @@ def _cut_in_the_middle(reach: Reach) -> None:
     made.load(roll)
 
 
-def _revoked(roll: Roll, name: str) -> Roll:
+def _revoked(roll: MembershipList, name: str) -> MembershipList:
     member = roll.members[name]
-    dead = tuple(replace(one, standing=Standing.REVOKED) for one in member.certificates)
+    dead = tuple(replace(one, standing=CertificateStatus.REVOKED) for one in member.certificates)
     return replace(roll, members={**roll.members, name: replace(member, certificates=dead)})
 
 

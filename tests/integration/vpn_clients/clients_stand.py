@@ -25,7 +25,17 @@ import pytest
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn import pki, server
 from atlantis_netcfg.vpn.enrolment_package import server_name
-from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Roll, Standing, Wrap
+from atlantis_netcfg.vpn.identity import (
+    Certificate,
+    CertificateStatus,
+    Identity,
+    KeyType,
+    Kind,
+    Link,
+    Member,
+    MembershipList,
+    Wrap,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -83,7 +93,7 @@ class Office:
             not_after=made.not_valid_after_utc,
             wrap=wanted.wrap,
             key=wanted.key,
-            standing=Standing.ISSUED,
+            standing=CertificateStatus.ISSUED,
         )
         two = wanted.wrap is Wrap.TLS_CRYPT_V2
         self.wanted[wanted.name] = wanted
@@ -111,9 +121,9 @@ class Office:
             certificates=(certificate,),
         )
 
-    def roll(self) -> Roll:
+    def roll(self) -> MembershipList:
         admitted = {name: one.member for name, one in self.identities.items() if self.wanted[name].admitted}
-        return Roll(admitted, 1, "", NOW + timedelta(days=90), ())
+        return MembershipList(admitted, 1, "", NOW + timedelta(days=90), ())
 
     def crl(self) -> bytes:
         serials = [one.certificate.serial for name, one in self.identities.items() if self.wanted[name].revoked]

@@ -26,7 +26,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
@@ -92,7 +92,7 @@ class Record:
         pool = declaration().partners[PARTNER].vpn_pool
         devices = [f"d{next(self._numbers)}" for _ in range(count)]
         wishes = [
-            Wish(name=f"{PARTNER}-{device}", kind=Kind.LAPTOP, partner=PARTNER, device=device, pool=pool)
+            EnrolmentRequest(name=f"{PARTNER}-{device}", kind=Kind.LAPTOP, partner=PARTNER, device=device, pool=pool)
             for device in devices
         ]
         with self.signing() as signer:
@@ -157,11 +157,11 @@ class Server(Computer):
         return evidence
 
     def go_on(self) -> live.Evidence | None:
-        return live.go_on(declaration(), self.record.authority, self.link)
+        return live.finish_revocations(declaration(), self.record.authority, self.link)
 
     def drift(self) -> tuple[str, ...]:
         authority = self.record.authority
-        return live.drift(live.observe(self.link), live.wanted(declaration(), authority), authority.roll())
+        return live.drift(live.observe(self.link), live.desired_files(declaration(), authority), authority.roll())
 
     def start(self, *words: str) -> None:
         """Start OpenVPN, and wait until it is up."""

@@ -112,7 +112,7 @@ def pieces(text: str) -> Iterator[str]:
 
 def keys(scene: Scene) -> dict[str, str]:
     """Every secret of the scene, by what it is."""
-    ca = sealed.unseal(scene.authority, Secret(PASSPHRASE))
+    ca = sealed.unseal_ca(scene.authority, Secret(PASSPHRASE))
     found = {"passphrase": PASSPHRASE, "age key": str(KEY)}
     texts = {"CA": key_pem(ca.key).reveal()}
     for path in [*scene.authority.glob("server/*.key"), *scene.authority.glob("hosts/*.identity")]:

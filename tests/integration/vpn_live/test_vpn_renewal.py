@@ -10,7 +10,7 @@ import pytest
 from live_stand import Echo, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.vpn.identity import Standing
+from atlantis_netcfg.vpn.identity import CertificateStatus
 from atlantis_netcfg.vpn.server import CCD, FOLDER, SEEN
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def seen(server: Server) -> tuple[tuple[str, ...], live.Pushed | None]:
     return sighting.superseded, pushed
 
 
-def standings(made: Record, name: str) -> dict[str, Standing]:
+def standings(made: Record, name: str) -> dict[str, CertificateStatus]:
     return {one.common_name: one.standing for one in made.authority.roll().members[name].certificates}
 
 
@@ -42,7 +42,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
             second = made.renew(name)
             assert (second, server.push().changes) == (f"{name}.2", (f"file {CCD}/{second}", f"file {FOLDER}/crl.pem"))
             assert seen(server) == ((), None)
-            assert standings(made, name) == {name: Standing.SEEN, second: Standing.ISSUED}
+            assert standings(made, name) == {name: CertificateStatus.SEEN, second: CertificateStatus.ISSUED}
             before.goes()
 
             new = server.client(second)
@@ -60,7 +60,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
                 after.goes()
         assert old.ended() == 0
         assert server.names() == [second]
-        assert standings(made, name) == {name: Standing.SUPERSEDED, second: Standing.SEEN}
+        assert standings(made, name) == {name: CertificateStatus.SUPERSEDED, second: CertificateStatus.SEEN}
         assert server.drift() == ()
         assert seen(server) == ((), None)
 
@@ -87,6 +87,6 @@ def test_who_was_seen_between_two_commands_counts(tmp_path: Path) -> None:
         assert superseded == (name,)
         assert pushed is not None
         assert pushed.changes == (f"absent {CCD}/{name}",)
-        assert standings(made, other) == {other: Standing.ISSUED}
+        assert standings(made, other) == {other: CertificateStatus.ISSUED}
         server.put(SEEN, "half of a fi")
         assert live.observe(server.link).seen == {}

@@ -110,7 +110,7 @@ def test_who_does_not_listen_is_dead_as_well(server: Server) -> None:
 def test_what_a_revocation_leaves_is_what_the_role_wants(server: Server) -> None:
     (name,), _ = connected(server)
     server.throw_out(name)
-    for file in live.wanted(declaration(), server.record.authority):
+    for file in live.desired_files(declaration(), server.record.authority):
         there = server.at(file.path)
         assert (there.read_text(), f"{there.stat().st_mode & 0o7777:04o}") == (file.content, file.mode), file.path
     stamps = {
@@ -222,7 +222,7 @@ def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(serv
     with LocalLink(NAME, server.enter) as link:
         (queued,) = made.authority.roll().queued
         assert queued == name
-        evidence = live.go_on(declaration(), made.authority, link)
+        evidence = live.finish_revocations(declaration(), made.authority, link)
     assert evidence is not None
     assert evidence.confirmed
     assert made.authority.roll().queued == ()

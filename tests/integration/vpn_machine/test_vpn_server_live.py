@@ -29,7 +29,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
     with SshLink(NAME, access(stand)) as link:
 
         def drift() -> tuple[str, ...]:
-            wanted = live.wanted(stand.declaration, stand.authority)
+            wanted = live.desired_files(stand.declaration, stand.authority)
             return live.drift(live.observe(link), wanted, stand.authority.roll())
 
         assert live.push(stand.declaration, stand.authority, link).changes == ()
@@ -50,7 +50,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         assert name in live.observe(link).seen
 
         stand.revoke(name)
-        evidence = live.go_on(stand.declaration, stand.authority, link)
+        evidence = live.finish_revocations(stand.declaration, stand.authority, link)
         assert evidence is not None
         assert evidence.confirmed, evidence
         assert not client.pings()
@@ -63,7 +63,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         stand.run()
         stand.machine.run(f"systemctl stop {TUNNEL}")
         stand.revoke(other)
-        evidence = live.go_on(stand.declaration, stand.authority, link)
+        evidence = live.finish_revocations(stand.declaration, stand.authority, link)
         assert evidence is not None
         assert evidence.confirmed, "systemd knows that it is down"
         stand.machine.run(f"systemctl start {TUNNEL}")

@@ -25,7 +25,7 @@ from atlantis_netcfg.emulator.lab._namespaces import add_namespace, delete_names
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.init_authority import server_names
-from atlantis_netcfg.vpn.authority import Authority, Delivered, Wish
+from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.enrolment_package import profile
 from atlantis_netcfg.vpn.identity import Identity, Kind, Link
@@ -150,7 +150,7 @@ class Stand:
         """What Ansible has printed."""
         return (self.folder / "said").read_text()
 
-    def issue(self, *wishes: Wish) -> None:
+    def issue(self, *wishes: EnrolmentRequest) -> None:
         def deliver(identity: Identity) -> Delivered:
             return self._keep(identity)
 
@@ -168,7 +168,7 @@ class Stand:
     def laptop(self, device: str, partner: str = "inesc", link: Link = Link.FIBRE) -> str:
         """A device of a partner; gives its name."""
         pool = self.declaration.partners[partner].vpn_pool
-        wish = Wish(f"{partner}-{device}", Kind.LAPTOP, partner, device, pool=pool, link=link)
+        wish = EnrolmentRequest(f"{partner}-{device}", Kind.LAPTOP, partner, device, pool=pool, link=link)
         self.issue(wish)
         return wish.name
 
@@ -341,7 +341,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         vpn = folder / "state" / "vpn"
         vpn.parent.mkdir(mode=0o700)
         Authority.init(vpn, _PASSPHRASE, server_names(real.declaration), "founder", "vault")
-        ca = sealed.unseal(vpn, _PASSPHRASE)
+        ca = sealed.unseal_ca(vpn, _PASSPHRASE)
         made = Stand(ground, machine, key, public, folder, real.inventory, ca, stack)
         for path in (vpn / "server").iterdir():
             if path.suffix == ".key":

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros import FaultKind
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn._import import PEM, PROFILE, Importing
+from atlantis_netcfg.operations.vpn._import import PEM, PROFILE, RouterImport
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
@@ -174,7 +174,7 @@ def test_a_clock_that_is_wrong_is_told(tmp_path: Path) -> None:
         assert tunnel is not None
         endpoint = device_job(SHIPPED, HOST, stand.request, NoJournal(), ignore).endpoint
         profile = routeros.profile(SHIPPED, stand.identity)
-        asked = Importing(
+        asked = RouterImport(
             HOST.name, HOST.site, endpoint, tunnel, stand.identity, profile, rehearsed=False, notify=ignore
         )
         (note,) = asyncio.run(asked.look()).notes

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.vpn.authority import Authority, Delivered, ServerNames, Wish
+from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
 from atlantis_netcfg.vpn.authority import _sealed as sealed
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.names import member_name
@@ -30,10 +30,10 @@ NAMES = ServerNames("vpn-server", ("vpn.example",), (IPv4Address("192.0.2.1"), I
 POOL = IPv4Network("10.8.16.0/24")
 
 
-def wish(device: str, partner: str = "iqua", **fields: Any) -> Wish:  # noqa: ANN401 - fields of a wish
+def wish(device: str, partner: str = "iqua", **fields: Any) -> EnrolmentRequest:  # noqa: ANN401 - fields of a wish
     """A robot of a partner, with an address of its pool."""
     given: dict[str, Any] = {"kind": Kind.ROBOT, "pool": POOL, **fields}
-    return Wish(name=member_name(partner, device), partner=partner, device=device, **given)
+    return EnrolmentRequest(name=member_name(partner, device), partner=partner, device=device, **given)
 
 
 def handed_to(folder: Path, identity: Identity) -> Delivered:
@@ -78,7 +78,7 @@ def _founded() -> tuple[Path, pki.Ca]:
     folder = place / "vpn"
     # Sealed by ansible-vault: tests do not wait for age's second.
     Authority.init(folder, PASSPHRASE, NAMES, "founder", "vault")
-    return folder, sealed.unseal(folder, PASSPHRASE)
+    return folder, sealed.unseal_ca(folder, PASSPHRASE)
 
 
 def stand(tmp_path: Path) -> Stand:

@@ -14,7 +14,7 @@ from authority_stand import NAMES, PASSPHRASE, Stand, stand, wish
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.operations.vpn.audit import audited
+from atlantis_netcfg.operations.vpn.audit import audit
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged
 from atlantis_netcfg.vpn.authority import _head as heads
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.ledger import Fold
+    from atlantis_netcfg.vpn.ledger import LedgerState
 
 Rows = list[dict[str, object]]
 
@@ -183,7 +183,7 @@ def _lines(folder: Path) -> int:
 
 def test_nothing_is_said_of_a_record_as_it_is(made: Stand) -> None:
     assert made.authority.check() == []
-    found = audited(made.authority, None, None)
+    found = audit(made.authority, None, None)
     assert found.broken == ()
     first, second, later, unchecked = found.words
     lines = _lines(made.folder)
@@ -197,7 +197,7 @@ def test_nothing_is_said_of_a_record_as_it_is(made: Stand) -> None:
 def test_what_was_done_to_a_record_is_told(name: str, made: Stand) -> None:
     do, said = MANIPULATIONS[name]
     do(made.folder)
-    found = audited(made.authority, None, None)
+    found = audit(made.authority, None, None)
     assert found.broken
     assert found.words == ()
     assert said in "\n".join(map(str, found.broken))
@@ -218,16 +218,16 @@ def test_a_whole_older_folder_agrees_with_itself_and_that_is_said(made: Stand) -
     """Nothing on this computer tells that there is a newer one: the server does."""
     backup = Authority.open(made.folder.parent / "backup")
     assert backup.check() == []
-    assert "whether this is the newest copy is not checked here" in audited(backup, None, None).words[-1]
+    assert "whether this is the newest copy is not checked here" in audit(backup, None, None).words[-1]
     assert backup.beyond(made.authority.crl()) is not None
     assert made.authority.beyond(backup.crl()) is None
 
 
 def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[Path] = []
-    read = heads.read
+    read = heads.read_head
 
-    def reading(folder: Path, ca: x509.Certificate, fold: Fold) -> heads.Head:
+    def reading(folder: Path, ca: x509.Certificate, fold: LedgerState) -> heads.Head:
         looked.append(folder)
         return read(folder, ca, fold)
 
@@ -242,7 +242,7 @@ def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monke
 def test_every_way_of_opening_the_key_signs_what_is_there(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    assert audited(made.authority, None, None).words[0].startswith(f"{_lines(made.folder)} entries in all: the first ")
+    assert audit(made.authority, None, None).words[0].startswith(f"{_lines(made.folder)} entries in all: the first ")
     with suppress(KeyboardInterrupt), made.signing() as signer:
         signer.issue([wish("b")], made.deliver)
         raise KeyboardInterrupt

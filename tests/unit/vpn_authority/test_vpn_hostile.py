@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.vpn.authority import Delivered, NameRefused, Wish
+from atlantis_netcfg.vpn.authority import Delivered, EnrolmentRequest, NameRefused
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.names import check_name, member_name
 
@@ -63,13 +63,13 @@ def test_any_text_is_taken_as_it_should_be(text: str) -> None:
     assert word != "device" or is_legitimate(offered)
 
 
-def wishes(text: str) -> Iterator[Wish]:
+def wishes(text: str) -> Iterator[EnrolmentRequest]:
     """By every way that a name can come in, its parts unchecked by whoever calls."""
-    yield Wish(f"iqua-{text}", Kind.ROBOT, "iqua", text, pool=POOL)
-    yield Wish(f"{text}-laptop1", Kind.LAPTOP, text, "laptop1", pool=POOL)
-    yield Wish(text, Kind.HOST, None, text, pool=POOL)
-    yield Wish("iqua-sparus2", Kind.ROBOT, "iqua", text, pool=POOL)
-    yield Wish(text, Kind.ROBOT, "iqua", "sparus2", pool=POOL)
+    yield EnrolmentRequest(f"iqua-{text}", Kind.ROBOT, "iqua", text, pool=POOL)
+    yield EnrolmentRequest(f"{text}-laptop1", Kind.LAPTOP, text, "laptop1", pool=POOL)
+    yield EnrolmentRequest(text, Kind.HOST, None, text, pool=POOL)
+    yield EnrolmentRequest("iqua-sparus2", Kind.ROBOT, "iqua", text, pool=POOL)
+    yield EnrolmentRequest(text, Kind.ROBOT, "iqua", "sparus2", pool=POOL)
 
 
 def never(_: Identity) -> Delivered:
@@ -94,7 +94,7 @@ def test_the_good_ones_are_who_they_say(tmp_path: Path) -> None:
     made = stand(tmp_path)
     devices = [one.text for one in hostile_names() if one.legitimate and len(one.text) <= 43]
     with made.signing() as signer:
-        asked = [Wish(member_name("iqua", one), Kind.ROBOT, "iqua", one, pool=POOL) for one in devices]
+        asked = [EnrolmentRequest(member_name("iqua", one), Kind.ROBOT, "iqua", one, pool=POOL) for one in devices]
         issued = signer.issue(asked, made.deliver)
     assert [(one.member.device, one.certificate.common_name) for one in issued] == [
         (device, f"iqua-{device}") for device in devices

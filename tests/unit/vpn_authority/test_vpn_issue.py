@@ -13,8 +13,8 @@ from authority_stand import POOL, Stand, stand, wish
 from cryptography import x509
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.vpn.authority import AuthorityFailed, Delivered, NameTaken, OtherMember, Wish
-from atlantis_netcfg.vpn.identity import Identity, KeyType, Kind, Link, Standing, Wrap
+from atlantis_netcfg.vpn.authority import AuthorityFailed, Delivered, EnrolmentRequest, NameTaken, OtherMember
+from atlantis_netcfg.vpn.identity import CertificateStatus, Identity, KeyType, Kind, Link, Wrap
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
 
 
@@ -32,7 +32,7 @@ def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
     assert identity.cert == (made.folder / "certs" / "iqua-sparus2.pem").read_text()
     assert identity.member == issued.member == made.authority.roll().members["iqua-sparus2"]
     assert (issued.member.kind, issued.member.link, issued.member.vehicle) == (Kind.ROBOT, Link.SATELLITE, "sparus")
-    assert issued.certificate.standing is Standing.ISSUED
+    assert issued.certificate.standing is CertificateStatus.ISSUED
     assert not issued.already
     assert made.authority.check() == []
 
@@ -97,7 +97,7 @@ def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
         for wrong in (
             [wish("a"), wish("a")],
             [wish("a"), replace(wish("b"), device="c")],
-            [wish("a"), Wish("iqua-b", Kind.ROBOT, "iqua", "b")],
+            [wish("a"), EnrolmentRequest("iqua-b", Kind.ROBOT, "iqua", "b")],
             [wish("a"), wish("b", vehicle="a\x1bb")],
             [wish("a"), wish("b", request_id="x" * 500)],
         ):

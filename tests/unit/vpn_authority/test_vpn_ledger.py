@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, get_args
 import pytest
 
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
-from atlantis_netcfg.vpn.ledger import Entry, Fold, Ledger, LedgerDamaged, LedgerFailed, first_lines, read, records
+from atlantis_netcfg.vpn.ledger import (
+    Entry,
+    Ledger,
+    LedgerDamaged,
+    LedgerFailed,
+    LedgerState,
+    first_lines,
+    read,
+    records,
+)
 from atlantis_netcfg.vpn.ledger._entry import GENESIS, digest, encode, parse
 
 if TYPE_CHECKING:
@@ -79,7 +88,7 @@ def test_every_record_is_kept_as_it_was(tmp_path: Path) -> None:
 
 
 def test_every_record_has_words_and_its_place_in_the_fold() -> None:
-    fold = Fold()
+    fold = LedgerState()
     for number, record in enumerate(EVERY, start=1):
         entry = Entry(number, NOW, "me", "op", record)
         assert entry.words.isprintable()
@@ -135,7 +144,7 @@ def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
 def test_a_record_about_nobody_is_refused() -> None:
     entry = Entry(7, NOW, "me", "op", records.Revoked(common_name="iqua-ghost", reason="lost"))
     with pytest.raises(LedgerDamaged, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
-        Fold([entry])
+        LedgerState([entry])
 
 
 def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:

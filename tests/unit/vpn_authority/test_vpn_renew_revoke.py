@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Change, Delivered, NoSuchMember, Sighting
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Standing, Wrap
-from atlantis_netcfg.vpn.ledger import Entry, Fold, records
+from atlantis_netcfg.vpn.authority import Delivered, NoSuchMember, RenewalRequest, SessionObservation
+from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,13 +37,13 @@ def on_list(made: Stand) -> set[str]:
 def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    assert made.authority.seen({"iqua-a": NOW}) == Sighting((), (), ())
+    assert made.authority.seen({"iqua-a": NOW}) == SessionObservation((), (), ())
     with made.signing() as signer:
         renewed = signer.renew("iqua-a", made.deliver)
     assert renewed.certificate.common_name == "iqua-a.2"
     assert renewed.member.address == made.identities[0].member.address
     assert standings(made, "iqua-a") == {"iqua-a": "seen", "iqua-a.2": "issued"}
-    assert made.authority.seen({"iqua-a": NOW, "iqua-a.2": NOW, "nobody": NOW}) == Sighting(
+    assert made.authority.seen({"iqua-a": NOW, "iqua-a.2": NOW, "nobody": NOW}) == SessionObservation(
         ("iqua-a",), ("nobody",), ()
     )
     assert standings(made, "iqua-a") == {"iqua-a": "superseded", "iqua-a.2": "seen"}
@@ -72,7 +72,7 @@ def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
 def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    change = Change(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=Link.LTE)
+    change = RenewalRequest(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=Link.LTE)
     with made.signing() as signer:
         renewed = signer.renew("iqua-a", made.deliver, change)
     assert (renewed.member.link, renewed.certificate.wrap, renewed.certificate.key) == (
@@ -93,7 +93,7 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with made.signing() as signer, pytest.raises(Exception, match="No space left"):
-        signer.renew("iqua-a", fail, Change(link=Link.LTE))
+        signer.renew("iqua-a", fail, RenewalRequest(link=Link.LTE))
     member = made.authority.roll().members["iqua-a"]
     assert (member.link, [one.common_name for one in member.good]) == (Link.FIBRE, ["iqua-a"])
     assert on_list(made) == {"iqua-a.2"}
@@ -150,7 +150,10 @@ def test_sightings_are_recorded_once_a_day(tmp_path: Path) -> None:
     assert (made.folder / "ledger.jsonl").read_bytes() == before
     made.authority.seen({"iqua-a": NOW + timedelta(hours=24)})
     (certificate,) = made.authority.roll().members["iqua-a"].certificates
-    assert (certificate.standing, certificate.seen) == (Standing.SEEN, NOW.replace(tzinfo=UTC) + timedelta(hours=24))
+    assert (certificate.standing, certificate.seen) == (
+        CertificateStatus.SEEN,
+        NOW.replace(tzinfo=UTC) + timedelta(hours=24),
+    )
 
 
 KNOWN = ("iqua-a", "iqua-b")
@@ -171,7 +174,7 @@ AFTER = st.sampled_from(KNOWN).flatmap(
 @settings(deadline=None)
 @given(st.lists(AFTER, max_size=12))
 def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) -> None:
-    fold = Fold(Entry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
+    fold = LedgerState(Entry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
     withdrawn: set[str] = set()
     for record in after:
         fold.apply(Entry(9, NOW, "me", "op", record))

@@ -22,7 +22,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
-from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
+from atlantis_netcfg.operations.vpn.deploying import Deployed, NoPush
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
@@ -133,7 +133,7 @@ def laptop(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Laptop:
-    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
+    monkeypatch.setattr(_vpn, "server", lambda *_: NoPush())
     founding = Authority.init
     # Sealed as Ansible does it: tests do not wait for age.
     monkeypatch.setattr(
@@ -167,7 +167,7 @@ def stopped(at: Laptop) -> str:
         raise KeyboardInterrupt
 
     with at.monkeypatch.context() as patch:
-        patch.setattr(Later, "deploy", stop)
+        patch.setattr(NoPush, "deploy", stop)
         return at.type(*LAPTOP, code=5)
 
 

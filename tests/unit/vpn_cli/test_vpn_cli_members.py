@@ -16,7 +16,7 @@ from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.vpn.deploying import Deployed, Later
+from atlantis_netcfg.operations.vpn.deploying import Deployed, NoPush
 from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def test_who_stops_it_while_the_server_is_asked_keeps_the_passphrase(
     def stopped(*_: object) -> Deployed:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Later, "deploy", stopped)
+    monkeypatch.setattr(NoPush, "deploy", stopped)
     told = desk.told(*LAPTOP, passphrase=PASSPHRASE, code=5)
     assert (told["members"][0]["name"], told["deployed"]) == ("iqua-laptop", False)
     code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
@@ -281,7 +281,7 @@ def test_a_server_by_another_name_gets_a_certificate_once(
     pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
     pilot.write_text(pilot.read_text().replace("endpoint_name: vpn.example.org", "endpoint_name: tunnel.example.org"))
     moved = load(tmp_path / "inventory")
-    monkeypatch.setattr(_vpn, "server", lambda *_: Later())
+    monkeypatch.setattr(_vpn, "server", lambda *_: NoPush())
     before = (desk.authority / "server" / "server.crt").read_bytes()
     assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]
     assert (desk.authority / "server" / "server.crt").read_bytes() == before

@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.vpn.identity import Certificate, Identity, KeyType, Kind, Link, Member, Standing, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
 
 NOT_BEFORE = datetime(2026, 11, 1, tzinfo=UTC)
 NOT_AFTER = datetime(2027, 12, 3, tzinfo=UTC)
@@ -53,7 +53,7 @@ def identity(wanted: Wanted | None = None) -> Identity:
         not_after=wanted.not_after,
         wrap=wanted.wrap,
         key=wanted.key,
-        standing=Standing.ISSUED,
+        standing=CertificateStatus.ISSUED,
     )
     return Identity(
         member=_member(wanted, certificate),

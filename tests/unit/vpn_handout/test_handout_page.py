@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.enrolment_package._reach import reach
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Roll, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 
 PAGES = Path(__file__).with_name("pages")
@@ -108,7 +108,9 @@ def test_the_page_says_of_declared_hosts_what_the_firewall_does(kind: str, decla
     wanted = [Wanted(name, Kind.HOST, None, str(address)) for name, address in addresses.items() if address]
     others = {one.name: identity(one).member for one in wanted if one.name != KINDS[kind].name}
     member = identity(KINDS[kind]).member
-    matrix = policy(declaration, Roll({member.name: member, **others}, 0, "", member.certificates[0].not_after, ()))
+    matrix = policy(
+        declaration, MembershipList({member.name: member, **others}, 0, "", member.certificates[0].not_after, ())
+    )
     said: dict[str, set[str]] = {name: set() for name in others}
     for one in reach(declaration, member):
         for (name, _), word in product(one.hosts, one.traffic):

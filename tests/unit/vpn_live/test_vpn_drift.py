@@ -16,7 +16,7 @@ from atlantis_netcfg.operations.vpn._drift import drift
 from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, observe
 from atlantis_netcfg.operations.vpn.errors import AnswerLost
 from atlantis_netcfg.vpn import _server_system
-from atlantis_netcfg.vpn.identity import Roll
+from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
@@ -25,7 +25,7 @@ WANTED = (
     File(f"{FOLDER}/crl.pem", "a list\n"),
     File(FIREWALL, "a ruleset\n"),
 )
-ROLL = Roll({}, 4, "", NOW, ())
+ROLL = MembershipList({}, 4, "", NOW, ())
 CRL = Crl(4, NOW - timedelta(days=1), NOW + timedelta(days=80), signed=True)
 FILES = {file.path: hashlib.sha256(file.content.encode()).hexdigest() for file in WANTED}
 SOUND = ServerState(
@@ -133,7 +133,7 @@ def test_drift_is_told_in_words(case: str) -> None:
 
 
 def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
-    unit = next(one for one in _server_system.units(()) if one.name == PLACE["firewall_unit"])
+    unit = next(one for one in _server_system.system_units(()) if one.name == PLACE["firewall_unit"])
     assert unit.after == (PLACE["firewall"],)
     assert unit.reload
 

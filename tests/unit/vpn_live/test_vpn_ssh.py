@@ -9,7 +9,7 @@ import pytest
 from ansible.plugins.connection.ssh import Connection
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.operations.vpn._ssh import _KEPT, control_path, in_words, ssh_words
+from atlantis_netcfg.operations.vpn._ssh import _KEPT, control_path, ssh_command, ssh_error
 from atlantis_netcfg.operations.vpn.errors import HostKeyChanged, ServerAway
 
 ACCESS = {
@@ -28,7 +28,7 @@ def test_the_options_are_those_of_ansible(monkeypatch: pytest.MonkeyPatch, tmp_p
     settings = configparser.ConfigParser(comment_prefixes=(";", "#"))
     settings.read(Path(__file__).parents[3] / "ansible.cfg")
     assert settings["ssh_connection"]["ssh_args"] == _KEPT
-    words = list(ssh_words(ACCESS))
+    words = list(ssh_command(ACCESS))
     assert words[:2] == ["ssh", "-T"]
     assert words[-3:] == ["-p", "2222", "tech@192.0.2.10"]
     for option in (
@@ -51,7 +51,7 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("ANSIBLE_SSH_ARGS", "-o ControlMaster=no")
     monkeypatch.setenv("ANSIBLE_SSH_EXTRA_ARGS", "-F none")
     monkeypatch.setenv("ANSIBLE_PRIVATE_KEY_FILE", "/a/key")
-    words = ssh_words(ACCESS)
+    words = ssh_command(ACCESS)
     assert {"ControlMaster=no", "-F", "none", "IdentityFile=/a/key"} <= set(words)
     assert not [word for word in words if "ControlP" in word]
 
@@ -74,7 +74,7 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
     ],
 )
 def test_what_ssh_says_is_told_in_words(code: int, said: str, kind: type[ServerAway], words: str, hint: str) -> None:
-    trouble = in_words("scc-vpn", ACCESS, code, said)
+    trouble = ssh_error("scc-vpn", ACCESS, code, said)
     assert type(trouble) is kind
     assert str(trouble).startswith("scc-vpn")
     assert words in str(trouble)

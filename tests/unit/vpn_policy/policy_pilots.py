@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Transport, VpnService
-from atlantis_netcfg.vpn.identity import Certificate, KeyType, Kind, Link, Member, Roll, Standing, Wrap
+from atlantis_netcfg.vpn.identity import (
+    Certificate,
+    CertificateStatus,
+    KeyType,
+    Kind,
+    Link,
+    Member,
+    MembershipList,
+    Wrap,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -48,7 +57,7 @@ def member(  # noqa: PLR0913 - what a member is
     kind: Kind = Kind.HOST,
     partner: str | None = None,
     vehicle: str | None = None,
-    standing: Standing = Standing.ISSUED,
+    standing: CertificateStatus = CertificateStatus.ISSUED,
 ) -> Member:
     certificate = Certificate(
         common_name=name,
@@ -72,8 +81,8 @@ def member(  # noqa: PLR0913 - what a member is
     )
 
 
-def roll(*members: Member) -> Roll:
-    return Roll({one.name: one for one in members}, 1, "", _NOW, ())
+def roll(*members: Member) -> MembershipList:
+    return MembershipList({one.name: one for one in members}, 1, "", _NOW, ())
 
 
 MEMBERS = (
@@ -86,7 +95,7 @@ MEMBERS = (
     member("inesc-zarco", "10.80.16.2", kind=Kind.ROBOT, partner="inesc", vehicle="zarco"),
     member("iqua-laptop", "10.80.17.1", kind=Kind.LAPTOP, partner="iqua"),
     member("iqua-sparus", "10.80.17.2", kind=Kind.ROBOT, partner="iqua", vehicle="sparus"),
-    member("iqua-lost", "10.80.17.3", kind=Kind.LAPTOP, partner="iqua", standing=Standing.REVOKED),
+    member("iqua-lost", "10.80.17.3", kind=Kind.LAPTOP, partner="iqua", standing=CertificateStatus.REVOKED),
     member("gone-laptop", "10.80.30.1", kind=Kind.LAPTOP, partner="gone"),
 )
 """The last two are nobody: revoked, and of a partner that is declared no more."""

@@ -10,7 +10,7 @@ import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.identity import Roll
+from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.server import FOLDER, live_files
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def declaration(request: pytest.FixtureRequest) -> Declaration:
 
 def accepted(declared: Declaration, folder: Path, new: bytes, here: bytes | None) -> subprocess.CompletedProcess[str]:
     """Run the validator of the file, as the module that places it does."""
-    empty = Roll({}, 0, "", NOW, ())
+    empty = MembershipList({}, 0, "", NOW, ())
     files = live_files(declared, empty, new, ca=pki.cert_pem(OURS.certificate))
     (file,) = (file for file in files if file.path == f"{FOLDER}/crl.pem")
     (folder / "new").write_text(file.content)

@@ -14,7 +14,17 @@ import pytest
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.vpn.identity import TIMERS, Certificate, KeyType, Kind, Link, Member, Roll, Standing, Wrap
+from atlantis_netcfg.vpn.identity import (
+    TIMERS,
+    Certificate,
+    CertificateStatus,
+    KeyType,
+    Kind,
+    Link,
+    Member,
+    MembershipList,
+    Wrap,
+)
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, ccd, live_files, openvpn_server, server_conf
 
 if TYPE_CHECKING:
@@ -27,7 +37,7 @@ CANARY = "a line of a private key that stands nowhere else"
 SECRETS = ("server/server.key", "server/tls-crypt-v2.key", "server/tls-crypt.key")
 
 
-def certificate(common_name: str, standing: Standing = Standing.ISSUED) -> Certificate:
+def certificate(common_name: str, standing: CertificateStatus = CertificateStatus.ISSUED) -> Certificate:
     return Certificate(common_name, 1, "00", NOW, NOW, Wrap.TLS_CRYPT_V2, KeyType.EC, standing)
 
 
@@ -36,8 +46,8 @@ def member(name: str, address: str, *certificates: Certificate, **told: Any) -> 
     return Member(name=name, address=IPv4Address(address), certificates=certificates or (certificate(name),), **fields)
 
 
-def roll(*members: Member) -> Roll:
-    return Roll({one.name: one for one in members}, 1, "00", NOW, ())
+def roll(*members: Member) -> MembershipList:
+    return MembershipList({one.name: one for one in members}, 1, "00", NOW, ())
 
 
 @pytest.fixture
@@ -139,8 +149,8 @@ def test_a_router_that_is_its_sites_end_brings_the_sites_networks() -> None:
 
 
 def test_each_good_certificate_has_a_file_and_no_other() -> None:
-    old, new = certificate("inesc-a", Standing.SEEN), certificate("inesc-a.2")
-    gone = certificate("inesc-b", Standing.REVOKED), certificate("inesc-c", Standing.SUPERSEDED)
+    old, new = certificate("inesc-a", CertificateStatus.SEEN), certificate("inesc-a.2")
+    gone = certificate("inesc-b", CertificateStatus.REVOKED), certificate("inesc-c", CertificateStatus.SUPERSEDED)
     members = (
         member("inesc-a", "10.80.16.1", old, new),
         member("inesc-b", "10.80.16.2", gone[0]),
