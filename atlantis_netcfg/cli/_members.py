@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.vpn.deploying import Deployed, Server
-    from atlantis_netcfg.operations.vpn.onboarding import HandedOut, HandoutTarget
+    from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
+    from atlantis_netcfg.operations.vpn.server import Deployed, Server
     from atlantis_netcfg.vpn.authority import Authority, Revoked
     from atlantis_netcfg.vpn.identity import Member
 
@@ -23,7 +23,7 @@ def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> HandoutTarget
     """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
     from pathlib import Path
 
-    from atlantis_netcfg.operations.vpn.onboarding import CONTACT, HandoutTarget
+    from atlantis_netcfg.operations.vpn.members import CONTACT, HandoutTarget
 
     to, contact = arguments.optional("to"), arguments.optional("contact")
     return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
@@ -62,7 +62,7 @@ def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Dep
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.cli._vpn import AGAIN
     from atlantis_netcfg.core.errors import OutcomeUnknown
-    from atlantis_netcfg.operations.vpn.deploying import Deployed
+    from atlantis_netcfg.operations.vpn.server import Deployed
 
     try:
         with progress(quiet=arguments.flag("json")) as notify:

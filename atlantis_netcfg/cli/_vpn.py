@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.operations.vpn.deploying import Server
-    from atlantis_netcfg.operations.vpn.operator import OperatorContext
+    from atlantis_netcfg.operations.vpn.members import OperatorContext
+    from atlantis_netcfg.operations.vpn.server import Server
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = [
@@ -97,7 +97,7 @@ def who() -> str:
 
 def desk(arguments: Arguments, authority: Authority) -> OperatorContext:
     """Who signs, on this command line."""
-    from atlantis_netcfg.operations.vpn.operator import OperatorContext
+    from atlantis_netcfg.operations.vpn.members import OperatorContext
 
     return OperatorContext(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 
@@ -147,8 +147,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def server(arguments: Arguments, declaration: Declaration) -> Server:
     """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
-    from atlantis_netcfg.operations.vpn.connected import Connected, over_ssh
-    from atlantis_netcfg.operations.vpn.deploying import NoPush
+    from atlantis_netcfg.operations.vpn.server import Connected, NoPush, over_ssh
 
     if arguments.given(NO_PUSH):
         return NoPush()

@@ -33,7 +33,7 @@ def run(arguments: Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.audit import audit, start_of
+    from atlantis_netcfg.operations.vpn.records import audit, start_of
 
     since = arguments.optional("since")
     start = start_of(since) if since is not None else None

@@ -37,7 +37,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._passphrase import chosen
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.init_authority import existing_authority, refuse_example_authority, server_names
+    from atlantis_netcfg.operations.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.authority import Authority
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 

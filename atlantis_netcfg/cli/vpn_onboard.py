@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.wishes import DeviceWords
+    from atlantis_netcfg.operations.vpn.requests import DeviceWords
 
 __all__ = ["COMMAND", "run"]
 
@@ -53,10 +53,8 @@ def run(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.operations.vpn.init_authority import refuse_example_authority
-    from atlantis_netcfg.operations.vpn.onboarding import Onboarding
-    from atlantis_netcfg.operations.vpn.recipients import recipients_of
-    from atlantis_netcfg.operations.vpn.wishes import requests_of
+    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
 
     declaration, requested = _vpn.declared(arguments), _device_words(arguments)
     wishes = requests_of(declaration, requested)
@@ -79,7 +77,7 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
 
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.declaration.lists import read
-    from atlantis_netcfg.operations.vpn.wishes import KEYS, DeviceWords
+    from atlantis_netcfg.operations.vpn.requests import KEYS, DeviceWords
 
     words = {key: arguments.optional(key) for key in KEYS}
     batch = arguments.optional("batch")

@@ -43,10 +43,8 @@ def run(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
-    from atlantis_netcfg.operations.vpn.init_authority import refuse_example_authority
-    from atlantis_netcfg.operations.vpn.onboarding import Onboarding
-    from atlantis_netcfg.operations.vpn.recipients import recipient_of
-    from atlantis_netcfg.operations.vpn.wishes import change_of
+    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.operations.vpn.requests import change_of, recipient_of
 
     declaration = _vpn.declared(arguments)
     change = change_of(**{key: arguments.optional(key) for key in ("days", "wrap", "key", "link")})

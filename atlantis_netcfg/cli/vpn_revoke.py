@@ -41,7 +41,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.cli._passphrase import asked
     from atlantis_netcfg.cli._progress import progress
-    from atlantis_netcfg.operations.vpn.revocation import reason_of, revoke
+    from atlantis_netcfg.operations.vpn.members import reason_of, revoke
 
     declaration = _vpn.declared(arguments)
     reason = reason_of(arguments.optional("reason"))

@@ -37,7 +37,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn import records
-    from atlantis_netcfg.operations.vpn.connected import Connected
+    from atlantis_netcfg.operations.vpn.server import Connected
     from atlantis_netcfg.operations.vpn.status import vpn_status
 
     declaration = _vpn.declared(arguments)

@@ -39,7 +39,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import asked
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.operations.vpn.init_authority import server_names
+    from atlantis_netcfg.operations.vpn.members import server_names
 
     declaration = _vpn.declared(arguments)
     authority = _vpn.opened(arguments)

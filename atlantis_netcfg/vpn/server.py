@@ -1,8 +1,9 @@
 """Part `openvpn_server`: what the computer at the control centre holds so that it is the server of the VPN.
 
-Two kinds of files. Those of `server_conf` and what stands around it follow from the declaration alone: the tunnel
-starts anew when they change. The live ones (`live_files`) follow from the roll of members as well: OpenVPN reads them
-at the next handshake, the kernel at a reload, and every session goes on. Source of every line: facts 3 to 9.
+There are two kinds of files. Those of `server_conf` and `system_files` (units, loading of the firewall, the record of
+who was last seen, kernel settings) follow from the declaration alone: the tunnel restarts when they change. The live
+files (`live_files`) also follow from the list of members: OpenVPN reads them at the next handshake, the kernel at a
+reload, and every session goes on. Source of every line: facts 3 to 9.
 """
 
 from __future__ import annotations
@@ -13,11 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
-from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package
-from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn import _server_system as system
-from atlantis_netcfg.vpn._server_system import FIREWALL, FOLDER, SEEN, SERVICE
-from atlantis_netcfg.vpn.firewall import firewall
+from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package, Step, Unit
+from atlantis_netcfg.render import environment, template_folder
+from atlantis_netcfg.vpn.firewall import TABLE, firewall
 from atlantis_netcfg.vpn.identity import TIMERS, Link
 
 if TYPE_CHECKING:
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CCD",
     "FIREWALL",
+    "FLOOR",
     "FOLDER",
     "INTERFACE",
     "MANAGEMENT",
@@ -43,8 +43,77 @@ __all__ = [
     "live_files",
     "openvpn_server",
     "server_conf",
+    "system_units",
     "tunnel_address",
 ]
+
+
+FOLDER = "/etc/openvpn/atlantis"
+CONF = "/etc/openvpn/server/atlantis.conf"
+SERVICE = "openvpn-server@atlantis.service"
+FIREWALL = "/etc/atlantis/vpn.nft"
+SEEN = "/var/lib/atlantis/vpn/seen.json"
+"""`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
+
+FLOOR: Mapping[str, Any] = {
+    "package": "openvpn",
+    "program": "/usr/sbin/openvpn",
+    "branches": [
+        {"branch": "2.6", "upstream": "2.6.21", "packages": ["2.6.14-0+deb12u2"]},
+        {"branch": "2.7", "upstream": "2.7.5", "packages": []},
+    ],
+}
+"""Facts 11: below it an authenticated client keeps its session although it is told to go, or stops the server."""
+
+NO_CONF = "this openvpn does not know an option of it: `openvpn --version` on the server tells which one it is"
+
+_UNITS = "/etc/systemd/system"
+_DROP_IN = f"{_UNITS}/{SERVICE}.d/atlantis.conf"
+_FIREWALL_UNIT = "atlantis-vpn-firewall.service"
+_SEEN_TIMER = "atlantis-vpn-seen.timer"
+_SEEN_SERVICE = "atlantis-vpn-seen.service"
+_GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
+_SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
+_SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
+
+_NO_REDIRECTS = 'for interface in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$interface" || exit; done'
+KERNEL_STEPS = (
+    Step("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
+    Step("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
+)
+
+
+def system_files() -> Iterator[File]:
+    """All of it but the configuration of OpenVPN itself; the same for every pilot."""
+    yield File(
+        _SYSCTL,
+        "# The VPN server routes between its members, as far as its firewall lets it.\nnet.ipv4.ip_forward = 1\n"
+        "# Nobody is told of a way past it: an ICMP redirect would send members to each other.\n"
+        "net.ipv4.conf.all.send_redirects = 0\nnet.ipv4.conf.default.send_redirects = 0\n"
+        "# Of interfaces that are there before this is read; a program that knows no pattern leaves it out.\n"
+        "-net.ipv4.conf.*.send_redirects = 0\n",
+    )
+    yield File(_DROP_IN, _render("hardening.conf.j2"))
+    yield File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))
+    program = (template_folder() / "openvpn" / "vpn_seen.py").read_text(encoding="utf-8")
+    yield File(_SEEN_PROGRAM, program, mode="0755")
+    yield File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
+    yield File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
+    yield File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
+    yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
+
+
+def system_units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
+    """The firewall before the tunnel, which a change of `keys` or of the configuration starts anew, and no other."""
+    firewall = Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
+    tunnel = Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
+    seen = Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
+    return firewall, tunnel, seen
+
+
+def _render(template: str, **values: object) -> str:
+    return environment().get_template(f"openvpn/{template}").render(**values)
+
 
 CCD = f"{FOLDER}/ccd"
 """One file for each certificate that is admitted, by its common name; ours alone."""
@@ -103,7 +172,7 @@ class OpenvpnServer:
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
         return {
             "packages": {"packages": packages},
-            "floor": dict(system.FLOOR),
+            "floor": dict(FLOOR),
             "configure": self.configuration.as_dict(),
             "secrets": {path: str(source) for path, source in self.secrets.items()},
         }
@@ -121,8 +190,8 @@ def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, a
     files = (
         File(_CA, ca),
         File(_CERT, cert),
-        File(system.CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=system.NO_CONF),
-        *system.system_files(),
+        File(CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=NO_CONF),
+        *system_files(),
         *live_files(declaration, roll, crl, ca=ca),
     )
     return OpenvpnServer(
@@ -131,8 +200,8 @@ def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, a
             directories=(Directory(FOLDER, mode="0750"), Directory(CCD, mode="0750")),
             files=files,
             only=(CCD,),
-            steps=system.KERNEL_STEPS,
-            units=system.system_units((_CA, _CERT, *_SECRETS)),
+            steps=KERNEL_STEPS,
+            units=system_units((_CA, _CERT, *_SECRETS)),
         ),
         secrets=secrets,
     )

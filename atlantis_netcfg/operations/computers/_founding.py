@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.operations.vpn._computers import computers
-from atlantis_netcfg.operations.vpn.init_authority import server_names
-from atlantis_netcfg.operations.vpn.wishes import DeviceWords, request_of
+from atlantis_netcfg.operations.vpn.members import server_names
+from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
 from atlantis_netcfg.vpn.authority import Authority, Delivered
 from atlantis_netcfg.vpn.enrolment_package import identity_file
 

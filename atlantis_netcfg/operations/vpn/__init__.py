@@ -1,5 +1,5 @@
-"""The VPN in work: what the commands do with its authority, and how its server is asked and told.
+"""The VPN at work: what the commands do with its authority, and how its server is observed and changed.
 
-Every change is recorded by the authority before the server hears of it, so that a server that cannot be reached delays
-a change and never loses it. What the server has is compared with the record each time, not remembered.
+Every change is recorded by the authority before the server gets it. A server that cannot be reached therefore delays a
+change and never loses it. What the server has is compared with the record each time, not remembered.
 """

@@ -1,12 +1,14 @@
-"""The way to the VPN's server for as long as a command runs: one process there, one round trip a request.
+"""The connection to the VPN's server while a command runs: one process there, one round trip per request.
 
-`SshLink` opens the same connection as Ansible does, and shares it where one is open; `LocalLink` is for a server on
-this very computer. Either starts the live tool, which is sent once and kept there under its SHA-256.
+`SshLink` opens the same connection as Ansible does (OpenSSH, with the same options), and shares it where one is open;
+`LocalLink` is for a server on this very computer. Either starts the live tool, which is sent once and kept there under
+its SHA-256.
 """
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import os
 import select
@@ -16,17 +18,113 @@ import tempfile
 import time
 import zlib
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.remote_bundle import INSTALL, Tool, build_live
-from atlantis_netcfg.operations.vpn._ssh import ssh_command, ssh_error
-from atlantis_netcfg.operations.vpn.errors import AnswerLost, ServerAway, ServerRefused
+from atlantis_netcfg.operations.computers._access import key_trouble
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
-__all__ = ["FOLDER", "LocalLink", "ServerLink", "SshLink"]
+__all__ = [
+    "FOLDER",
+    "_KEPT",
+    "AnswerLost",
+    "HostKeyChanged",
+    "LocalLink",
+    "RecordOlder",
+    "ServerAway",
+    "ServerLink",
+    "ServerRefused",
+    "SshLink",
+    "control_path",
+    "ssh_command",
+    "ssh_error",
+]
+
+
+class ServerAway(OutcomeUnknown):
+    """The server was not reached: nothing was changed there."""
+
+
+class HostKeyChanged(ServerAway):
+    """Somebody answers at the server's address who has another host key: nothing was told to him."""
+
+
+class AnswerLost(OutcomeUnknown):
+    """The server was asked, and its answer did not come whole."""
+
+
+class ServerRefused(DeviceFailed):
+    """The server has said why it does not do what it was asked for."""
+
+
+class RecordOlder(NetcfgError):
+    """The server has what this record does not know: by a restored copy a revoked member would come back."""
+
+    exit = ExitCode.FAILED
+
+    def __init__(self, why: str) -> None:
+        super().__init__(
+            f"this record is older than the server: {why}",
+            hint="work with the newest copy of the authority: `authority=FOLDER` names it, with this one nothing was "
+            "signed or sent. If that copy is lost for good: `provision vpn sync --sign --take-list`",
+        )
+
+
+_KEPT: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterval=20 -o ServerAliveCountMax=6"
+"""As in ansible.cfg: 6 unanswered probes of 20 s outlive a gap of 70 s."""
+_CONNECT_S: Final = 120
+"""Ansible's `timeout` there."""
+_NOT_FOUND: Final = 127
+
+
+def ssh_command(access: Mapping[str, Any]) -> Sequence[str]:
+    """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
+    kept = os.environ.get("ANSIBLE_SSH_ARGS", _KEPT)
+    words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(kept)]
+    if "ControlPersist" in kept:
+        words += ["-o", f"ControlPath={control_path(access['host'], access['port'], access['user'])}"]
+    if key := os.environ.get("ANSIBLE_PRIVATE_KEY_FILE"):
+        words += ["-o", f"IdentityFile={key}"]
+    words += ["-o", f"ConnectTimeout={_CONNECT_S}", *shlex.split(os.environ.get("ANSIBLE_SSH_EXTRA_ARGS", ""))]
+    return [*words, "-p", str(access["port"]), f"{access['user']}@{access['host']}"]
+
+
+def control_path(host: str, port: int, user: str) -> str:
+    """The socket of the connection that Ansible keeps open to a computer; its folder is made if it is not there."""
+    folder = Path(os.environ.get("ANSIBLE_SSH_CONTROL_PATH_DIR", "~/.ansible/cp")).expanduser()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    digest = hashlib.sha1(f"{host}-{port}-{user}".encode(), usedforsecurity=False).hexdigest()
+    return str(folder / digest[:10])
+
+
+def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str) -> ServerAway:
+    """What ssh has said last, for a person."""
+    where = f"{access['user']}@{access['host']}, port {access['port']}"
+    last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")
+    if (trouble := key_trouble(name, text)) is not None:
+        return HostKeyChanged(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+    if "Permission denied" in text:
+        return ServerAway(
+            f"{name} was reached, and does not let you in as {access['user']}: {last}",
+            hint=f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`",
+        )
+    if "sudo" in last:
+        return ServerAway(
+            f"{name}: {access['user']} does not become root there without a password: {last}",
+            hint=f"on {name}: `echo '{access['user']} ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`",
+        )
+    if code == _NOT_FOUND:
+        return ServerAway(f"{name} has no python3: {last}", hint=f"on {name}: `apt-get install python3`")
+    return ServerAway(
+        f"{name} was not reached ({where}): {last}",
+        hint="look at its power and at your way to it; what is recorded waits, and `provision vpn sync` goes on",
+    )
+
 
 FOLDER: Final = "/var/lib/atlantis/live"
 """On the server: the live tool; the one of the modules has a folder of its own, for each removes what is older."""

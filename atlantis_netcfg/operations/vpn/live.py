@@ -12,9 +12,17 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.operations.vpn._drift import drift
-from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, Session, observe, sessions_of, understood
-from atlantis_netcfg.operations.vpn.errors import RecordOlder, ServerRefused
+from atlantis_netcfg.operations.vpn.link import RecordOlder, ServerRefused
+from atlantis_netcfg.operations.vpn.server_state import (
+    PLACE,
+    Crl,
+    ServerState,
+    Session,
+    drift,
+    observe,
+    sessions_of,
+    understood,
+)
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 
 if TYPE_CHECKING:

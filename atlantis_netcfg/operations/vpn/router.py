@@ -38,8 +38,8 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import refuse_examples
-from atlantis_netcfg.operations.vpn._import import RouterImport
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
+from atlantis_netcfg.operations.vpn.router_import import RouterImport
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package import read_identity

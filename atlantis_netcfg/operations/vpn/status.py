@@ -17,9 +17,9 @@ from atlantis_netcfg.operations.vpn import live
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.operations.vpn.connected import Connected
     from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.operations.vpn.live import ServerState
+    from atlantis_netcfg.operations.vpn.server import Connected
     from atlantis_netcfg.vpn.authority import Authority
 
 __all__ = ["StatusItem", "VpnStatus", "vpn_status"]

@@ -10,31 +10,29 @@ the ledger are copies of what it says, or are made out anew from it.
 
 from __future__ import annotations
 
-from atlantis_netcfg.vpn.authority._authority import Authority
-from atlantis_netcfg.vpn.authority._check import Agreement
-from atlantis_netcfg.vpn.authority._errors import (
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.check import Agreement
+from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
+from atlantis_netcfg.vpn.authority.model import (
+    CLIENT_DAYS,
     AddressTaken,
     AuthorityBusy,
     AuthorityDamaged,
     AuthorityFailed,
     ClockBehind,
+    Delivered,
+    EnrolmentRequest,
+    Issued,
     NoAuthority,
     NoSuchMember,
     OtherMember,
     PoolFull,
-)
-from atlantis_netcfg.vpn.authority._head import NONE_SIGNED
-from atlantis_netcfg.vpn.authority._signer import Signer
-from atlantis_netcfg.vpn.authority._types import (
-    CLIENT_DAYS,
-    Delivered,
-    EnrolmentRequest,
-    Issued,
     RenewalRequest,
     Revoked,
     ServerNames,
     SessionObservation,
 )
+from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.ledger import Entry
 from atlantis_netcfg.vpn.names import NameRefused, NameTaken
 

@@ -7,11 +7,20 @@ a pure fold over the entries.
 
 from __future__ import annotations
 
-from atlantis_netcfg.vpn.ledger._entry import Entry, digest
-from atlantis_netcfg.vpn.ledger._errors import LedgerDamaged, LedgerFailed
-from atlantis_netcfg.vpn.ledger._file import FILE, Ledger, Reading, first_lines, read, utc_now
-from atlantis_netcfg.vpn.ledger._fold import NEVER_HANDED_OUT, LedgerState, membership
+from atlantis_netcfg.vpn.ledger.file import (
+    FILE,
+    Entry,
+    Ledger,
+    LedgerDamaged,
+    LedgerFailed,
+    Reading,
+    digest,
+    first_lines,
+    read,
+    utc_now,
+)
 from atlantis_netcfg.vpn.ledger.records import Record
+from atlantis_netcfg.vpn.ledger.state import NEVER_HANDED_OUT, LedgerState, membership
 
 __all__ = [
     "FILE",

@@ -1,4 +1,4 @@
-"""The records of the ledger: what happened, in the order in which it became certain.
+"""The records of the ledger: what happened, in the order in which it became certain; and each in words, for `audit`.
 
 A record that announces (`Begun`, `Issued`, `Revoked`, `Published`) is on disk before anything leaves or is put in
 place; `Delivered` follows the file that it names. None holds a secret.
@@ -33,7 +33,9 @@ __all__ = [
     "Settled",
     "Superseded",
     "Taken",
+    "describe",
 ]
+
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
@@ -220,3 +222,92 @@ Record = Annotated[
     | ClockTrusted,
     Field(discriminator="kind"),
 ]
+
+_COMMANDS = {
+    "issue": "onboarding of {} began",
+    "renew": "renewal of {} began",
+    "revoke": "revocation of {} began",
+    "publish": "a new revocation list was asked for",
+    "serve": "a new certificate of the server was asked for",
+}
+_NAMED = 3
+"""So many names are told, the others are counted."""
+
+
+def describe(record: Record) -> str:
+    """What happened, one line."""
+    match record:
+        case Begun() | Committed() | RolledBack():
+            return _of_command(record)
+        case Issued() | Delivered() | Revoked() | Taken():
+            return _of_certificate(record)
+        case Seen() | Superseded() | Settled():
+            return _of_server(record)
+        case _:
+            return _of_authority(record)
+
+
+def _of_command(record: Begun | Committed | RolledBack) -> str:
+    match record:
+        case Begun():
+            return _COMMANDS[record.command].format(_listed(record.names))
+        case Committed():
+            return "the command is complete"
+        case RolledBack(common_names=()):
+            return "the command was not completed; nothing of it had left that is not recorded"
+        case RolledBack():
+            return f"the command was not completed: {_listed(record.common_names)} was never handed out, and is revoked"
+
+
+def _of_certificate(record: Issued | Delivered | Revoked | Taken) -> str:
+    match record:
+        case Issued():
+            whose = f"partner {record.partner}" if record.partner else "the pilot"
+            until = f"good until {_day(record.not_after)}, serial {record.serial:x}"
+            return f"{record.common_name} issued: {record.device_kind} of {whose}, {record.address}, {until}"
+        case Delivered():
+            return f"{record.common_name} handed out: {record.path} (SHA-256 {record.sha256})"
+        case Revoked():
+            return f"{record.common_name} revoked: {record.reason}"
+        case Taken():
+            serials = _listed(tuple(f"{serial:x}" for serial in record.serials))
+            return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
+
+
+def _of_server(record: Seen | Superseded | Settled) -> str:
+    match record:
+        case Seen():
+            return f"{record.common_name} was connected, last at {record.last:%Y-%m-%d %H:%M} UTC"
+        case Superseded():
+            return f"{record.common_name} superseded: {record.by} was seen in use"
+        case Settled():
+            return f"the server confirmed that {record.common_name} is out"
+
+
+def _of_authority(
+    record: Founded | ServerIssued | Published | Resealed | ClockTrusted,
+) -> str:
+    match record:
+        case Founded():
+            return f"authority {record.ca_common_name} founded, good until {_day(record.ca_not_after)}"
+        case ServerIssued():
+            names = ", ".join((*record.dns, *map(str, record.addresses)))
+            return f"server certificate {record.common_name} issued for {names}, good until {_day(record.not_after)}"
+        case Published():
+            current = f"{record.revoked} revoked, good until {_day(record.next_update)}"
+            return f"revocation list {record.number} signed: {current}"
+        case Resealed():
+            return f"the CA key was put under another passphrase ({record.sealed_by})"
+        case ClockTrusted():
+            return (
+                f"the clock was said to be right, although the record before is of {record.before:%Y-%m-%d %H:%M} UTC"
+            )
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    text = ", ".join(names[:_NAMED])
+    return text if len(names) <= _NAMED else f"{text} and {len(names) - _NAMED} more"
+
+
+def _day(moment: datetime) -> str:
+    return f"{moment:%Y-%m-%d}"

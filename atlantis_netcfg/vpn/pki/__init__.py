@@ -7,16 +7,6 @@ under (a name that OpenVPN misreads, a certificate that outlives its CA) is refu
 
 from __future__ import annotations
 
-from atlantis_netcfg.vpn.pki._errors import (
-    CertificateRefused,
-    CrlRefused,
-    KeyDamaged,
-    RecipientRefused,
-    SealDamaged,
-    SealTooLarge,
-    WeakPassphrase,
-    WrongPassphrase,
-)
 from atlantis_netcfg.vpn.pki.certificates import (
     CA_DAYS,
     SERVER_DAYS,
@@ -32,7 +22,27 @@ from atlantis_netcfg.vpn.pki.certificates import (
     sha256,
 )
 from atlantis_netcfg.vpn.pki.crl import CRL_DAYS, CrlFacts, RevokedSerial, check_crl, new_crl, publish, read_crl
-from atlantis_netcfg.vpn.pki.keys import PrivateKey, PublicKey, is_signed, key_pem, load_key, new_key, sign
+from atlantis_netcfg.vpn.pki.keys import (
+    METADATA_MAX,
+    CertificateRefused,
+    CrlRefused,
+    KeyDamaged,
+    PrivateKey,
+    PublicKey,
+    RecipientRefused,
+    SealDamaged,
+    SealTooLarge,
+    WeakPassphrase,
+    WrongPassphrase,
+    client_key,
+    is_signed,
+    key_pem,
+    load_key,
+    new_key,
+    server_key,
+    shared_key,
+    sign,
+)
 from atlantis_netcfg.vpn.pki.seal import (
     SEAL_GUESSES,
     VAULT_GUESSES,
@@ -46,7 +56,6 @@ from atlantis_netcfg.vpn.pki.seal import (
     vault_seal,
     vault_unseal,
 )
-from atlantis_netcfg.vpn.pki.tls_crypt import METADATA_MAX, client_key, server_key, shared_key
 
 __all__ = [
     "CA_DAYS",

@@ -19,8 +19,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from atlantis_netcfg.vpn.identity import KeyType
-from atlantis_netcfg.vpn.pki._errors import CertificateRefused, KeyDamaged
-from atlantis_netcfg.vpn.pki.keys import PrivateKey, PublicKey, load_key, new_key
+from atlantis_netcfg.vpn.pki.keys import CertificateRefused, KeyDamaged, PrivateKey, PublicKey, load_key, new_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -20,8 +20,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from cryptography.x509.oid import ExtensionOID
 
 from atlantis_netcfg.journal import sync_directory
-from atlantis_netcfg.vpn.pki._errors import CrlRefused
-from atlantis_netcfg.vpn.pki.keys import PublicKey
+from atlantis_netcfg.vpn.pki.keys import CrlRefused, PublicKey
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import pyrage
 
-from atlantis_netcfg.vpn.pki._errors import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
+from atlantis_netcfg.vpn.pki.keys import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret

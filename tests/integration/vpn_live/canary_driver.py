@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.operations.vpn import connected
+from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn import enrolment_package
 

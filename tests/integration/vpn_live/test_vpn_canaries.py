@@ -22,7 +22,7 @@ from vpn_desk import over_a_pipe
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.authority import Authority
-from atlantis_netcfg.vpn.authority import _sealed as sealed
+from atlantis_netcfg.vpn.authority import authority as sealed
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.pki import key_pem
 

@@ -12,7 +12,7 @@ from live_stand import LOG, NAME, Client, Record, Server, until
 from vpn_desk import PASSPHRASE, Desk, onboarding, seated
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.vpn import connected
+from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity

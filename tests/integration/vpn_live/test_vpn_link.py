@@ -14,9 +14,16 @@ from live_stand import NAME, Computer
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_serve
 from atlantis_netcfg.core.remote_bundle import build_live
 from atlantis_netcfg.operations.vpn import link as link_module
-from atlantis_netcfg.operations.vpn._state import PLACE
-from atlantis_netcfg.operations.vpn.errors import AnswerLost, HostKeyChanged, ServerAway, ServerRefused
-from atlantis_netcfg.operations.vpn.link import FOLDER, LocalLink, SshLink
+from atlantis_netcfg.operations.vpn.link import (
+    FOLDER,
+    AnswerLost,
+    HostKeyChanged,
+    LocalLink,
+    ServerAway,
+    ServerRefused,
+    SshLink,
+)
+from atlantis_netcfg.operations.vpn.server_state import PLACE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

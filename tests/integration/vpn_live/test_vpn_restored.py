@@ -18,9 +18,9 @@ from live_stand import NAME, Client, Record, Server, declaration
 from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.vpn import connected, live
-from atlantis_netcfg.operations.vpn.errors import ServerRefused
-from atlantis_netcfg.operations.vpn.link import LocalLink
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn import server as connected
+from atlantis_netcfg.operations.vpn.link import LocalLink, ServerRefused
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 

@@ -24,9 +24,9 @@ from atlantis_netcfg.emulator.lab import tree, why_not, yard
 from atlantis_netcfg.emulator.lab._namespaces import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
-from atlantis_netcfg.operations.vpn.init_authority import server_names
+from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest
-from atlantis_netcfg.vpn.authority import _sealed as sealed
+from atlantis_netcfg.vpn.authority.authority import unseal_ca
 from atlantis_netcfg.vpn.enrolment_package import profile
 from atlantis_netcfg.vpn.identity import Identity, Kind, Link
 
@@ -341,7 +341,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         vpn = folder / "state" / "vpn"
         vpn.parent.mkdir(mode=0o700)
         Authority.init(vpn, _PASSPHRASE, server_names(real.declaration), "founder", "vault")
-        ca = sealed.unseal_ca(vpn, _PASSPHRASE)
+        ca = unseal_ca(vpn, _PASSPHRASE)
         made = Stand(ground, machine, key, public, folder, real.inventory, ca, stack)
         for path in (vpn / "server").iterdir():
             if path.suffix == ".key":

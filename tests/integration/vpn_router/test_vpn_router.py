@@ -15,9 +15,9 @@ from atlantis_netcfg.emulator.routeros import FaultKind
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request
-from atlantis_netcfg.operations.vpn._import import PEM, PROFILE, RouterImport
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
+from atlantis_netcfg.operations.vpn.router_import import PEM, PROFILE, RouterImport
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.vpn import routeros
 

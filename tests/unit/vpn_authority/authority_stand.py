@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
-from atlantis_netcfg.vpn.authority import _sealed as sealed
+from atlantis_netcfg.vpn.authority.authority import unseal_ca
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.names import member_name
 
@@ -78,7 +78,7 @@ def _founded() -> tuple[Path, pki.Ca]:
     folder = place / "vpn"
     # Sealed by ansible-vault: tests do not wait for age's second.
     Authority.init(folder, PASSPHRASE, NAMES, "founder", "vault")
-    return folder, sealed.unseal_ca(folder, PASSPHRASE)
+    return folder, unseal_ca(folder, PASSPHRASE)
 
 
 def stand(tmp_path: Path) -> Stand:

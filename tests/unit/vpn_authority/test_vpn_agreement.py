@@ -14,10 +14,10 @@ from authority_stand import NAMES, PASSPHRASE, Stand, stand, wish
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.operations.vpn.audit import audit
+from atlantis_netcfg.operations.vpn.records import audit
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged
-from atlantis_netcfg.vpn.authority import _head as heads
+from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, check
+from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
 from atlantis_netcfg.vpn.ledger import digest
 
 if TYPE_CHECKING:
@@ -225,13 +225,12 @@ def test_a_whole_older_folder_agrees_with_itself_and_that_is_said(made: Stand) -
 
 def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[Path] = []
-    read = heads.read_head
 
-    def reading(folder: Path, ca: x509.Certificate, fold: LedgerState) -> heads.Head:
+    def reading(folder: Path, ca: x509.Certificate, fold: LedgerState) -> Head:
         looked.append(folder)
-        return read(folder, ca, fold)
+        return read_head(folder, ca, fold)
 
-    monkeypatch.setattr(heads, "read", reading)
+    monkeypatch.setattr(check, "read_head", reading)
     assert made.authority.agreement().problems == ()
     assert looked == [made.folder]
     other_kind_of_ca(made.folder)

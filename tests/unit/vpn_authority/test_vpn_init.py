@@ -16,7 +16,7 @@ from cryptography.x509.oid import NameOID
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames, _book
+from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames, ledger_session
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -133,7 +133,7 @@ def test_the_server_gets_another_certificate_for_other_names_or_in_time(
     names = server.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert names.get_values_for_type(x509.DNSName) == ["other.example"]
     assert made.authority.check() == []
-    monkeypatch.setattr(_book, "utc_now", lambda: datetime.now(UTC) + timedelta(days=1826 - 80))
+    monkeypatch.setattr(ledger_session, "utc_now", lambda: datetime.now(UTC) + timedelta(days=1826 - 80))
     with made.signing() as signer:
         assert signer.serve(other)
 

@@ -11,7 +11,7 @@ from authority_stand import stand, wish
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import AuthorityDamaged, ClockBehind, _book
+from atlantis_netcfg.vpn.authority import AuthorityDamaged, ClockBehind, ledger_session
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 
@@ -140,7 +140,7 @@ def test_a_list_that_gets_old_is_signed_anew_in_passing(tmp_path: Path, monkeypa
 
 
 def at(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
-    monkeypatch.setattr(_book, "utc_now", lambda: moment)
+    monkeypatch.setattr(ledger_session, "utc_now", lambda: moment)
 
 
 def signed(made: Stand) -> datetime:

@@ -21,7 +21,7 @@ from atlantis_netcfg.vpn.ledger import (
     read,
     records,
 )
-from atlantis_netcfg.vpn.ledger._entry import GENESIS, digest, encode, parse
+from atlantis_netcfg.vpn.ledger.file import GENESIS, digest, encode, parse
 
 if TYPE_CHECKING:
     from pathlib import Path

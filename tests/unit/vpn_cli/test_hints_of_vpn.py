@@ -22,7 +22,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
-from atlantis_netcfg.operations.vpn.deploying import Deployed, NoPush
+from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
 from atlantis_netcfg.vpn.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
@@ -88,7 +88,7 @@ class Laptop:
         for place in ("_file", "", "_entry"):
             with suppress(AttributeError, ImportError):
                 self.monkeypatch.setattr(f"atlantis_netcfg.vpn.ledger{'.' if place else ''}{place}.utc_now", later)
-        self.monkeypatch.setattr("atlantis_netcfg.vpn.authority._book.utc_now", later)
+        self.monkeypatch.setattr("atlantis_netcfg.vpn.authority.ledger_session.utc_now", later)
 
 
 class Play:

@@ -16,7 +16,7 @@ from atlantis_netcfg.cli import _vpn, main
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.vpn.deploying import Deployed, NoPush
+from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
 from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity
 
 if TYPE_CHECKING:

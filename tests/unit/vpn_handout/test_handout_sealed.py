@@ -33,8 +33,7 @@ from atlantis_netcfg.vpn.enrolment_package import (
     open_handout,
     read_identity,
 )
-from atlantis_netcfg.vpn.enrolment_package._archive import pack, unpack
-from atlantis_netcfg.vpn.enrolment_package._sealed import _as_made
+from atlantis_netcfg.vpn.enrolment_package.package import _as_made, pack, unpack
 from atlantis_netcfg.vpn.identity import Kind, Link, Wrap
 
 if TYPE_CHECKING:

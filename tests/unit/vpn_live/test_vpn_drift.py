@@ -12,10 +12,9 @@ import pytest
 
 from atlantis_netcfg.gateway.parts import File
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn._drift import drift
-from atlantis_netcfg.operations.vpn._state import PLACE, Crl, ServerState, observe
-from atlantis_netcfg.operations.vpn.errors import AnswerLost
-from atlantis_netcfg.vpn import _server_system
+from atlantis_netcfg.operations.vpn.link import AnswerLost
+from atlantis_netcfg.operations.vpn.server_state import PLACE, Crl, ServerState, drift, observe
+from atlantis_netcfg.vpn import server
 from atlantis_netcfg.vpn.identity import MembershipList
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER
 
@@ -133,7 +132,7 @@ def test_drift_is_told_in_words(case: str) -> None:
 
 
 def test_the_stamp_of_the_firewall_is_that_of_the_roles_unit() -> None:
-    unit = next(one for one in _server_system.system_units(()) if one.name == PLACE["firewall_unit"])
+    unit = next(one for one in server.system_units(()) if one.name == PLACE["firewall_unit"])
     assert unit.after == (PLACE["firewall"],)
     assert unit.reload
 

@@ -9,7 +9,7 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.floor import Branch, Floor, hold
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.vpn._server_system import FLOOR
+from atlantis_netcfg.vpn.server import FLOOR
 
 DECLARED = Floor(
     FLOOR["program"],

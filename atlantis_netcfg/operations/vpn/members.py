@@ -1,0 +1,247 @@
+"""Onboard, renew and revoke members, and make the authority that does so.
+
+The hand-out is made inside the authority's transaction: the certificate is on record before a file exists, and the file
+exists before the record says that it was issued. A killed command is therefore repeated, and nothing is lost. A
+revocation is recorded and on the list first, so that it holds whatever the server says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import private_directory
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.operations.vpn.requests import computers
+from atlantis_netcfg.vpn import enrolment_package as handouts
+from atlantis_netcfg.vpn.authority import Authority, Delivered, Issued, ServerNames
+from atlantis_netcfg.vpn.enrolment_package import server_name
+from atlantis_netcfg.vpn.names import check_free
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from contextlib import AbstractContextManager
+    from ipaddress import IPv4Address
+
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.vpn.authority import EnrolmentRequest, RenewalRequest, Revoked, Signer
+    from atlantis_netcfg.vpn.identity import Identity, Member
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorContext:
+    """A person before the authority."""
+
+    authority: Authority
+    who: str
+    """For the record."""
+    waiting: Callable[[str], None]
+    """Is told for whom the command waits, if it does."""
+    trust_clock: bool = False
+    """A person has said that this computer's clock is right, although the record's last entry is later."""
+
+    def unlocked(self, passphrase: Callable[[], Secret]) -> AbstractContextManager[Signer]:
+        """Sign, as `Authority.unlocked` has it."""
+        return self.authority.unlocked(passphrase, self.who, waiting=self.waiting, trust_clock=self.trust_clock)
+
+
+CONTACT = "whoever gave you this file"
+_CONTACT_MAX = 200
+
+
+@dataclass(frozen=True, slots=True)
+class HandoutTarget:
+    """How hand-outs leave: to whom they are sealed, and where they are copied to."""
+
+    recipients: Mapping[str, str] = field(default_factory=dict)
+    """Public key by the name of the member; the others get a one-time passphrase."""
+    copies: Path | None = None
+    contact: str = CONTACT
+    """Whom the owner of a device calls, on the page of instructions."""
+
+    def __post_init__(self) -> None:
+        """Raise UsageError for what would fail while something is issued."""
+        if self.copies is not None and not self.copies.is_dir():
+            raise UsageError(f"there is no folder {self.copies}", hint="make it first, or leave `to=` out")
+        if not self.contact.strip() or not self.contact.isprintable() or len(self.contact) > _CONTACT_MAX:
+            raise UsageError(
+                f"`contact=`: that is no line of {_CONTACT_MAX} characters at most",
+                hint="a name, a telephone number and a mail address, for instance",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class HandedOut:
+    """A member, its newest certificate, and the file that goes to whoever holds the device."""
+
+    issued: Issued
+    file: Path
+    copy: Path | None = None
+    passphrase: Secret | None = None
+    """Opens the file; this is the only time that it is told."""
+
+
+def reserved(declaration: Declaration, wishes: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
+    """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
+
+    An address that a wish names is meant for that member.
+    """
+    pilot = declaration.pilot
+    server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
+    peers = pilot.dds.peers if pilot.dds is not None else ()
+    taken = {*computers(declaration).values(), *(peer.address for peer in peers)}
+    return frozenset({*taken, *([] if server is None else [server])} - {request.address for request in wishes})
+
+
+@dataclass(slots=True)
+class Onboarding:
+    """One command's issuing: what was handed out is kept by common name until the command tells it."""
+
+    declaration: Declaration
+    desk: OperatorContext
+    outlet: HandoutTarget
+    _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
+
+    def finished(self, wishes: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
+        """The members, if all of them are in the VPN just as they are wished for: nobody needs to type a passphrase.
+
+        Empty if anything is left to do. Raises NameTaken.
+        """
+        roll = self.desk.authority.roll()
+        found = [check_free(wish.name, wish.partner, wish.device, roll) for wish in wishes]
+        pairs = [(desired, member) for desired, member in zip(wishes, found, strict=True) if member is not None]
+        same = all(_same(request, member) for request, member in pairs)
+        return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(wishes) else ()
+
+    def _there(self, member: Member) -> HandedOut:
+        newest = member.good[-1]
+        path = _place(self.desk.authority.folder, newest.common_name)
+        if member.partner is None and not path.exists():
+            path = handouts.host_identity(self.desk.authority.folder, member.name)
+        digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
+        return HandedOut(Issued(member, newest, Delivered(str(path), digest), already=True), path)
+
+    def issue(self, wishes: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
+        """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
+        kept = reserved(self.declaration, wishes)
+        with self.desk.unlocked(passphrase) as signer:
+            return tuple(self._told(item) for item in signer.issue(wishes, self._deliver, reserved=kept))
+
+    def renew(
+        self, members: Sequence[Member], change: RenewalRequest, passphrase: Callable[[], Secret]
+    ) -> tuple[HandedOut, ...]:
+        """Give each a successor of its certificate."""
+        with self.desk.unlocked(passphrase) as signer:
+            return tuple(self._told(signer.renew(member.name, self._deliver, change)) for member in members)
+
+    def _told(self, issued: Issued) -> HandedOut:
+        name = issued.certificate.common_name
+        return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
+
+    def _deliver(self, identity: Identity) -> Delivered:
+        """Write the member's file, before the record says that it has one."""
+        recipient = self.outlet.recipients.get(identity.member.name)
+        if identity.member.partner is None:
+            delivered = self._keep(identity)
+            if recipient is None and self.outlet.copies is None:
+                return delivered
+        sealing = handouts.OneTimePassphrase() if recipient is None else handouts.Recipient(recipient)
+        made = handouts.handout(self.declaration, identity, sealing, contact=self.outlet.contact)
+        common_name = identity.certificate.common_name
+        place = _place(self.desk.authority.folder, common_name)
+        private_directory(place.parent)
+        write_atomically(place, made.data)
+        self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
+        return Delivered(str(place), made.sha256)
+
+    def _keep(self, identity: Identity) -> Delivered:
+        """The identity of a declared computer, for the role that brings it there."""
+        data = handouts.identity_file(identity).reveal().encode()
+        place = handouts.host_identity(self.desk.authority.folder, identity.member.name)
+        private_directory(place.parent)
+        write_atomically(place, data)
+        return Delivered(str(place), sha256(data).hexdigest())
+
+    def _copied(self, name: str, data: bytes) -> Path | None:
+        if self.outlet.copies is None:
+            return None
+        place = self.outlet.copies / name
+        write_atomically(place, data)
+        return place
+
+
+def _place(folder: Path, common_name: str) -> Path:
+    return folder / "handouts" / common_name / f"{common_name}.tar.age"
+
+
+def _same(request: EnrolmentRequest, member: Member) -> bool:
+    """Whether a wish is fulfilled by the member as it is."""
+    newest = member.good[-1] if member.good else None
+    return (
+        newest is not None
+        and (member.kind, member.link, member.vehicle) == (request.kind, request.link, request.vehicle)
+        and (newest.wrap, newest.key) == (request.wrap, request.key)
+        and request.address in {None, member.address}
+    )
+
+
+_LONGEST = 100
+
+
+def reason_of(typed: str | None) -> str:
+    """The reason for the record. Raises UsageError for more than a line."""
+    if typed is None:
+        return "no reason given"
+    if not typed.isprintable() or len(typed) > _LONGEST:
+        raise UsageError(f"a reason is one line of {_LONGEST} characters at most", hint="as in `reason=stolen`")
+    return typed
+
+
+def revoke(
+    prompt: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
+) -> Revoked:
+    """Record it and publish the list; nothing is asked of the server here."""
+    with prompt.unlocked(passphrase) as signer:
+        return signer.revoke([member.name for member in members], reason)
+
+
+def server_names(declaration: Declaration) -> ServerNames:
+    """What the server's certificate is made out to: RouterOS compares name or address with what it connects to."""
+    vpn = declaration.pilot.vpn
+    lan = getattr(declaration.hosts[vpn.server].device, "address", None)
+    addresses = (vpn.endpoint,) if lan is None else (vpn.endpoint, lan)
+    return ServerNames(server_name(declaration), (vpn.endpoint_name,), addresses)
+
+
+def existing_authority(folder: Path, declaration: Declaration) -> Authority | None:
+    """The authority that is there already. Raises UsageError if its server is another than the declared one."""
+    if not Authority.exists(folder):
+        return None
+    authority = Authority.open(folder)
+    names, desired = authority.server(), server_names(declaration)
+    if names != desired:
+        raise UsageError(
+            f"{folder} has an authority whose server is {_names_text(names)}, and the inventory declares "
+            f"{_names_text(desired)}",
+            hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
+            "another authority has another folder: `authority=FOLDER`",
+        )
+    return authority
+
+
+def refuse_example_authority(declaration: Declaration, *, named: bool) -> None:
+    """Raise UsageError where example values would go into the real authority; one in a `named` folder is for trying."""
+    if declaration.pilot.example_values and not named:
+        raise UsageError(
+            "the inventory still holds example values, and nobody could use what is made of them",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "
+            "or try it out in a folder of its own: add `authority=FOLDER`",
+        )
+
+
+def _names_text(names: ServerNames) -> str:
+    return ", ".join([names.common_name, *names.dns, *map(str, names.addresses)])

@@ -1,0 +1,396 @@
+"""From the words of a command to the requests that the authority takes: all is checked before anything is opened.
+
+All that the declaration says is compared here (partner, pool, vehicle, declared host), so that a refused name costs no
+passphrase and leaves no file. Errors are collected and shown together. What only the record knows (a name or an address
+that is taken) the authority refuses by itself.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
+from ipaddress import IPv4Address
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.declaration.model import Gateway, Router
+from atlantis_netcfg.vpn import names
+from atlantis_netcfg.vpn.authority import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
+from atlantis_netcfg.vpn.client import site_link
+from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.pki import check_recipient
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from atlantis_netcfg.declaration import Declaration, Host
+
+
+_Word = TypeVar("_Word", bound=StrEnum)
+_MOST_DAYS = 1825
+"""Of a member's certificate: it must end well before the authority does."""
+
+
+class Refused(UsageError):
+    """Some of what was asked for cannot be; `errors` holds every reason. Nothing was opened and nothing was written."""
+
+    def __init__(self, errors: Sequence[NetcfgError]) -> None:
+        super().__init__("\n".join(str(error) for error in errors))
+        self.errors = tuple(errors)
+
+
+class Check:
+    """One request; `words` are its words as they were typed."""
+
+    def __init__(self, words: Mapping[str, str | None]) -> None:
+        self.words = words
+        self.errors: list[UsageError] = []
+
+    def close(self) -> None:
+        """Raise what is wrong: UsageError, Refused where it is more than one thing."""
+        if len(self.errors) > 1:
+            raise Refused(self.errors)
+        if self.errors:
+            raise self.errors[0]
+
+    def wrong(self, message: str, hint: str | None = None) -> None:
+        """One thing that is wrong, and what to type instead."""
+        self.errors.append(UsageError(message, hint=hint))
+
+    def checked(self, check: Callable[[], str]) -> str | None:
+        """What `check` gives; None where it refuses, which is kept."""
+        try:
+            return check()
+        except UsageError as error:
+            self.errors.append(error)
+            return None
+
+    def choice(self, word: str, known: Sequence[_Word]) -> _Word | None:
+        """The one of `known` that was typed; None if the word is missing or not known, which is kept."""
+        typed = self.words[word]
+        if typed is None:
+            return None
+        for item in known:
+            if item.value == typed:
+                return item
+        near = nearest(typed, known)
+        hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(known)}"
+        self.wrong(f"`{word}=`: {shown(typed)} is not known", hint)
+        return None
+
+    def days(self) -> int | None:
+        """How long a certificate is asked to be good."""
+        typed = self.words["days"]
+        if typed is None:
+            return None
+        if re.fullmatch(r"[0-9]{1,5}", typed) is None or not 1 <= int(typed) <= _MOST_DAYS:
+            self.wrong(f"`days=`: {shown(typed)} is no number from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
+            return None
+        return int(typed)
+
+
+def shown(typed: str) -> str:
+    """What was typed, so that it cannot do anything to a terminal: in quotes, escaped, and cut."""
+    text = ascii(typed)[1:-1]
+    return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
+
+
+def request_of_host(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
+    """The wish; None where something is wrong, which `check` has kept."""
+    for word in ("partner", "device", "kind", "vehicle", "address"):
+        if check.words[word] is not None:
+            check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
+    host = _declared(declaration, check)
+    link, wrap = check.choice("link", list(Link)), check.choice("wrap", list(Wrap))
+    key, days = check.choice("key", list(KeyType)), check.days()
+    if host is None or check.checked(lambda: names.check_name(host.name, "host")) is None:
+        return None
+    router = isinstance(host.device, Router)
+    return EnrolmentRequest(
+        name=host.name,
+        kind=Kind.ROUTER if router else Kind.HOST,
+        partner=None,
+        device=host.name,
+        address=computers(declaration)[host.name],
+        link=link or site_link(declaration, host.site),
+        wrap=wrap or _usual_wrap(host),
+        key=key or (KeyType.RSA if router else KeyType.EC),
+        days=days or CLIENT_DAYS,
+    )
+
+
+def _usual_wrap(host: Host) -> Wrap:
+    """A gateway's Ubuntu 20.04 has OpenVPN 2.4, which knows the shared key alone (facts 10)."""
+    return Wrap.TLS_CRYPT if isinstance(host.device, Gateway) else Wrap.TLS_CRYPT_V2
+
+
+def _declared(declaration: Declaration, check: Check) -> Host | None:
+    typed, inside = str(check.words["host"]), computers(declaration)
+    if typed in inside:
+        return declaration.hosts[typed]
+    there = f"those in the VPN: {', '.join(inside)}"
+    if typed in declaration.hosts:
+        check.wrong(f"`{typed}` is no client of the VPN: it has no tunnel address, or it is the server", there)
+        return None
+    near = nearest(typed, inside)
+    check.wrong(f"there is no host {shown(typed)} in the inventory", f"did you mean `host={near}`?" if near else there)
+    return None
+
+
+def computers(declaration: Declaration) -> dict[str, IPv4Address]:
+    """The declared computers that are clients of the server, with their tunnel addresses."""
+    found = {name: _tunnel_address(host) for name, host in declaration.hosts.items()}
+    server = declaration.pilot.vpn.server
+    return {name: address for name, address in found.items() if address is not None and name != server}
+
+
+def _tunnel_address(host: Host) -> IPv4Address | None:
+    if isinstance(host.device, Router):
+        return host.device.vpn_client.address if host.device.vpn_client is not None else None
+    return getattr(host.device, "vpn_address", None)
+
+
+_KINDS = tuple(kind for kind in Kind if kind is not Kind.HOST)
+
+
+def request_of_device(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
+    """The wish; None where something is wrong, which `check` has kept."""
+    partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
+    link, wrap, key = (check.choice("link", list(Link)), check.choice("wrap", list(Wrap)), _key(check, kind))
+    days = check.days()
+    if partner is None or device is None or kind is None:
+        return None
+    name = _member(declaration, check, partner, device)
+    vehicle = _vehicle(declaration, check, partner, device, kind)
+    address = _address(declaration, check, partner)
+    if name is None:
+        return None
+    return EnrolmentRequest(
+        name=name,
+        kind=kind,
+        partner=partner,
+        device=device,
+        address=address,
+        pool=declaration.partners[partner].vpn_pool,
+        link=link or Link.FIBRE,
+        vehicle=vehicle,
+        wrap=wrap or Wrap.TLS_CRYPT_V2,
+        key=key,
+        days=days or CLIENT_DAYS,
+    )
+
+
+def _partner(declaration: Declaration, check: Check) -> str | None:
+    typed, known = check.words["partner"], declaration.partners
+    if typed is None:
+        check.wrong("`partner=` is missing: whose device it is", "add it, or name a declared computer by `host=`")
+    elif typed not in known:
+        near = nearest(typed, known)
+        hint = f"did you mean `partner={near}`?" if near else f"the partners are: {', '.join(known)}"
+        check.wrong(f"there is no partner {shown(typed)} in the inventory", hint)
+    else:
+        return typed
+    return None
+
+
+def _device(check: Check) -> str | None:
+    typed = check.words["device"]
+    if typed is None:
+        check.wrong("`device=` is missing: what the device is called", "add it, as in `device=sparus2`")
+        return None
+    return check.checked(lambda: names.check_name(typed, "device"))
+
+
+def _kind(check: Check) -> Kind | None:
+    if check.words["kind"] is None:
+        check.wrong("`kind=` is missing: what the device is", f"it takes one of: {', '.join(_KINDS)}")
+    return check.choice("kind", _KINDS)
+
+
+def _key(check: Check, kind: Kind | None) -> KeyType:
+    """RouterOS was never seen to work with elliptic curves here (facts 10)."""
+    return check.choice("key", list(KeyType)) or (KeyType.RSA if kind is Kind.ROUTER else KeyType.EC)
+
+
+def _member(declaration: Declaration, check: Check, partner: str, device: str) -> str | None:
+    name = check.checked(lambda: names.member_name(partner, device))
+    if name in declaration.hosts:
+        check.wrong(f"`{name}` is a declared computer", f"another name for the device, or `host={name}`")
+    return name
+
+
+def _vehicle(declaration: Declaration, check: Check, partner: str, device: str, kind: Kind) -> str | None:
+    typed = check.words["vehicle"]
+    if kind is not Kind.ROBOT:
+        if typed is not None:
+            check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
+        return None
+    found = _named(declaration, device if typed is None else typed)
+    if found is None:
+        if typed is not None:
+            near = nearest(typed, declaration.vehicles)
+            known = f"the vehicles are: {', '.join(declaration.vehicles)}"
+            check.wrong(f"there is no vehicle {shown(typed)}", f"did you mean `vehicle={near}`?" if near else known)
+        return None
+    owner = declaration.vehicles[found].partner
+    if owner not in {None, partner}:
+        check.wrong(
+            f"the vehicle `{found}` is `{owner}`'s, and not `{partner}`'s",
+            f"type `partner={owner}`, or correct vehicles.yml",
+        )
+    return found
+
+
+def _named(declaration: Declaration, typed: str) -> str | None:
+    """The key of the vehicle that is called so: by its key, or by another name; neither case nor spaces count."""
+    for key, vehicle in declaration.vehicles.items():
+        if _plain(typed) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
+            return key
+    return None
+
+
+def _plain(name: str) -> str:
+    return name.casefold().replace(" ", "-")
+
+
+def _address(declaration: Declaration, check: Check, partner: str) -> IPv4Address | None:
+    typed, pool = check.words["address"], declaration.partners[partner].vpn_pool
+    if typed is None:
+        return None
+    hint = f"one of {pool}, or leave `address=` out"
+    try:
+        address = IPv4Address(typed)
+    except ValueError:
+        check.wrong(f"{shown(typed)} is no IPv4 address", hint)
+        return None
+    if address not in pool:
+        check.wrong(f"{address} is not in the pool of `{partner}`", hint)
+    elif address in {pool.network_address, pool.broadcast_address}:
+        check.wrong(f"{address} is the first or the last of {pool}, and no device's", hint)
+    return address
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceWords:
+    """What a person, or one record of a file, has asked for; nothing of it is checked yet."""
+
+    place: str = ""
+    """`FILE:LINE` of a record; empty for a command line."""
+    partner: str | None = None
+    device: str | None = None
+    kind: str | None = None
+    host: str | None = None
+    vehicle: str | None = None
+    link: str | None = None
+    wrap: str | None = None
+    key: str | None = None
+    days: str | None = None
+    address: str | None = None
+    recipient: str | None = None
+
+
+KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place")
+"""What a record of a file may hold; the words of the command are the same."""
+
+
+def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
+    """The wishes, in the order of what was asked for. Raises Refused with everything that is wrong."""
+    wishes: list[EnrolmentRequest] = []
+    errors: list[NetcfgError] = []
+    seen: dict[str, DeviceWords] = {}
+    for item in requested:
+        try:
+            request = request_of(declaration, item)
+        except UsageError as error:
+            errors += [_placed(item, each) for each in getattr(error, "errors", (error,))]
+            continue
+        wishes.append(request)
+        if request.name in seen:
+            errors.append(
+                _placed(item, UsageError(f"`{request.name}` is there twice, first in {seen[request.name].place}"))
+            )
+        seen.setdefault(request.name, item)
+    if errors:
+        raise Refused(errors)
+    return tuple(wishes)
+
+
+def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
+    return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
+
+
+def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
+    """The wish for a partner's device, or for a declared host. Raises UsageError, Refused when more is wrong."""
+    check = Check(asdict(item))
+    request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
+    check.close()
+    if request is None:
+        raise AssertionError("refused without a reason")
+    return request
+
+
+def change_of(**words: str | None) -> RenewalRequest:
+    """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
+    check = Check(words)
+    change = RenewalRequest(
+        days=check.days(),
+        wrap=check.choice("wrap", list(Wrap)),
+        key=check.choice("key", list(KeyType)),
+        link=check.choice("link", list(Link)),
+    )
+    check.close()
+    return change
+
+
+_LONGEST = 20_000
+"""Characters of a file with a public key: RSA keys and comments have a few thousand."""
+_PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
+
+
+def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
+    """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
+    found: dict[str, str] = {}
+    errors: list[UsageError] = []
+    for item, name in zip(requested, names, strict=True):
+        if item.recipient is None:
+            continue
+        try:
+            found[name] = recipient_of(item.recipient)
+        except UsageError as error:
+            errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
+    if errors:
+        raise Refused(errors)
+    return found
+
+
+def recipient_of(typed: str) -> str:
+    """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
+    _refuse_private(typed)
+    text = typed if typed.startswith(("age1", "ssh-")) else _in_file(typed)
+    _refuse_private(text)
+    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if len(lines) != 1:
+        raise UsageError(f"there are {len(lines)} keys in {shown(typed)}", hint="one file, one public key")
+    check_recipient(lines[0])
+    return lines[0]
+
+
+def _refuse_private(text: str) -> None:
+    if any(mark in text.upper() for mark in _PRIVATE):
+        raise UsageError(
+            "this is a private key, and was meant for nobody but its owner",
+            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
+        )
+
+
+def _in_file(typed: str) -> str:
+    hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
+    try:
+        with Path(typed).open(encoding="utf-8") as file:
+            return file.read(_LONGEST)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise UsageError(f"no key to seal to: {shown(typed)} cannot be read: {why}", hint=hint) from error

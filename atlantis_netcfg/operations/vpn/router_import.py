@@ -1,0 +1,332 @@
+"""One router and one identity: observe the router, import what is missing, and read it back.
+
+The order leaves the old tunnel up until the new one is on the router: certificate, then configuration under the name
+that the import gives it, then the old interface is removed and the new one takes its name in one command. Each file
+that holds a key is removed before the next step, whatever the router answered.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.routeros.api import Command, Refused, Session, SessionLost
+from atlantis_netcfg.vpn import routeros
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Iterator, Mapping
+    from datetime import datetime
+
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.routeros.api import Endpoint, Reply
+    from atlantis_netcfg.vpn.identity import Identity
+
+__all__ = ["PEM", "PROFILE", "RouterImport", "RouterObservation"]
+
+PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"
+"""Files on the router, for seconds."""
+_MENU, _CERTIFICATES = "/interface/ovpn-client", "/certificate"
+_IMPORTED = "ovpn-import"
+"""What an import calls its interface, before the second in which it was made (seen in others' exports)."""
+_TRIES, _PAUSE_S = 15, 1.0
+"""An import goes on in the background of a real router: others' scripts wait five seconds for it."""
+_DATE = re.compile(r"\d{4}-\d\d-\d\d")
+"""As RouterOS 7.10 and later write a day."""
+_SAME = {"true": "yes", "false": "no"}
+
+
+@dataclass(frozen=True, slots=True)
+class RouterObservation:
+    """One look at a router."""
+
+    interface: Mapping[str, str] | None
+    """The row of the declared name."""
+    certificate: Mapping[str, str] | None
+    """The row of this identity's certificate, if its key is there, too."""
+    authority: bool
+    """Whether the authority's certificate is there."""
+    named: Mapping[str, str] | None
+    """Another certificate under the declared name."""
+    stale: tuple[str, ...]
+    """Ids of interfaces that a cut run of ours has left."""
+    files: tuple[str, ...]
+    changes: tuple[str, ...]
+    notes: tuple[str, ...]
+    by_tunnel: bool
+    """Whether our own session comes through the tunnel that would be replaced."""
+
+
+@dataclass(frozen=True, slots=True)
+class RouterImport:
+    """All that is needed for it."""
+
+    name: str
+    site: str
+    endpoint: Endpoint
+    tunnel: routeros.Tunnel
+    identity: Identity
+    profile: Secret
+    rehearsed: bool
+    notify: Subscriber
+
+    @property
+    def mark(self) -> str:
+        """The MAC address by which the interface is known to hold this identity's keys."""
+        return routeros.mark(self.identity)
+
+    async def look(self) -> RouterObservation:
+        """Read, and change nothing. Raises RouterTooOld, and what a session raises."""
+        self._say(Stage.CONNECTING, f"to {self.endpoint}")
+        session = await Session.open(self.endpoint)
+        try:
+            return await self._look(session)
+        finally:
+            await session.close()
+
+    async def carry_out(self) -> RouterObservation:
+        """Do what a look has found missing; returns what it was. Raises DeviceFailed, OutcomeUnknown."""
+        session = await Session.open(self.endpoint)
+        try:
+            seen = await self._look(session)
+            if seen.by_tunnel:
+                raise DeviceFailed(
+                    f"you come to {self.name} through {self.tunnel.name}, which would go down with your session",
+                    hint="work at the site, on the management port: the old certificate is good until the new one is",
+                )
+            try:
+                await self._import(session, seen)
+            except SessionLost as lost:
+                raise OutcomeUnknown(
+                    f"{self.name} was lost while its tunnel was imported: {lost}",
+                    hint="type the same again: it goes on from there, and removes files that were left",
+                ) from lost
+            left = (await self._look(session)).changes
+            if left:
+                raise OutcomeUnknown(f"{self.name} does not hold what was imported: {'; '.join(left)}")
+            self._say(Stage.CONFIRMED, f"{self.tunnel.name} is imported")
+            return seen
+        finally:
+            await session.close()
+
+    # --- looking ---------------------------------------------------------------------------------------------------
+
+    async def _look(self, session: Session) -> RouterObservation:
+        reads = (
+            Command("/system/resource/print", ((".proplist", "version"),)),
+            Command(f"{_MENU}/print"),
+            Command(f"{_CERTIFICATES}/print", ((".proplist", ".id,name,fingerprint,private-key"),)),
+            Command("/file/print", ((".proplist", "name"),), (f"?name={PEM}", f"?name={PROFILE}", "?#|")),
+            Command("/ip/route/print", ((".proplist", "dst-address"),), (f"?gateway={self.tunnel.name}",)),
+            Command("/user/active/print", ((".proplist", "name,address,via"),)),
+            Command("/system/clock/print", ((".proplist", "date"),)),
+        )
+        resource, *others = await session.flight(reads)
+        self._check_version(resource)
+        interfaces, certificates, files, routes, active, clock = (reply.checked().rows for reply in others)
+        interface = next((row for row in interfaces if row.get("name") == self.tunnel.name), None)
+        found = {row.get("fingerprint", "").lower(): row for row in certificates}
+        certificate = found.get(self.identity.certificate.sha256)
+        if certificate is not None and certificate.get("private-key") not in {"true", "yes"}:
+            certificate = None
+        named = next((row for row in certificates if row.get("name") == self.tunnel.certificate), None)
+        if named is not None and certificate is not None and named.get(".id") == certificate.get(".id"):
+            named = None
+        stale = tuple(row[".id"] for row in interfaces if self._left_by_us(row))
+        there = tuple(row["name"] for row in files)
+        changes = tuple(self._changes(interface, certificate, stale, there))
+        replaced = interface is not None and not self._holds(interface)
+        return RouterObservation(
+            interface=interface,
+            certificate=certificate,
+            authority=_authority(self.identity) in found,
+            named=named,
+            stale=stale,
+            files=there,
+            changes=changes,
+            notes=((_REPLACED.format(site=self.site),) if replaced else ()) + tuple(self._wrong_clock(clock)),
+            by_tunnel=replaced and self._comes_by(routes, active),
+        )
+
+    def _check_version(self, resource: Reply) -> None:
+        about = next(iter(resource.checked().rows), {})
+        try:
+            version = Version.parse(about.get("version", ""))
+        except ValueError:
+            raise DeviceFailed(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
+        upgrade = f"`provision upgrade site={self.site} device={self.name} packages=FILE.npk`"
+        routeros.check_version(version, where=self.name, upgrade=upgrade)
+
+    def _wrong_clock(self, clock: tuple[Mapping[str, str], ...]) -> Iterator[str]:
+        """No tunnel comes up before the certificate's first day; a rehearsal's clock stands where it likes."""
+        today = next((row.get("date", "") for row in clock), "")
+        first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._until))
+        if _DATE.fullmatch(today) and not self.rehearsed and not first <= today <= last:
+            yield f"its clock says {today}: the tunnel comes up when it is right, see `/system ntp client print`"
+
+    @property
+    def _until(self) -> datetime:
+        return self.identity.certificate.not_after
+
+    def _left_by_us(self, row: Mapping[str, str]) -> bool:
+        """An imported interface that was never named: with our server and our user it is of no other use."""
+        ours = (row.get("connect-to"), row.get("user")) == (self.tunnel.connect_to, self.tunnel.user)
+        return ours and row.get("name", "").startswith(_IMPORTED)
+
+    def _holds(self, row: Mapping[str, str]) -> bool:
+        return row.get("mac-address", "").upper() == self.mark
+
+    def _changes(
+        self,
+        interface: Mapping[str, str] | None,
+        certificate: Mapping[str, str] | None,
+        stale: tuple[str, ...],
+        files: tuple[str, ...],
+    ) -> Iterator[str]:
+        yield from (f"file {name} removed, which an earlier run has left" for name in files)
+        yield from ("interface of an earlier run removed" for _ in stale)
+        declared, until = self.tunnel.certificate, f"{self._until:%Y-%m-%d}"
+        if certificate is None:
+            yield f"certificate {declared} imported, good until {until}"
+        elif certificate.get("name") != declared:
+            yield f"certificate {certificate.get('name')} called {declared}"
+        if interface is None:
+            yield f"interface {self.tunnel.name} imported"
+        elif not self._holds(interface):
+            yield f"interface {self.tunnel.name} imported in the place of the one that is there"
+        else:
+            other = sorted(name for name, value in self.tunnel.values().items() if _plain(interface, name) != value)
+            if other:
+                yield f"interface {self.tunnel.name}: {', '.join(other)}"
+
+    def _comes_by(self, routes: tuple[Mapping[str, str], ...], active: tuple[Mapping[str, str], ...]) -> bool:
+        networks = [_network(row.get("dst-address", "")) for row in routes]
+        ours = [row for row in active if row.get("name") == self.endpoint.user and "api" in row.get("via", "")]
+        peers = [_network(row.get("address", "")) for row in ours]
+        return any(peer.subnet_of(network) for peer in peers if peer for network in networks if network)
+
+    # --- doing -----------------------------------------------------------------------------------------------------
+
+    async def _import(self, session: Session, seen: RouterObservation) -> None:
+        for name in seen.files:
+            await _do(session, "/file/remove", numbers=name)
+        for number in seen.stale:
+            await _do(session, f"{_MENU}/remove", **{".id": number})
+        certificate = seen.certificate
+        if certificate is None:
+            certificate = await self._import_certificate(session, seen)
+        if seen.interface is not None and self._holds(seen.interface):
+            number = seen.interface[".id"]
+        else:
+            number = await self._import_interface(session)
+            if seen.interface is not None:
+                await _do(session, f"{_MENU}/remove", **{".id": seen.interface[".id"]})
+        desired = {**self.tunnel.values(), "certificate": certificate["name"], "mac-address": self.mark}
+        await _do(session, f"{_MENU}/set", **{".id": number}, **desired, password=self.tunnel.password.reveal())
+        await self._name(session, seen, certificate)
+
+    async def _import_certificate(self, session: Session, seen: RouterObservation) -> Mapping[str, str]:
+        self._say(Stage.APPLYING, f"certificate {self.tunnel.certificate}")
+        authority = "" if seen.authority else self.identity.ca
+        text = f"{self.identity.cert}{self.identity.key.reveal()}{authority}"
+        async with self._file(session, PEM, text):
+            name = f"{self.tunnel.certificate}-new"
+            await _do(session, f"{_CERTIFICATES}/import", **{"file-name": PEM, "passphrase": "", "name": name})
+        found = (await self._look(session)).certificate
+        if found is None:
+            raise DeviceFailed(f"{self.name} does not show the certificate that it has imported")
+        return found
+
+    async def _import_interface(self, session: Session) -> str:
+        self._say(Stage.APPLYING, f"interface {self.tunnel.name}")
+        async with self._file(session, PROFILE, self.profile.reveal()):
+            arguments = {
+                "file-name": PROFILE,
+                "ovpn-user": self.tunnel.user,
+                "ovpn-password": self.tunnel.password.reveal(),
+                "skip-cert-import": "yes",
+            }
+            await _do(session, f"{_MENU}/import-ovpn-configuration", **arguments)
+            for _ in range(_TRIES):
+                stale = (await self._look(session)).stale
+                if stale:
+                    return stale[-1]
+                await asyncio.sleep(_PAUSE_S)
+        raise DeviceFailed(
+            f"{self.name} has imported the configuration, and shows no interface of it",
+            hint='on the router: `/log print where topics~"ovpn"`',
+        )
+
+    async def _name(self, session: Session, seen: RouterObservation, certificate: Mapping[str, str]) -> None:
+        """Let the certificate have the declared name; the one before goes, with its key."""
+        if certificate["name"] == self.tunnel.certificate:
+            return
+        if seen.named is not None:
+            old = seen.named[".id"]
+            await _do(session, f"{_CERTIFICATES}/set", **{".id": old, "name": f"{self.tunnel.certificate}-old"})
+            await _do(session, f"{_CERTIFICATES}/remove", **{".id": old})
+        arguments = {".id": certificate[".id"], "name": self.tunnel.certificate}
+        await _do(session, f"{_CERTIFICATES}/set", **arguments)
+
+    @asynccontextmanager
+    async def _file(self, session: Session, name: str, text: str) -> AsyncIterator[None]:
+        """A file on the router for as long as this lasts; where the session is lost, a new one removes it."""
+        try:
+            await _do(session, "/file/add", name=name, contents=text)
+            yield
+        finally:
+            await self._forget(session, name)
+
+    async def _forget(self, session: Session, name: str) -> None:
+        try:
+            await session.command(Command("/file/remove", (("numbers", name),)))
+        except SessionLost:
+            try:
+                async with await Session.open(self.endpoint) as again:
+                    await again.command(Command("/file/remove", (("numbers", name),)))
+            except DeviceFailed:
+                return  # the loss itself is what is told; the next run finds the file
+
+    def _say(self, stage: Stage, message: str) -> None:
+        self.notify(Event(self.name, stage, message))
+
+
+_REPLACED = (
+    "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is done"
+)
+
+
+def _plain(row: Mapping[str, str], name: str) -> str:
+    found = row.get(name, "")
+    return _SAME.get(found, found)
+
+
+def _authority(identity: Identity) -> str:
+    from atlantis_netcfg.vpn import pki  # noqa: PLC0415 - for one fingerprint
+
+    return pki.sha256(pki.load_cert(identity.ca))
+
+
+async def _do(session: Session, path: str, **arguments: str) -> None:
+    """One command; a refusal is told in the router's words."""
+    try:
+        (await session.command(Command(path, tuple(arguments.items())))).checked()
+    except Refused as refused:
+        raise DeviceFailed(
+            str(refused), hint="nothing of a key is left on it in a file; type the same again when the reason is gone"
+        ) from refused
+
+
+def _network(text: str) -> IPv4Network | None:
+    """An address or a network as a device prints it; None for what is neither."""
+    try:
+        return IPv4Network(text, strict=False)
+    except ValueError:
+        return None

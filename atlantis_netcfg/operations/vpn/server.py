@@ -1,0 +1,248 @@
+"""The server as the commands use it: one connection, opened when it is needed; the result is reported in one form.
+
+Whatever a command is about, members that wait to be disconnected come first, and who was seen is recorded at the end.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, complete
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn.link import ServerAway, ServerRefused, SshLink
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+    from atlantis_netcfg.operations.vpn.live import Evidence
+    from atlantis_netcfg.vpn.authority import Authority, Revoked
+
+
+@dataclass(frozen=True, slots=True)
+class Deployed:
+    """What is known of the server after a command."""
+
+    lines: tuple[str, ...] = ()
+    errors: tuple[NetcfgError, ...] = ()
+    told: Mapping[str, Any] = field(default_factory=dict)
+    deployed: bool = True
+    """Whether the server was seen to be as recorded."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """How the command ends: what is recorded stands, so that only the server's part counts here."""
+        return max((error.exit for error in self.errors), default=ExitCode.DONE)
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {"deployed": self.deployed, **self.told}
+
+
+class Server(Protocol):
+    """The server, as the commands ask it."""
+
+    def hold(self, authority: Authority, notify: Subscriber) -> None:
+        """Before anything is signed or sent: raise RecordOlder where the server has what the record does not know."""
+
+    def published(self, notify: Subscriber) -> bytes:
+        """The list of revoked certificates that it has, PEM."""
+
+    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:
+        """Bring it to what is recorded."""
+
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:
+        """The same, and see that those who were revoked are dead."""
+
+
+class NoPush:
+    """`--no-push`: nothing is contacted."""
+
+    def hold(self, authority: Authority, notify: Subscriber) -> None:
+        """Nobody can tell; what is sent later is held against the server then."""
+
+    def published(self, notify: Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
+        """Nobody is asked. Raises UsageError."""
+        raise UsageError("the server's list cannot be had without asking it")
+
+    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as Server has it
+        """Say what is left to do."""
+        line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
+        return Deployed((line,), deployed=False)
+
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as above
+        """Tell that whoever is connected stays so: nobody may take this for done."""
+        waits = OutcomeUnknown(
+            f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "
+            "whoever is connected stays so",
+            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.roll().queued)}",
+        )
+        return Deployed(errors=(waits,), deployed=False)
+
+
+Opener = Callable[[], "ServerLink"]
+_RECORDED = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
+
+
+def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") -> Opener:
+    """Opens the link to the declared server. Raises UsageError for example values, which lead to nobody's.
+
+    `otherwise`: what else can be typed then.
+    """
+    if declaration.pilot.example_values and not request.rehearsed:
+        raise UsageError(
+            "the inventory still holds example values, which lead to nobody's server",
+            hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
+        )
+    host = declaration.hosts[declaration.pilot.vpn.server]
+    return lambda: SshLink(host.name, computer_access(declaration, host, request))
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """The declared server."""
+
+    declaration: Declaration
+    opener: Opener
+    who: str
+    second_look_s: float = 1.0
+    """How long after a revocation one looks again: a handshake under way may have read the list of before (facts 5)."""
+    _away: list[ServerAway] = field(default_factory=list, init=False)
+    """Why the server was not reached when the record was held against it: nobody waits for it a second time."""
+
+    def hold(self, authority: Authority, notify: Subscriber = ignore) -> None:
+        """Raise RecordOlder where the server's list has what the record does not know.
+
+        A server that is away or cannot tell keeps nobody from recording a revocation: it holds every list that is
+        sent later against its own.
+        """
+        try:
+            with self.link(notify) as link:
+                state = live.observe(link)
+        except ServerAway as away:
+            self._away.append(away)
+        except NetcfgError:
+            return
+        else:
+            live.check_record(authority, state)
+
+    def published(self, notify: Subscriber = ignore) -> bytes:
+        """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
+        with self.link(notify) as link:
+            crl = live.observe(link).crl
+        if crl is None or not crl.signed:
+            raise ServerRefused("the server has no list of its own authority", hint="there is nothing to take over")
+        return crl.pem.encode()
+
+    def deploy(self, authority: Authority, notify: Subscriber = ignore) -> Deployed:
+        """Bring it to what is recorded, and see who was there."""
+        if self._away:
+            return self._outstanding(self._away[0])
+        try:
+            with self.link(notify) as link:
+                queue = live.finish_revocations(self.declaration, authority, link, self.who)
+                self._say(notify, "members, list and firewall", Stage.APPLYING)
+                pushed = live.push(self.declaration, authority, link)
+                self._say(notify, "who is connected", Stage.VERIFYING)
+                more = self._seen(authority, link)
+        except NetcfgError as error:
+            return self._outstanding(error)
+        changes = [*pushed.changes, *more]
+        values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
+        lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
+        return Deployed(
+            tuple(self._told(queue) + lines + [f"  {item}" for item in pushed.told]), self._left(queue), values
+        )
+
+    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
+        """End their sessions at once, and look; then all the rest that is recorded."""
+        names = tuple(dict.fromkeys([*revoked.common_names, *authority.roll().queued]))
+        if self._away:
+            return self._outstanding(self._away[0], cut=revoked.members)
+        try:
+            with self.link(notify) as link:
+                self._say(notify, f"ending sessions of {', '.join(revoked.members)}", Stage.APPLYING)
+                evidence = live.revoke_live(self.declaration, authority, link, names)
+                cut = time.monotonic()
+                pushed = live.push(self.declaration, authority, link)
+                self._say(notify, "looking once more", Stage.VERIFYING)
+                time.sleep(max(0.0, self.second_look_s - (time.monotonic() - cut)))
+                evidence = live.verify(link, evidence)
+                if evidence.confirmed:
+                    authority.settled(names, self.who)
+        except NetcfgError as error:
+            return self._outstanding(error, cut=revoked.members)
+        values = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
+        return Deployed(tuple(self._told(evidence)), self._left(evidence), values, deployed=evidence.confirmed)
+
+    def _seen(self, authority: Authority, link: ServerLink) -> Sequence[str]:
+        """Record who was seen; what that changes on the server."""
+        _, pushed = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
+        return pushed.changes if pushed is not None else ()
+
+    @contextmanager
+    def link(self, notify: Subscriber) -> Iterator[ServerLink]:
+        """The open link, for as long as the block."""
+        self._say(notify, "", Stage.CONNECTING)
+        opened = self.opener()
+        try:
+            yield opened
+        finally:
+            opened.close()
+        self._say(notify, "", Stage.DONE)
+
+    def _say(self, notify: Subscriber, message: str, stage: Stage) -> None:
+        notify(Event(self.declaration.pilot.vpn.server, stage, message))
+
+    @staticmethod
+    def _told(evidence: Evidence | None) -> list[str]:
+        """The evidence for people: what was done, after how many milliseconds, and what the server says of it."""
+        if evidence is None:
+            return []
+        lines = [f"  {at:8.1f} ms  {step}" for step, at in evidence.steps]
+        lines += [
+            f"  ended      {session.common_name}, {session.address or 'not through its handshake'}, from {session.real}"
+            for session in evidence.ended
+        ]
+        whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
+        words = "verified: no session, and nothing of theirs passes" if evidence.confirmed else "NOT verified"
+        return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.told)]
+
+    @staticmethod
+    def _left(evidence: Evidence | None) -> tuple[NetcfgError, ...]:
+        if evidence is None or evidence.confirmed:
+            return ()
+        names = ", ".join(evidence.common_names)
+        return (
+            OutcomeUnknown(
+                f"the server has not confirmed that these are dead: {names}: {'; '.join(evidence.left)}",
+                hint="`provision vpn sync` tries again, and looks",
+            ),
+        )
+
+    @property
+    def site(self) -> str:
+        """Where it stands."""
+        return self.declaration.hosts[self.declaration.pilot.vpn.server].site
+
+    def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> Deployed:
+        """The server's part is left to do: the record and the files stand."""
+        who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
+        hint = f"{complete(error.hint, site=self.site)}\n{_RECORDED}" if error.hint else _RECORDED
+        return Deployed(errors=(Outstanding(error, f"{who}{error}", hint),), deployed=False)
+
+
+class Outstanding(NetcfgError):
+    """What was asked for is recorded, and the server does not have it: ends as its cause does."""
+
+    def __init__(self, cause: NetcfgError, message: str, hint: str) -> None:
+        super().__init__(message, hint=hint)
+        self.exit = cause.exit

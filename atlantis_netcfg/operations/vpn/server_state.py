@@ -1,0 +1,297 @@
+"""What the running server is, as it reports it, and how that differs from the record."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.operations.vpn.link import AnswerLost
+from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.gateway.parts import File
+    from atlantis_netcfg.operations.vpn.link import ServerLink
+    from atlantis_netcfg.vpn.identity import MembershipList
+
+
+PLACE: Mapping[str, str] = {
+    "ca": f"{FOLDER}/ca.crt",
+    "ccd": CCD,
+    "crl": f"{FOLDER}/crl.pem",
+    "firewall": FIREWALL,
+    "table": f"inet {TABLE}",
+    "members": ADMITTED,
+    "socket": MANAGEMENT,
+    "status": STATUS,
+    "seen": SEEN,
+    "unit": SERVICE,
+    "firewall_unit": "atlantis-vpn-firewall.service",
+}
+"""For every request: where things are on the server."""
+_ANSWERS = "answers"
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A session that the server has."""
+
+    common_name: str
+    """`UNDEF` as long as no certificate came."""
+    real: str
+    """Address and port of the client."""
+    address: str
+    """In the VPN; empty: it is not through its handshake."""
+    since: datetime
+    received_bytes: int
+    sent_bytes: int
+
+    @property
+    def is_up(self) -> bool:
+        """Whether its client was admitted."""
+        return bool(self.address)
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "common_name": self.common_name,
+            "real": self.real,
+            "address": self.address,
+            "since": self.since.isoformat(),
+            "received_bytes": self.received_bytes,
+            "sent_bytes": self.sent_bytes,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Crl:
+    """The list of revoked certificates that the server has."""
+
+    number: int
+    begins: datetime
+    ends: datetime
+    signed: bool
+    """By the authority whose certificate the server has."""
+    pem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ServerState:
+    """All that `provision vpn status` tells of the server."""
+
+    ready: bool
+    """The role has set it up."""
+    files: Mapping[str, str]
+    """Path of each live file that is there to its SHA-256."""
+    crl: Crl | None
+    """None: there is none, or none that can be read; then nobody can connect."""
+    members: tuple[IPv4Network, ...] | None
+    """Who passes the firewall; None: it is not loaded, or does not answer."""
+    firewall_as_file: bool | None
+    """Whether the kernel's firewall is what its file says; None: that cannot be told."""
+    firewall_why: str
+    redirects: tuple[str, ...]
+    """Interfaces by which the server's kernel may tell members of a way past it."""
+    version: str | None
+    """Of OpenVPN."""
+    package: str | None
+    """Version of its Debian package."""
+    unit: Mapping[str, str]
+    """What systemd tells of the server's unit."""
+    sessions: tuple[Session, ...]
+    asked: bool
+    """Whether the sessions are the server's own word of this moment; else they are from its status file."""
+    why: str
+    """Why it was not asked."""
+    at: datetime
+    """To when the sessions belong; the server's clock."""
+    seen: Mapping[str, datetime]
+    """Common name to when it had a session last, as the server's timer has noted it."""
+    clock: datetime
+    clock_ahead_s: float
+    """The server's clock, compared with this computer's."""
+
+    @property
+    def active(self) -> bool | None:
+        """Whether the server's unit runs; None: systemd does not tell."""
+        return self.unit["ActiveState"] == "active" if "ActiveState" in self.unit else None
+
+
+@contextmanager
+def understood(do: str) -> Iterator[None]:
+    """Read an answer: what it lacks, or has of another kind, is the server's fault. Raises AnswerLost."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, OSError) as error:
+        raise AnswerLost(
+            f"the server's answer to `{do}` makes no sense ({type(error).__name__}: {error})",
+            hint="look at that computer and at who else has worked on it, then type the same again",
+        ) from error
+
+
+def observe(link: ServerLink) -> ServerState:
+    """Look at the server, in one request. Raises ServerAway, AnswerLost, ServerRefused."""
+    began = time.time()
+    values = link.ask("look", place=dict(PLACE))
+    middle = (began + time.time()) / 2
+    with understood("look"):
+        return _state(values, middle)
+
+
+def _state(values: Mapping[str, Any], middle: float) -> ServerState:
+    return ServerState(
+        ready=values["ready"] is True,
+        files=_texts(values["files"]),
+        crl=_crl(values["list"]),
+        members=tuple(map(IPv4Network, values["members"])) if values["members"] is not None else None,
+        firewall_as_file=None if values["as_file"] is None else values["as_file"] is True,
+        firewall_why=str(values["firewall_why"]),
+        redirects=tuple(map(str, values["redirects"])),
+        version=_text(values["version"]),
+        package=_text(values["package"]),
+        unit=_texts(values["unit"]),
+        sessions=sessions_of(values),
+        asked=values["management"] == _ANSWERS,
+        why=str(values["why"]),
+        at=_moment(values["at"]),
+        seen=_seen(values["seen"]),
+        clock=_moment(values["clock"]),
+        clock_ahead_s=float(values["clock"]) - middle,
+    )
+
+
+def sessions_of(values: Mapping[str, Any]) -> tuple[Session, ...]:
+    """The sessions in an answer."""
+    return tuple(
+        Session(
+            str(item["common_name"]),
+            str(item["real"]),
+            str(item["virtual"]),
+            _moment(item["since"]),
+            int(item["received"]),
+            int(item["sent"]),
+        )
+        for item in values["sessions"]
+    )
+
+
+def _crl(values: Mapping[str, Any] | None) -> Crl | None:
+    if values is None:
+        return None
+    begins, ends = _moment(values["begins"]), _moment(values["ends"])
+    return Crl(int(values["number"]), begins, ends, values["signed"] is True, str(values["pem"]))
+
+
+def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
+    rows = (noted or {}).get("seen")
+    if not isinstance(rows, dict):
+        return {}
+    return {
+        name: _moment(row["last"])
+        for name, row in rows.items()
+        if isinstance(row, dict) and isinstance(row.get("last"), int | float)
+    }
+
+
+def _text(result: object) -> str | None:
+    return None if result is None else str(result)
+
+
+def _texts(values: Mapping[str, object]) -> dict[str, str]:
+    return {str(name): str(value) for name, value in values.items()}
+
+
+def _moment(seconds: float) -> datetime:
+    return datetime.fromtimestamp(seconds, UTC)
+
+
+ALARM = timedelta(days=30)
+"""So long before its end a list has to be signed anew: after that nobody can connect."""
+_CLOCK_S = 60.0
+_CRL = f"{FOLDER}/crl.pem"
+
+
+def drift(state: ServerState, files: Sequence[File], roll: MembershipList) -> tuple[str, ...]:
+    """Compare; `wanted` is what `live_files` gives. Nothing: the server is as recorded."""
+    if not state.ready:
+        return ("no server of the VPN was ever set up there",)
+    return (*_admissions(state, files), *_list(state, files, roll), *_firewall(state, files), *_running(state))
+
+
+def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
+    files = {file.path: file for file in desired if file.path.startswith(f"{CCD}/")}
+    for path, file in files.items():
+        name, found = path.rpartition("/")[2], state.files.get(path)
+        if found is None:
+            yield f"{name} is recorded, and the server does not admit it"
+        elif found != _sha256(file):
+            yield f"{name}: its file on the server was changed by hand ({path})"
+    for path in state.files:
+        if path.startswith(f"{CCD}/") and path not in files:
+            yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
+
+
+def _list(state: ServerState, files: Sequence[File], roll: MembershipList) -> Iterator[str]:
+    crl = state.crl
+    if crl is None:
+        yield "the server has no list of revoked certificates that can be read: nobody can connect"
+        return
+    if not crl.signed:
+        yield "the server's list of revoked certificates is of another authority: who was revoked is let in"
+    elif crl.number < roll.crl_number:
+        yield f"the server's list of revoked certificates is number {crl.number}, and the record's is {roll.crl_number}"
+    elif crl.number > roll.crl_number:
+        yield (
+            f"the server's list of revoked certificates is number {crl.number}, newer than the record's "
+            f"({roll.crl_number}): somebody works with another copy of the authority"
+        )
+    elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
+        yield f"the server's list of revoked certificates has the record's number {crl.number}, and is another one"
+    yield from _end(crl, state)
+
+
+def _end(crl: Crl, state: ServerState) -> Iterator[str]:
+    if crl.begins > state.clock:
+        yield f"by the server's clock its list of revoked certificates begins on {crl.begins:%Y-%m-%d %H:%M} UTC only"
+    elif crl.ends <= state.clock:
+        yield f"the server's list of revoked certificates has expired on {crl.ends:%Y-%m-%d}: nobody can connect"
+    elif crl.ends - state.clock < ALARM:
+        days = (crl.ends - state.clock).days
+        yield (
+            f"the server's list of revoked certificates ends in {days} days, on {crl.ends:%Y-%m-%d}: "
+            "after that nobody can connect"
+        )
+
+
+def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
+    if any(file.path == FIREWALL and state.files.get(FIREWALL) != _sha256(file) for file in files):
+        yield f"the firewall's file is not as recorded ({FIREWALL})"
+    if state.firewall_why:
+        yield f"the firewall cannot be asked: {state.firewall_why}"
+    elif state.members is None:
+        yield "the firewall of the VPN is not loaded"
+    elif state.firewall_as_file is False:
+        yield "the firewall that is loaded is not what its file says: somebody has changed it with nft"
+    if state.redirects:
+        yield f"the server's kernel may send ICMP redirects, by {', '.join(state.redirects)}: members would go past it"
+
+
+def _running(state: ServerState) -> Iterator[str]:
+    if state.active is False:
+        yield f"the server does not run: {SERVICE} is {state.unit['ActiveState']} ({state.unit.get('SubState', '')})"
+    elif not state.asked:
+        yield f"the server cannot be asked who is connected: {state.why}"
+    if abs(state.clock_ahead_s) > _CLOCK_S:
+        word = "ahead of" if state.clock_ahead_s > 0 else "behind"
+        yield f"the server's clock is {abs(state.clock_ahead_s):.0f} s {word} this computer's"
+
+
+def _sha256(file: File) -> str:
+    return hashlib.sha256(file.content.encode()).hexdigest()

@@ -1,0 +1,309 @@
+"""The folder of the authority, as every command opens it: read it, sign with it, change the seal of the CA key."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.journal import Holder, write_atomically
+from atlantis_netcfg.vpn import ledger, pki
+from atlantis_netcfg.vpn.authority import files
+from atlantis_netcfg.vpn.authority.check import Agreement, agreement, problems
+from atlantis_netcfg.vpn.authority.files import Lock
+from atlantis_netcfg.vpn.authority.init import (
+    Sealing,
+    init_authority,
+    is_complete,
+    prepare_folder,
+    require_authority,
+    seal_ca_key,
+)
+from atlantis_netcfg.vpn.authority.ledger_session import LedgerSession, new_operation, read_head, sign_head
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, SessionObservation, os_errors_as
+from atlantis_netcfg.vpn.authority.revocation_list import beyond_record
+from atlantis_netcfg.vpn.authority.signer import Signer
+from atlantis_netcfg.vpn.authority.signing_session import SigningSession, names_of
+from atlantis_netcfg.vpn.ledger import records
+from atlantis_netcfg.vpn.ledger.records import Resealed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.vpn.authority.model import Delivered, ServerNames
+    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
+    from atlantis_netcfg.vpn.ledger import Entry, LedgerState
+
+
+def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
+    """The CA with its key. Raises NoAuthority, WrongPassphrase, SealDamaged, AuthorityDamaged."""
+    require_authority(folder)
+    with os_errors_as("the certificate authority cannot be read"):
+        certificate = (folder / files.CA).read_text(encoding="ascii")
+        found = {
+            sealing: (folder / name).read_bytes() for sealing, name in files.SEALED.items() if (folder / name).exists()
+        }
+    if not found:
+        raise AuthorityDamaged(f"the CA key is missing in {folder}", hint="restore it from a backup of the authority")
+    wrong: Exception | None = None
+    # Two lie there after a change of the seal that was killed at its end: either passphrase opens its own.
+    for sealing, data in found.items():
+        try:
+            opened = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
+        except (pki.WrongPassphrase, pki.SealDamaged, pki.SealTooLarge) as error:
+            wrong = error
+        else:
+            return pki.load_ca(certificate, Secret(opened.decode("ascii")))
+    assert wrong is not None  # noqa: S101 - there was one to open
+    raise wrong
+
+
+def reseal_ca(folder: Path, book: LedgerSession, passphrases: tuple[Secret, Secret], sealing: Sealing) -> pki.Ca:
+    """Old passphrase and new; recorded, then replaced at once. Gives the CA that was opened for it."""
+    old, new = passphrases
+    try:
+        ca = unseal_ca(folder, old)
+    except pki.WrongPassphrase:
+        # The repeat of a command that was killed at its end: done, if the new one opens it.
+        if not (folder / files.SEALED[sealing]).exists():
+            raise
+        ca = unseal_ca(folder, new)
+    read_head(folder, ca.certificate, book.fold).hold(book.digests)
+    data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
+    book.write([Resealed(sealed_by=sealing)], new_operation())
+    with os_errors_as("the CA key cannot be written"):
+        write_atomically(folder / files.SEALED[sealing], data)
+        for other, name in files.SEALED.items():
+            if other != sealing:
+                files.forget(folder / name)
+    return ca
+
+
+_DAY = timedelta(days=1)
+
+
+def observe_sessions(
+    fold: LedgerState, sightings: Mapping[str, datetime]
+) -> tuple[list[records.Record], SessionObservation]:
+    """What is new, as records, and what it means."""
+    members = {fold.issued[name].name: None for name in sightings if name in fold.issued}
+    new: list[records.Record] = []
+    withdrawn: list[str] = []
+    for name in members:
+        member = fold.member(name)
+        new.extend(_of_member(member, sightings))
+        withdrawn.extend(
+            certificate.common_name
+            for certificate in member.certificates
+            if _after_its_end(certificate, sightings.get(certificate.common_name))
+        )
+    superseded = tuple(item.common_name for item in new if isinstance(item, records.Superseded))
+    strangers = tuple(name for name in sightings if name not in fold.issued)
+    return new, SessionObservation(superseded, strangers, tuple(withdrawn))
+
+
+def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
+    good = member.good
+    for item in good:
+        last = sightings.get(item.common_name)
+        if last is not None and (item.seen is None or last - item.seen >= _DAY):
+            yield records.Seen(common_name=item.common_name, last=last)
+    in_use = [
+        number
+        for number, certificate in enumerate(good)
+        if certificate.common_name in sightings or certificate.seen is not None
+    ]
+    for old in good[: max(in_use, default=0)]:
+        yield records.Superseded(common_name=old.common_name, by=good[max(in_use)].common_name)
+
+
+def _after_its_end(certificate: Certificate, last: datetime | None) -> bool:
+    return last is not None and certificate.revoked is not None and last > certificate.revoked
+
+
+class Authority:
+    """A folder with a CA, its ledger, and what follows from it. Reading takes no lock and no passphrase."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @classmethod
+    def exists(cls, folder: Path) -> bool:
+        """Whether the folder has a complete authority."""
+        return is_complete(folder)
+
+    @classmethod
+    def init(
+        cls, folder: Path, passphrase: Secret, server_names: ServerNames, who: str, sealed_by: Sealing = "age"
+    ) -> Authority:
+        """Found an authority: CA, server certificate, tls-crypt keys, an empty list.
+
+        Killed at any moment, the repeat begins anew; a complete one is never overwritten: it is returned if it was
+        founded with the same names, else UsageError.
+        """
+        prepare_folder(folder)
+        with Lock(folder, who):
+            init_authority(folder, passphrase, server_names, who, sealed_by)
+        return cls(folder)
+
+    @classmethod
+    def open(cls, folder: Path) -> Authority:
+        """The authority of a folder. Raises NoAuthority."""
+        require_authority(folder)
+        return cls(folder)
+
+    def roll(self) -> MembershipList:
+        """Who is in the VPN. Raises LedgerDamaged."""
+        return self._fold().roll()
+
+    def history(self) -> tuple[Entry, ...]:
+        """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
+        return ledger.read(self.folder / ledger.FILE).sound().entries
+
+    def server(self) -> ServerNames:
+        """What the server's certificate is made out to. Raises LedgerDamaged."""
+        server = self._fold().server
+        if server is None:
+            raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
+        return names_of(server)
+
+    def opening_bytes(self) -> int:
+        """Memory that opening the CA key takes; 0: none to speak of."""
+        with os_errors_as("the CA key cannot be read"):
+            path = self.folder / files.SEALED["age"]
+            return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
+
+    def handed_out(self, common_name: str) -> records.Delivered | None:
+        """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
+        return self._fold().delivered.get(common_name)
+
+    def crl(self) -> bytes:
+        """The published list, PEM.
+
+        Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
+        """
+        with os_errors_as("the revocation list cannot be read"):
+            pem = (self.folder / files.CRL).read_bytes()
+            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+        facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
+        if facts.sha256 != self.roll().crl_sha256:
+            raise AuthorityDamaged(
+                f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
+                hint="`provision vpn sync --sign` signs a new one",
+            )
+        return pem
+
+    def beyond(self, pem: bytes) -> str | None:
+        """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
+        with os_errors_as("the certificate authority cannot be read"):
+            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+        return beyond_record(self.folder, self._fold(), ca, pem)
+
+    def check(self, now: datetime | None = None) -> list[str]:
+        """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
+        return list(problems(self.folder, ledger.utc_now() if now is None else now))
+
+    def agreement(self) -> Agreement:
+        """Whether the record is as it was signed, and agrees with certificates and list. Raises LedgerDamaged."""
+        return agreement(self.folder)
+
+    @contextmanager
+    def unlocked(
+        self,
+        passphrase: Callable[[], Secret],
+        who: str,
+        *,
+        waiting: Callable[[str], None] | None = None,
+        trust_clock: bool = False,
+    ) -> Iterator[Signer]:
+        """Sign. One process at a time: waits up to 60 s, and tells `waiting` once, in words, for whom.
+
+        What a killed command left is finished or withdrawn first. `trust_clock`: sign although the clock stands before
+        the last record, because that record's was wrong. Raises WrongPassphrase, AuthorityBusy, LedgerDamaged,
+        ClockBehind, AuthorityFailed.
+        """
+        # Asked and opened before the lock: nobody waits for somebody who looks for the note with the passphrase.
+        ca = unseal_ca(self.folder, passphrase())
+        with self._signing(ca, who, waiting=waiting, trust_clock=trust_clock) as signer:
+            yield signer
+
+    @contextmanager
+    def _signing(
+        self, ca: pki.Ca, who: str, *, waiting: Callable[[str], None] | None = None, trust_clock: bool = False
+    ) -> Iterator[Signer]:
+        with self._writing(who, waiting) as (book, left):
+            if book.fold.founded is None or book.fold.founded.ca_sha256 != pki.sha256(ca.certificate):
+                raise AuthorityDamaged(
+                    f"{files.CA} is not the certificate authority of the ledger",
+                    hint="restore both from the same backup of the authority",
+                )
+            read_head(self.folder, ca.certificate, book.fold).hold(book.digests)
+            book.check_clock(trusted=trust_clock)
+            prompt = SigningSession(self.folder, book, ca)
+            prompt.recover(left=left)
+            try:
+                yield Signer(prompt)
+            except BaseException:
+                # Best effort: the next command that signs does it.
+                with suppress(NetcfgError):
+                    sign_head(self.folder, book, ca)
+                raise
+            sign_head(self.folder, book, ca)
+
+    @contextmanager
+    def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[LedgerSession, bool]]:
+        require_authority(self.folder)
+        with ExitStack() as exit_stack:
+            lock = exit_stack.enter_context(Lock(self.folder, who or _me(), waiting))
+            yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
+
+    def seen(self, sightings: Mapping[str, datetime], who: str = "") -> SessionObservation:
+        """Record which common names the server had sessions of, and when last; an older certificate is superseded.
+
+        Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
+        """
+        if not observe_sessions(self._fold(), sightings)[0]:
+            return observe_sessions(self._fold(), sightings)[1]
+        with self._writing(who) as (book, _):
+            new, answer = observe_sessions(book.fold, sightings)
+            book.write(new, new_operation())
+        return answer
+
+    def settled(self, common_names: Iterable[str], who: str = "") -> None:
+        """Record that the server confirmed: these revoked certificates have no session and get none."""
+        desired = set(common_names)
+        if not desired.intersection(self.roll().queued):
+            return
+        with self._writing(who) as (book, _):
+            out = [entry for entry in book.fold.roll().queued if entry in desired]
+            book.write([records.Settled(common_name=item) for item in out], new_operation())
+
+    def delivered(self, common_name: str, delivered: Delivered, who: str = "") -> None:
+        """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
+        with self._writing(who) as (book, _):
+            good = {certificate.common_name for _, certificate in book.fold.roll().certificates() if certificate.good}
+            if common_name not in good:
+                raise UsageError(
+                    f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",
+                    hint="`provision vpn list` names them all",
+                )
+            record = records.Delivered(common_name=common_name, path=delivered.path, sha256=delivered.sha256)
+            book.write([record], new_operation())
+
+    def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:
+        """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
+        with self._writing(who) as (book, _):
+            ca = reseal_ca(self.folder, book, (old, new), sealed_by)
+            sign_head(self.folder, book, ca)
+
+    def _fold(self) -> ledger.LedgerState:
+        return ledger.LedgerState(self.history())
+
+
+def _me() -> str:
+    holder = Holder.me("")
+    return f"{holder.user}@{holder.host}"

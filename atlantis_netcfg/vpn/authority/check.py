@@ -1,0 +1,234 @@
+"""Problems of the folder, in words, for `status` and `audit`: each is looked for, whatever the others are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.vpn import ledger, pki
+from atlantis_netcfg.vpn.authority import files
+from atlantis_netcfg.vpn.authority.files import is_held
+from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head
+from atlantis_netcfg.vpn.authority.model import os_errors_as
+from atlantis_netcfg.vpn.authority.revocation_list import revoked_serials
+from atlantis_netcfg.vpn.ledger import records
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import datetime
+    from pathlib import Path
+
+    from cryptography import x509
+
+    from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading
+
+__all__ = ["Agreement", "agreement", "problems"]
+
+SOON = timedelta(days=30)
+"""Before a list or a certificate ends."""
+CA_SOON = timedelta(days=365)
+"""Before the CA ends: a new one means new files for everybody."""
+_PRIVATE = (*files.SEALED.values(), ledger.FILE, files.SERVER_KEY, files.TLS_CRYPT, files.TLS_CRYPT_V2)
+_WITHOUT_KEY = (records.Seen, records.Superseded, records.Settled, records.Delivered)
+"""What is recorded while the CA key is sealed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """What was compared, and what does not agree."""
+
+    lines: int
+    signed: int
+    """So many of the first lines are as they were signed; the others are chained to them."""
+    at: datetime | None
+    """When they were signed; None: nothing says that they were."""
+    number: int
+    """Of the revocation list that was recorded last."""
+    problems: tuple[str, ...]
+
+
+def problems(folder: Path, now: datetime) -> Iterator[str]:
+    """What a person has to look at."""
+    try:
+        reading, fold, ca = _opened(folder)
+    except (NetcfgError, OSError, ValueError) as error:
+        yield f"the authority in {folder} cannot be read: {error}"
+        return
+    if reading.damage is not None:
+        yield f"{reading.damage}; nothing is signed while it is so"
+    yield from _disagreements(folder, reading, fold, ca, _head(folder, reading, fold, ca))
+    yield from _ends(folder, fold, ca, now)
+    yield from _members(fold, now)
+    yield from _modes(folder)
+
+
+def agreement(folder: Path) -> Agreement:
+    """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
+    with os_errors_as("the authority cannot be read"):
+        reading, fold, ca = _opened(folder)
+    reading.sound()
+    head = _head(folder, reading, fold, ca)
+    signed, at = (head.line, head.at) if isinstance(head, Head) and head.line else (0, None)
+    found = tuple(_disagreements(folder, reading, fold, ca, head))
+    return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
+
+
+def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
+    reading = ledger.read(folder / ledger.FILE)
+    return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+
+
+def _is_of_ledger(fold: LedgerState, ca: x509.Certificate) -> bool:
+    return fold.founded is not None and fold.founded.ca_sha256 == pki.sha256(ca)
+
+
+def _head(folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate) -> Head | NetcfgError | None:
+    """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
+    if reading.damage is not None or not _is_of_ledger(fold, ca):
+        return None
+    try:
+        head = read_head(folder, ca, fold)
+        head.hold(reading.digests)
+    except NetcfgError as error:
+        return error
+    return head
+
+
+def _disagreements(
+    folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate, head: Head | NetcfgError | None
+) -> Iterator[str]:
+    """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
+    if not _is_of_ledger(fold, ca):
+        yield f"{files.CA} is not the certificate authority of the ledger"
+        return
+    if isinstance(head, NetcfgError):
+        yield str(head)
+    elif head is not None and head.line == 0:
+        yield NONE_SIGNED
+    elif head is not None:
+        yield from _unsigned(folder, reading, fold, head)
+    yield from _unfinished(folder, fold)
+    yield from _times(reading.entries)
+    yield from _server(folder, fold)
+    yield from _certificates(fold, ca)
+    yield from _copies(folder, fold)
+    yield from _list(folder, fold, ca)
+
+
+def _unsigned(folder: Path, reading: Reading, fold: LedgerState, head: Head) -> Iterator[str]:
+    """Lines after the head that only a command with the CA key writes."""
+    # A command that runs, or was killed, has lines of its own there.
+    if fold.open or is_held(folder):
+        return
+    for entry in reading.entries[head.line :]:
+        if not isinstance(entry.record, _WITHOUT_KEY):
+            yield (
+                f"line {entry.number} of the ledger needs the CA key, and is not signed by it: a command was killed at "
+                "its end, or something else has written it"
+            )
+
+
+def _certificates(fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+    for item in fold.issued.values():
+        try:
+            made = pki.load_cert(files.copy_of(item).decode("ascii"))
+        except NetcfgError:
+            yield f"the certificate of {item.common_name} in the ledger is none"
+            continue
+        reply = (item.serial, item.sha256, item.not_before, item.not_after, f"CN={item.common_name}")
+        dates = (made.not_valid_before_utc, made.not_valid_after_utc)
+        has = (made.serial_number, pki.sha256(made), *dates, made.subject.rfc4514_string())
+        if reply != has or not pki.issued_by(made, ca):
+            yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
+
+
+def _times(entries: Sequence[Entry]) -> Iterator[str]:
+    for before, after in pairwise(entries):
+        if after.at < before.at and not isinstance(after.record, records.ClockTrusted):
+            yield f"line {after.number} of the ledger is older than the line before it"
+
+
+def _unfinished(folder: Path, fold: LedgerState) -> Iterator[str]:
+    if fold.open and not is_held(folder):
+        commands = ", ".join(
+            sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in fold.open.values())
+        )
+        yield f"a command did not end ({commands}): the next one that signs puts it in order"
+
+
+def _ends(folder: Path, fold: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+    if ca.not_valid_after_utc - now < CA_SOON:
+        yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
+    if fold.server is not None and fold.server.not_after - now < SOON:
+        yield f"the server's certificate ends on {fold.server.not_after:%Y-%m-%d}"
+    try:
+        pem = (folder / files.CRL).read_bytes()
+        following = pki.read_crl(pem, ca).next_update
+    except (OSError, pki.CrlRefused):
+        return  # which is told as what does not agree
+    try:
+        pki.check_crl(pem, ca, above=None, now=now)
+    except pki.CrlRefused as error:
+        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        return
+    if following - now < SOON:
+        yield f"{files.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
+
+
+def _server(folder: Path, fold: LedgerState) -> Iterator[str]:
+    if fold.server is None:
+        return
+    try:
+        certificate = pki.load_cert((folder / files.SERVER_CERT).read_text(encoding="ascii"))
+    except (pki.KeyDamaged, OSError, ValueError) as error:
+        yield f"{files.SERVER_CERT} cannot be read: {error}"
+        return
+    if pki.sha256(certificate) != fold.server.sha256:
+        yield f"{files.SERVER_CERT} is not the certificate that was recorded"
+
+
+def _copies(folder: Path, fold: LedgerState) -> Iterator[str]:
+    known = {f"{name}.pem": files.copy_of(item) for name, item in fold.issued.items()}
+    there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
+    for name, path in there.items():
+        if name not in known:
+            yield f"{files.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
+        elif path.read_bytes() != known[name]:
+            yield f"{files.CERTS}/{name} is not the certificate that was recorded"
+    for name in known.keys() - there.keys():
+        yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
+
+
+def _list(folder: Path, fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+    try:
+        facts = pki.read_crl((folder / files.CRL).read_bytes(), ca)
+    except OSError as error:
+        yield f"{files.CRL} cannot be read: {error.strerror}"
+        return
+    except pki.CrlRefused as error:
+        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        return
+    roll = fold.roll()
+    if facts.sha256 != roll.crl_sha256:
+        yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
+    serials = {revoked_serial.serial for revoked_serial in revoked_serials(fold)}
+    for lost in sorted(serials - facts.serials):
+        yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
+    for more in sorted(facts.serials - serials):
+        yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
+
+
+def _members(fold: LedgerState, now: datetime) -> Iterator[str]:
+    for member in fold.roll().members.values():
+        if member.good and (last := member.good[-1]).not_after - now < SOON:
+            ends = "ended" if last.not_after <= now else "ends"
+            yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew name={member.name}"
+
+
+def _modes(folder: Path) -> Iterator[str]:
+    for path in (folder, *(folder / name for name in _PRIVATE)):
+        if path.exists() and path.stat().st_mode & 0o077:
+            yield f"{path} can be read by others: chmod go= {path}"

@@ -1,0 +1,246 @@
+"""A member's whole `.ovpn` profile, and an identity as text. Nothing in either is for another member.
+
+An identity is lines that a program reads, as comments, and OpenVPN's own inline blocks:
+
+    # atlantis-identity 1
+    # name: inesc-laptop1
+    # …
+    <ca> … </ca>   <cert> … </cert>   <key> … </key>   <tls-crypt-v2> … </tls-crypt-v2>
+
+A profile has the same lines and blocks among its options, so that it is read like an identity file. A line is never
+longer than 255 characters: OpenVPN 2.4 takes what is beyond that for another line.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_private_key
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.model import Transport, VpnServer
+from atlantis_netcfg.render import environment
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.declaration import Declaration
+
+
+_MARK = "# atlantis-identity 1"
+_NONE = "-"
+_KEYS = ("name", "kind", "partner", "device", "address", "link", "vehicle", "common-name", "wrap", "key")
+_MAX = 64 * 1024
+"""Characters; an RSA profile has 7,000."""
+_HEADER_LINE = re.compile(r"# ([a-z-]+): (\S+)")
+
+
+class NotAnIdentity(UsageError):
+    """A text that is no identity of ours, or not a whole one."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"this is no identity of the VPN: {what}", hint="ask the control centre for a new hand-out")
+
+
+def identity_file(identity: Identity) -> Secret:
+    """What a declared host's client role needs of an identity, and no more; `read_identity` reads it."""
+    return Secret(f"{header(identity)}\n{inline(identity).reveal()}\n")
+
+
+def inline(identity: Identity) -> Secret:
+    """OpenVPN's inline blocks, without a last newline."""
+    wrap = str(identity.certificate.wrap)
+    result = (("ca", identity.ca), ("cert", identity.cert), ("key", identity.key.reveal()))
+    blocks = (*result, (wrap, identity.wrap_key.reveal()))
+    return Secret("\n".join(f"<{name}>\n{text.strip()}\n</{name}>" for name, text in blocks))
+
+
+def header(identity: Identity) -> str:
+    """The lines that a program reads; no secret is in them."""
+    member, certificate = identity.member, identity.certificate
+    values = (
+        *(member.name, member.kind, member.partner or _NONE, member.device, member.address, member.link),
+        *(member.vehicle or _NONE, certificate.common_name, certificate.wrap, certificate.key),
+    )
+    return "\n".join([_MARK, *(f"# {key}: {value}" for key, value in zip(_KEYS, values, strict=True))])
+
+
+def read_identity(text: str) -> Identity:
+    """Read an identity file, or a profile of ours. Raises NotAnIdentity unless everything in it fits together."""
+    if len(text) > _MAX:
+        raise NotAnIdentity(f"it has more than {_MAX} characters")
+    values = _header_values(text.replace("\r\n", "\n"))
+    try:
+        return _identity(values, {name: _block(text, name) for name in ("ca", "cert", "key", values["wrap"])})
+    except ValueError as error:
+        # `from None`: a parser's words about a key are not shown to anybody.
+        raise NotAnIdentity(str(error) if isinstance(error, _Misfit) else "a value in it cannot be read") from None
+
+
+class _Misfit(ValueError):
+    """Parts of one identity that do not belong together."""
+
+
+def _header_values(text: str) -> dict[str, str]:
+    lines = text.split("\n")
+    if lines.count(_MARK) != 1:
+        raise NotAnIdentity(f"it has no line `{_MARK}`")
+    start = lines.index(_MARK) + 1
+    found = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
+    values = {item[1]: item[2] for item in found if item}
+    if tuple(values) != _KEYS:
+        raise NotAnIdentity("the lines at its beginning are not whole")
+    if values["wrap"] not in set(Wrap):
+        raise NotAnIdentity("how its control channel is wrapped is not known")
+    return values
+
+
+def _block(text: str, name: str) -> str:
+    found = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
+    if len(found) != 1:
+        raise NotAnIdentity(f"the block <{name}> is there {len(found)} times")
+    return f"{found[0]}\n"
+
+
+def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
+    certificate = _certificate(values, blocks)
+    member = Member(
+        name=values["name"],
+        kind=Kind(values["kind"]),
+        partner=_maybe(values["partner"]),
+        device=values["device"],
+        address=IPv4Address(values["address"]),
+        link=Link(values["link"]),
+        vehicle=_maybe(values["vehicle"]),
+        certificates=(certificate,),
+    )
+    return Identity(
+        member=member,
+        certificate=certificate,
+        ca=blocks["ca"],
+        cert=blocks["cert"],
+        key=Secret(blocks["key"]),
+        wrap_key=Secret(blocks[values["wrap"]]),
+    )
+
+
+def _maybe(value: str) -> str | None:
+    return None if value == _NONE else value
+
+
+def _certificate(values: Mapping[str, str], blocks: Mapping[str, str]) -> Certificate:
+    found = x509.load_pem_x509_certificate(blocks["cert"].encode())
+    _fit(found, values, blocks)
+    return Certificate(
+        common_name=values["common-name"],
+        serial=found.serial_number,
+        sha256=found.fingerprint(SHA256()).hex(),
+        not_before=found.not_valid_before_utc.astimezone(UTC),
+        not_after=found.not_valid_after_utc.astimezone(UTC),
+        wrap=Wrap(values["wrap"]),
+        key=KeyType(values["key"]),
+        standing=CertificateStatus.ISSUED,
+    )
+
+
+def _fit(found: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str, str]) -> None:
+    """Refuse a key of another certificate, a certificate of another name or another CA."""
+    names = [
+        str(name_attribute.value) for name_attribute in found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    ]
+    if names != [values["common-name"]] or values["common-name"].partition(".")[0] != values["name"]:
+        raise _Misfit("its certificate has another name than its first lines")
+    key = load_pem_private_key(blocks["key"].encode(), password=None)
+    form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+    if key.public_key().public_bytes(*form) != found.public_key().public_bytes(*form):
+        raise _Misfit("its key belongs to another certificate")
+    try:
+        found.verify_directly_issued_by(x509.load_pem_x509_certificate(blocks["ca"].encode()))
+    except Exception as error:
+        raise _Misfit("its certificate is of another CA") from error
+
+
+_RETRY_MAX_S = {Link.FIBRE: 300, Link.LTE: 300, Link.SATELLITE: 900}
+"""`connect-retry`'s longest pause: a refused device costs 12 kB an attempt, more than a healthy one's day (facts 9)."""
+_UNATTENDED = frozenset({Kind.ROBOT, Kind.ROUTER, Kind.HOST})
+
+
+@dataclass(frozen=True, slots=True)
+class _ProfileView:
+    """What the template prints.
+
+    `tun-mtu` is no part of it: both ends have to agree, OpenVPN below 2.6 and RouterOS do not take it from the server,
+    and DDS messages of the pilot are small enough for every link (facts 9), while `mssfix` sees to TCP.
+    """
+
+    title: str
+    header: str
+    proto: str
+    remote: IPv4Address
+    port: int
+    dev: str
+    server: str
+    old_words: bool
+    unattended: bool
+    retry_max_s: int
+    slow: bool
+    blocks: Secret
+
+
+def profile(declaration: Declaration, identity: Identity) -> Secret:
+    """The text of a member's `.ovpn`, for OpenVPN 2.5 and later.
+
+    A shared tls-crypt key (`certificate.wrap`) is issued to clients that know no other, OpenVPN 2.4 among them: with it
+    the profile uses words that 2.4 knows as well. Nothing else chooses between the two.
+    """
+    template = environment().get_template("handout/profile.ovpn.j2")
+    return Secret(template.render(view=_view(declaration, identity)))
+
+
+def server_name(declaration: Declaration) -> str:
+    """Common name of the server's certificate, which every profile insists on: the inventory's name of the host."""
+    return declaration.pilot.vpn.server
+
+
+def is_declared(member: Member) -> bool:
+    """Whether it is a host of the inventory: a role brings its identity there, and nobody installs it by hand."""
+    return member.kind is Kind.HOST or (member.kind is Kind.ROUTER and member.partner is None)
+
+
+def remote(declaration: Declaration, member: Member) -> IPv4Address:
+    """Where a member reaches the server: at its public address, and a host of the server's own site in its LAN."""
+    vpn = declaration.pilot.vpn
+    server, host = declaration.hosts[vpn.server], declaration.hosts.get(member.name)
+    beside = is_declared(member) and host is not None and host.site == server.site
+    return server.device.address if beside and isinstance(server.device, VpnServer) else vpn.endpoint
+
+
+def day(identity: Identity) -> str:
+    """Last day on which the certificate is good for all of it, in UTC."""
+    return f"{identity.certificate.not_after:%Y-%m-%d}"
+
+
+def _view(declaration: Declaration, identity: Identity) -> _ProfileView:
+    vpn, member = declaration.pilot.vpn, identity.member
+    return _ProfileView(
+        title=f"VPN of {declaration.pilot.name}: {member.name}, address {member.address}, until {day(identity)}.",
+        header=header(identity),
+        proto="udp4" if vpn.transport is Transport.UDP else "tcp4-client",
+        remote=remote(declaration, member),
+        port=vpn.port,
+        dev="tun0" if member.kind is Kind.HOST else "tun",
+        server=server_name(declaration),
+        old_words=identity.certificate.wrap is Wrap.TLS_CRYPT,
+        unattended=member.kind in _UNATTENDED,
+        retry_max_s=_RETRY_MAX_S[member.link],
+        slow=member.link is Link.SATELLITE,
+        blocks=inline(identity),
+    )

@@ -1,0 +1,243 @@
+"""The ledger's file: the form of a line, reading the whole file, appending to its end."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from binascii import crc32
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import TypeAdapter, ValidationError
+
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.eventlog import EventLog, split
+from atlantis_netcfg.vpn.ledger.records import Record, describe
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+
+class LedgerDamaged(NetcfgError):
+    """A line is not what was written: nothing may be signed before a person has looked."""
+
+    exit = ExitCode.FAILED
+
+
+class LedgerFailed(NetcfgError):
+    """The ledger cannot be written: nothing may leave that is not recorded."""
+
+    exit = ExitCode.FAILED
+
+
+GENESIS = "0" * 64
+"""What the first line has for the hash of the line before."""
+_RECORDS: TypeAdapter[Record] = TypeAdapter(Record)
+_SEAL = len(',"crc":"00000000"}')
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What happened, when, by whom."""
+
+    number: int
+    """From 1 on, without gaps."""
+    at: datetime
+    who: str
+    operation: str
+    """Same for all entries of one command."""
+    record: Record
+
+    @property
+    def words(self) -> str:
+        """What happened, in plain words, one line."""
+        return describe(self.record)
+
+    def facts(self) -> dict[str, Any]:
+        """The entry for `--json`: line, at, who, operation, kind, words, and the record's own fields."""
+        return {**_head(self), "words": self.words, **_fields(self.record)}
+
+
+class Misread(ValueError):
+    """A line that is not what was written; its text says in which way."""
+
+
+def encode(entry: Entry, previous: str) -> bytes:
+    """The line, its end included; `previous` is the `digest` of the line before."""
+    data = {**_head(entry), "previous": previous, **_fields(entry.record)}
+    text = json.dumps(data, ensure_ascii=True, separators=(",", ":")).encode()
+    body = text[:-1]
+    return body + b',"crc":"%08x"}\n' % crc32(body)
+
+
+def digest(line: bytes) -> str:
+    """Hash of a line, for the one after it; its end does not count."""
+    return hashlib.sha256(line.removesuffix(b"\n")).hexdigest()
+
+
+def parse(line: bytes, number: int, previous: str) -> Entry:
+    """The entry of a line without its end. Raises Misread."""
+    body = line[:-_SEAL]
+    if line != body + b',"crc":"%08x"}' % crc32(body):
+        raise Misread("its checksum is wrong: it was changed, or the disk has lost a part of it")
+    data = _json(line)
+    if data.pop("line") != number:
+        raise Misread("lines before it are missing or out of order")
+    if data.pop("previous") != previous:
+        raise Misread("the line before it is not the one that it was written after")
+    try:
+        head = (datetime.fromisoformat(data.pop("at")), str(data.pop("who")), str(data.pop("operation")))
+        return Entry(number, *head, _RECORDS.validate_python(data))
+    except (ValueError, ValidationError, KeyError, TypeError):
+        raise Misread("this version of the toolkit does not know what it says") from None
+
+
+def _json(line: bytes) -> dict[str, Any]:
+    try:
+        data = json.loads(line)
+    except ValueError:
+        data = None
+    if not isinstance(data, dict) or not {"line", "previous"} <= data.keys():
+        raise Misread("it is no line of a ledger")
+    return data
+
+
+def _head(entry: Entry) -> dict[str, Any]:
+    moment = entry.at.astimezone(UTC).isoformat(timespec="milliseconds")
+    return {"line": entry.number, "at": moment, "who": entry.who, "operation": entry.operation}
+
+
+def _fields(record: Record) -> dict[str, Any]:
+    fields: dict[str, Any] = _RECORDS.dump_python(record, mode="json")
+    return fields
+
+
+FILE = "ledger.jsonl"
+_WHO = 120
+
+
+def utc_now() -> datetime:
+    """This computer's clock, as fine as the ledger keeps it."""
+    now = datetime.now(UTC)
+    return now - timedelta(microseconds=now.microsecond % 1000)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A ledger as it was found."""
+
+    path: Path
+    entries: tuple[Entry, ...]
+    size: int
+    """Bytes up to the end of the last good line."""
+    digests: tuple[str, ...]
+    """Hash of each of these lines."""
+    torn: bool
+    """A line without its end follows: it was being written, or its writer was killed."""
+    damage: str | None
+    """What is wrong with the first line that is not what was written; nothing after it was read."""
+
+    @property
+    def last(self) -> str:
+        """Hash of the last good line."""
+        return self.digests[-1] if self.digests else GENESIS
+
+    def sound(self) -> Self:
+        """Itself, if nothing is damaged. Raises LedgerDamaged."""
+        if self.damage is not None:
+            raise LedgerDamaged(
+                f"{self.damage} ({self.path})",
+                hint="sign nothing; put the ledger of the last backup beside this one, and compare them line by line",
+            )
+        return self
+
+
+def read(path: Path) -> Reading:
+    """Every entry up to the first damage. Raises LedgerFailed if the file cannot be read."""
+    try:
+        lines, torn = split(path.read_bytes())
+    except OSError as error:
+        raise _failed("read", path, error) from error
+    entries: list[Entry] = []
+    digests: list[str] = []
+    size, damage = 0, None
+    for number, line in enumerate(lines, start=1):
+        try:
+            entries.append(parse(line, number, digests[-1] if digests else GENESIS))
+        except Misread as misread:
+            damage = f"line {number} of the ledger is damaged: {misread}"
+            break
+        digests.append(digest(line))
+        size += len(line) + 1
+    return Reading(path, tuple(entries), size, tuple(digests), bool(torn), damage)
+
+
+def first_lines(records: Sequence[Record], who: str, operation: str, now: datetime) -> bytes:
+    """A whole new ledger, for a file that is not there yet."""
+    return b"".join(line for _, line in _lines(records, (0, GENESIS), (now, who, operation)))
+
+
+class Ledger(EventLog):
+    """The file open for writing, by the one process that holds the authority's lock.
+
+    After a failed write it refuses every other one: what is on disk is then for the next to read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read it, and cut off a torn line. Raises LedgerDamaged, LedgerFailed."""
+        reading = read(path).sound()
+        self.entries = list(reading.entries)
+        self.digests = list(reading.digests)
+        """Hash of each line."""
+        super().__init__(path, partial(_failed, "written", path), create=False)
+        if reading.torn:
+            self.cut(reading.size)
+
+    @property
+    def usable(self) -> bool:
+        """Whether nothing has gone wrong with it so far."""
+        return self.failure is None
+
+    def write(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[Entry, ...]:
+        """Put records on disk: one write, one fsync, for however many. Raises LedgerFailed, and from then on always."""
+        if self.failure is not None:
+            raise self.failure
+        last = self.digests[-1] if self.digests else GENESIS
+        lines = _lines(records, (len(self.entries), last), (now, who, operation))
+        if not lines:
+            return ()
+        self.append(b"".join(line for _, line in lines))
+        entries = tuple(entry for entry, _ in lines)
+        self.entries.extend(entries)
+        self.digests.extend(digest(line) for _, line in lines)
+        return entries
+
+
+def _lines(
+    records: Sequence[Record], after: tuple[int, str], common: tuple[datetime, str, str]
+) -> list[tuple[Entry, bytes]]:
+    number, last = after
+    now, who, operation = common
+    lines = []
+    for record in records:
+        number += 1
+        entry = Entry(number, now, _one_line(who), operation, record)
+        line = encode(entry, last)
+        last = digest(line)
+        lines.append((entry, line))
+    return lines
+
+
+def _one_line(who: str) -> str:
+    """A person's name as it may be printed: nobody writes to the auditor's terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in who)[:_WHO]
+
+
+def _failed(what: str, path: Path, error: OSError) -> LedgerFailed:
+    return LedgerFailed(
+        f"the ledger cannot be {what}: {error.strerror or error} ({path})",
+        hint="make room on the disk or correct its permissions, then run the same command again",
+    )

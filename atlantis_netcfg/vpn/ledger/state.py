@@ -1,0 +1,200 @@
+"""The state that follows from the entries of the ledger, one after the other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
+from atlantis_netcfg.vpn.ledger.file import LedgerDamaged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from atlantis_netcfg.vpn.ledger import records
+    from atlantis_netcfg.vpn.ledger.file import Entry
+
+__all__ = ["NEVER_HANDED_OUT", "LedgerState", "membership"]
+
+NEVER_HANDED_OUT = "never handed out"
+"""Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
+
+
+def membership(entries: Iterable[Entry]) -> MembershipList:
+    """Who is in the VPN after these entries."""
+    return LedgerState(entries).roll()
+
+
+@dataclass
+class _Holder:
+    """A member while the entries are read."""
+
+    member: Member
+    certificates: dict[str, Certificate] = field(default_factory=dict)
+    """By common name, oldest first."""
+
+
+class LedgerState:
+    """The state after a number of entries; more can be applied. Each kind of record has its method."""
+
+    def __init__(self, entries: Iterable[Entry] = ()) -> None:
+        self.founded: records.Founded | None = None
+        self.server: records.ServerIssued | None = None
+        self.published: records.Published | None = None
+        self.delivered: dict[str, records.Delivered] = {}
+        """The last hand-out of each common name."""
+        self.issued: dict[str, records.Issued] = {}
+        self.open: dict[str, records.Begun] = {}
+        """Commands without their end, by operation."""
+        self.pending: dict[str, str] = {}
+        """Common names that were recorded and not handed out, with the operation of each."""
+        self.done: dict[str, set[str]] = {}
+        """Of open commands: whose certificates were handed out or revoked."""
+        self.taken: dict[int, datetime] = {}
+        """Serials of a lost copy of the authority, which stay on the list, and when they were taken over."""
+        self.last: datetime | None = None
+        """Time of the last entry."""
+        self._holders: dict[str, _Holder] = {}
+        self._queued: dict[str, None] = {}
+        for entry in entries:
+            self.apply(entry)
+
+    def apply(self, entry: Entry) -> None:
+        """Go on by one entry. Raises LedgerDamaged if it speaks of what no entry before it has made."""
+        self.last = entry.at
+        step = getattr(self, f"_{entry.record.kind.replace('-', '_')}")
+        try:
+            step(entry, entry.record)
+        except KeyError as unknown:
+            raise LedgerDamaged(
+                f"line {entry.number} of the ledger is about {unknown}, which was never issued",
+                hint="sign nothing; restore the ledger from your backup of the authority",
+            ) from None
+
+    def roll(self) -> MembershipList:
+        """Who is in the VPN, as a value."""
+        listed = self.published
+        return MembershipList(
+            members=MappingProxyType({name: self.member(name) for name in self._holders}),
+            crl_number=listed.number if listed else 0,
+            crl_sha256=listed.sha256 if listed else "",
+            crl_next_update=listed.next_update if listed else datetime.min.replace(tzinfo=UTC),
+            queued=tuple(self._queued),
+        )
+
+    def member(self, name: str) -> Member:
+        """One member with its certificates."""
+        holder = self._holders[name]
+        return replace(holder.member, certificates=tuple(holder.certificates.values()))
+
+    def _founded(self, _: Entry, record: records.Founded) -> None:
+        self.founded = record
+
+    def _server_issued(self, _: Entry, record: records.ServerIssued) -> None:
+        self.server = record
+
+    def _begun(self, entry: Entry, record: records.Begun) -> None:
+        self.open[entry.operation] = record
+        self.done[entry.operation] = set()
+
+    def _committed(self, entry: Entry, _: records.Committed) -> None:
+        self._close(entry.operation)
+
+    def _rolled_back(self, entry: Entry, record: records.RolledBack) -> None:
+        self._close(entry.operation)
+        for common_name in record.common_names:
+            self.pending.pop(common_name, None)
+
+    def _issued(self, entry: Entry, record: records.Issued) -> None:
+        self.issued[record.common_name] = record
+        self.pending[record.common_name] = entry.operation
+        holder = self._holders.get(record.name)
+        if holder is None:
+            holder = self._holders[record.name] = _Holder(_member(record))
+        elif not any(item in self.delivered for item in holder.certificates):
+            holder.member = _member(record)
+        certificate = Certificate(
+            common_name=record.common_name,
+            serial=record.serial,
+            sha256=record.sha256,
+            not_before=record.not_before,
+            not_after=record.not_after,
+            wrap=record.wrap,
+            key=record.key,
+            standing=CertificateStatus.REVOKED,
+            revoked=entry.at,
+            reason=NEVER_HANDED_OUT,
+        )
+        holder.certificates[record.common_name] = certificate
+
+    def _delivered(self, entry: Entry, record: records.Delivered) -> None:
+        self.delivered[record.common_name] = record
+        self._did(entry, record.common_name)
+        if self.pending.pop(record.common_name, None) is not None:
+            self._holder(record.common_name).member = _member(self.issued[record.common_name])
+            self._put(record.common_name, standing=CertificateStatus.ISSUED, revoked=None, reason="")
+
+    def _revoked(self, entry: Entry, record: records.Revoked) -> None:
+        self._put(record.common_name, standing=CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason)
+        self._did(entry, record.common_name)
+        self.pending.pop(record.common_name, None)
+        if record.common_name in self.delivered:
+            self._queued[record.common_name] = None
+
+    def _seen(self, _: Entry, record: records.Seen) -> None:
+        if self._good(record.common_name):
+            self._put(record.common_name, standing=CertificateStatus.SEEN, seen=record.last)
+
+    def _superseded(self, entry: Entry, record: records.Superseded) -> None:
+        if self._good(record.common_name):
+            reason = f"{record.by} was seen in use"
+            self._put(record.common_name, standing=CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason)
+
+    def _settled(self, _: Entry, record: records.Settled) -> None:
+        self._queued.pop(record.common_name, None)
+
+    def _published(self, _: Entry, record: records.Published) -> None:
+        self.published = record
+
+    def _taken(self, entry: Entry, record: records.Taken) -> None:
+        self.taken.update(dict.fromkeys(record.serials, entry.at))
+
+    def _resealed(self, _: Entry, record: records.Resealed) -> None:
+        """Of interest to an audit alone."""
+
+    def _clock_trusted(self, _: Entry, record: records.ClockTrusted) -> None:
+        """Of interest to an audit alone."""
+
+    def _good(self, common_name: str) -> bool:
+        """Nothing brings a revoked certificate back."""
+        return self._holder(common_name).certificates[common_name].good
+
+    def _close(self, operation: str) -> None:
+        self.open.pop(operation, None)
+        self.done.pop(operation, None)
+
+    def _did(self, entry: Entry, common_name: str) -> None:
+        if entry.operation in self.done:
+            self.done[entry.operation].add(self.issued[common_name].name)
+
+    def _holder(self, common_name: str) -> _Holder:
+        return self._holders[self.issued[common_name].name]
+
+    def _put(self, common_name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of Certificate
+        certificates = self._holder(common_name).certificates
+        certificates[common_name] = replace(certificates[common_name], **changes)
+
+
+def _member(record: records.Issued) -> Member:
+    return Member(
+        name=record.name,
+        kind=record.device_kind,
+        partner=record.partner,
+        device=record.device,
+        address=record.address,
+        link=record.link,
+        vehicle=record.vehicle,
+        certificates=(),
+    )
