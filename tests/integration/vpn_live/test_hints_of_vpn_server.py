@@ -98,7 +98,7 @@ def connected_and_put_out(at: Laptop, server: Server) -> str:
     client.start()
     server.record.revoke(name)
     with at.monkeypatch.context() as patch:
-        patch.setattr(live, "go_on", lambda *_: None)
+        patch.setattr(live, "finish_revocations", lambda *_: None)
         printed = at.type("vpn", "status", code=6)
     assert server.names() == [name]
     return printed
