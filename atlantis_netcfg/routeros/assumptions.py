@@ -29,8 +29,6 @@ class Assumption:
     """What depends on it, and what happens where it does not hold."""
     shown: str
     """READS, TRY, SILENCE, or `needs a person: …`."""
-    facts: tuple[str, ...] = ()
-    """Words of the sentences in the facts about RouterOS that are marked as unconfirmed and meant by this row."""
 
 
 def _person(what: str) -> str:
@@ -44,21 +42,18 @@ ASSUMPTIONS: Final = (
         "A device answers 100 `print` commands in flight on one session.",
         "Reading in one round trip; a device that falls silent is read again in flights of 24, which is told.",
         READS,
-        ("a window of about 16 is a safe start", "limit on tags in flight for print/add/set"),
     ),
     Assumption(
         "api-flight-24",
         "A device answers 24 commands in flight on one session, writes among them.",
         "Writing row by row where scripts cannot be used; a device that falls silent ends the run, which is undone.",
         TRY,
-        ("a window of about 16 is a safe start", "limit on tags in flight for print/add/set"),
     ),
     Assumption(
         "api-tagged-order",
         "Tagged commands of one flight are executed in the order in which they were sent.",
         "Counters that are read first and last, the latest holder of safe mode; writes do not rest on it.",
         TRY,
-        ("script [I]: `/execute script=` with `as-string`", "Execution order of tagged writes"),
     ),
     Assumption(
         "api-unknown-property",
@@ -89,49 +84,42 @@ ASSUMPTIONS: Final = (
         "The `.id` of a new row is greater than every earlier one of its menu, and no `.id` is used twice.",
         "A row that was read is the row that is changed, also when somebody else works on the device.",
         TRY,
-        ("assigned upward, not reused within a session",),
     ),
     Assumption(
         "api-silent-session",
         "A session that falls silent is noticed within twelve minutes, after about nine.",
         "How long a run waits for a device to take back by itself what a dead session held.",
         SILENCE,
-        ("Exact time-out of a silent API session",),
     ),
     Assumption(
         "tls-version",
         "api-ssl speaks TLS 1.2, whose handshake takes two round trips, and no newer one.",
         "Estimates of round trips; with TLS 1.3 a session costs one less than told.",
         READS,
-        ("plan on TLS 1.2 = 2 RTT",),
     ),
     Assumption(
         "api-login-pipelined",
         "Commands that are sent before the login is answered are refused.",
         "The emulated router alone; the engine waits for the answer.",
         _person("send login and one `print` in one packet, with a client that can"),
-        ("save 1 RTT but is unverified", "Are sentences before the login answer accepted?"),
     ),
     Assumption(
         "api-limit-words",
         "Before the login a session takes 8 sentences and words of 1,024 bytes at most.",
         "The emulated router alone; the engine sends one short sentence.",
         _person("send longer and more sentences before the login, with a client that can"),
-        ("Are sentences before the login answer accepted?",),
     ),
     Assumption(
         "api-sensitive",
         "To a user who may not see secrets the API leaves them out or hides them.",
         "A declared secret is not written again only because it cannot be seen.",
         _person("read `/ppp secret` and a Wi-Fi key as a user without the policy `sensitive`"),
-        ('A hidden secret is "unknown", never "absent"',),
     ),
     Assumption(
         "api-ping-path",
         "`/tool/ping` answers over the API on every version.",
         "Proofs and looks at links; where it is missing they are inconclusive.",
         READS,
-        ("API path on >= 7.23: `/ping` or `/tool/ping`?",),
     ),
     # Scripts.
     Assumption(
@@ -145,7 +133,6 @@ ASSUMPTIONS: Final = (
         "A script of `/execute` stops at its first error, and executes nothing after it.",
         "Later actions of a layer do not run when an earlier one was refused.",
         TRY,
-        ("script [I]: `/execute script=` with `as-string`",),
     ),
     Assumption(
         "on-event-60k",
@@ -172,28 +159,36 @@ ASSUMPTIONS: Final = (
         "Each row that a script changes is one entry of the history, as if it had been typed alone.",
         "How many changes go under one safe mode: 80 of the 100 that it remembers; fewer entries do no harm.",
         TRY,
-        ("`take`) between verified batches [I]", "count one action per change? Does safe mode survive `/import`?"),
     ),
     Assumption(
         "safe-mode-undoes-scripts",
         "Safe mode takes back what a script of `/execute` has changed, as it does single commands.",
         "Every protected change; what stays is found by reading back, and put back by the run.",
         TRY,
-        ("count one action per change? Does safe mode survive `/import`?",),
     ),
     Assumption(
         "safe-mode-close",
         "A session that closes is noticed at once: what it held in safe mode is undone within ten seconds.",
         "How soon an interrupted run may be repeated; a longer wait is told.",
         TRY,
-        ("One session per task: safe mode dies with its session",),
     ),
     Assumption(
         "safe-mode-second-taker",
         "While a session holds safe mode another one that takes it is refused, and the first goes on holding it.",
         "Two technicians at one device; the run reads `current` before it trusts its own safe mode.",
         TRY,
-        ("trap text when another session owns safe mode",),
+    ),
+    Assumption(
+        "safe-mode-current",
+        "`current` of `/safe-mode` is false as soon as its history overflowed and the session has left safe mode.",
+        "Whether a change is still protected: it is read with every turn of writing, beside the count of 80 entries.",
+        _person("take safe mode over the API, change one comment 101 times, print `/safe-mode` and `/system/history`"),
+    ),
+    Assumption(
+        "safe-mode-idle",
+        "A session that is silent over a good link for as long as a proof lasts stays open, and holds safe mode.",
+        "Proofs from a second session; a session that is lost meanwhile takes the change back, which is told.",
+        _person("take safe mode over the API, wait ten minutes without a word, and print `/safe-mode` there"),
     ),
     Assumption(
         "safe-mode-power-loss",
@@ -206,21 +201,18 @@ ASSUMPTIONS: Final = (
         "A dead-man job that runs after a dead session's safe mode was undone changes nothing.",
         "Protection before 7.18, where safe mode of a console and a job stand together.",
         _person("on RouterOS below 7.18: hold safe mode over SSH, pull the cable, and wait for both"),
-        ("how do the two undos combine?", "### 5.3 Recommended commit-confirm"),
     ),
     Assumption(
         "scheduler-interval",
         "A job with `interval` alone runs so long after it was added, also when NTP moves the clock meanwhile.",
         "When the dead-man job takes a change back.",
         _person("add a job with `interval=5m`, set the clock back by a day, and wait"),
-        ("### 5.3 Recommended commit-confirm", "Wrong clock = TLS fails: NTP first, no battery clock"),
     ),
     Assumption(
         "scheduler-forbidden",
         "Where device-mode forbids the scheduler a job is refused, or is shown as inactive when it is read.",
         "A job that never runs is not taken for a protection: it is read back after it was added.",
         _person("add a job to a device whose device-mode forbids the scheduler, and print it"),
-        ("read it back [I]", "does a blocked scheduler row trap or sit inactive?"),
     ),
     Assumption(
         "routing-rule-chains",
@@ -246,7 +238,6 @@ ASSUMPTIONS: Final = (
         "`/tool/netwatch` shows intervals as `10s` or `00:00:10`, and shares as a number with or without `%`.",
         "Comparing declared rows of netwatch; another form would be told as drift.",
         READS,
-        ("Do verbose exports of real devices match the twin's defaults",),
     ),
     Assumption(
         "board-hw-offload",
@@ -303,6 +294,12 @@ ASSUMPTIONS: Final = (
         "A rehearsed look at the links; on a device a ping goes before it.",
         _person("read `/ip arp` an hour after the last packet to the neighbour"),
     ),
+    Assumption(
+        "upgrade-free-flash",
+        "A device installs packages when 512 KiB of its flash are free beside their files.",
+        "Whether a set is sent to a device with little flash; it keeps the old version where it cannot install.",
+        _person("upgrade a device with 16 MB of flash, and read `free-hdd-space` before and after"),
+    ),
     # Certificates and the VPN.
     Assumption(
         "certificate-import",
@@ -316,7 +313,6 @@ ASSUMPTIONS: Final = (
         " and makes a disabled interface.",
         "The rehearsal of a router's VPN; on a device the interface is read after the import.",
         _person("import a file with an unknown option, and one with none, and print what was made"),
-        ("No profile per link on one client",),
     ),
     # Links and what watches them.
     Assumption(
@@ -325,10 +321,6 @@ ASSUMPTIONS: Final = (
         " link, and no packet leaves with the address of the wrong link after a fail-back.",
         "Failover between the links of a site; docs/failover.md says how it is tried on a quay.",
         _person("pull each link in turn, and read routes and connections: docs/failover.md"),
-        (
-            "**Not run on a device** [I]",
-            "do blackhole canaries block recursion, does fail-back leak un-NATed packets?",
-        ),
     ),
     Assumption(
         "netwatch-rhythm",
@@ -355,7 +347,6 @@ ASSUMPTIONS: Final = (
         "A load on a port shows as `powered-on` with its figures, and a lease is bound as long as its device is there.",
         "Rehearsed readings of what a router feeds; on a device they are read.",
         _person("read `/interface ethernet poe monitor` with a known load"),
-        ("Do verbose exports of real devices match the twin's defaults",),
     ),
     Assumption(
         "radio-restart",

@@ -173,7 +173,7 @@ _BUNDLED = ("system", "ppp", "dhcp", "hotspot", "ipv6", "mpls", "routing", "secu
 """What version 6 lists beside its bundle, and version 7 has inside."""
 _CHR = {"x86_64": "x86"}
 _SPARE_BYTES = 512 * 1024
-"""Kept free on the flash beside the files: the device writes while it installs (inferred)."""
+"""Kept free on the flash beside the files: the device writes while it installs. Assumption: upgrade-free-flash"""
 
 
 class UpgradeRefused(DeviceFailed):

@@ -27,6 +27,8 @@ it leaves safe mode without a word. Counted per row.
 Assumption: safe-mode-counts-rows
 Assumption: safe-mode-undoes-scripts
 Assumption: safe-mode-second-taker
+Assumption: safe-mode-current
+Assumption: safe-mode-idle
 """
 DEAD_SESSION_S = 600.0
 """Until safe mode of a dead session is undone: about nine minutes (manual, Configuration Management), and some."""

@@ -3,7 +3,8 @@
 Both generations of fields are read: `status` with `data-class` and `primary-band` of version 7, and `pin-status`,
 `registration-status`, `functionality` and `access-technology` of version 6 and of some modems (devices.md, section 4;
 the names are those that the console of 7.21.5 offers for `monitor proplist`). Their words are written by the modem's
-driver and are nowhere listed whole: what is read here of PIN, PUK and refusal follows 3GPP TS 27.007, 9.2 [inferred].
+driver and are nowhere listed whole: what is read here of PIN, PUK and refusal follows 3GPP TS 27.007, 9.2.
+Assumption: lte-pin-words
 
 No device tells which APN the network gave in place of the configured one: with `use-network-apn=yes` the APN in use is
 unknown. IMEI, IMSI, ICCID and the SIM's number are never taken over.

@@ -5,12 +5,18 @@ from __future__ import annotations
 import re
 from collections import Counter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+import yaml
+from pydantic import BaseModel
 
 from atlantis_netcfg.emulator.routeros import Deviation
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 CHECKOUT = Path(__file__).parents[3]
 PACKAGE = CHECKOUT / "atlantis_netcfg"
@@ -18,16 +24,23 @@ FOLDERS = ("routeros", "emulator/routeros", "rsc", "bootstrap", "console")
 FACTS = CHECKOUT.parent / "shared" / "facts" / "routeros.md"
 IDS = [each.id for each in ASSUMPTIONS]
 NAMED = re.compile(r"Assumption: ([a-z0-9-]+)")
-NOTHING_RESTS = {
-    "Certus at 176 kbit/s": "of the satellite, not of RouterOS",
-    "hold-down >= 90 s": "of the satellite, not of RouterOS",
-    "A 56-byte ping every 10 s": "of the satellite, not of RouterOS",
-    "explicit ADH cipher list": "a device without a certificate is refused",
-    "Nagle can add an RTT": "of this computer: a flight is one write",
-    "Answers [I]:": "how the planner works, nothing of the device",
-    "DFS channels fall silent on radar": "of the air, not of RouterOS",
-    "Guard [I]: prove a session": "a rule for the guard, nothing of the device",
-}
+MARK = re.compile(r" ?\[[IU]\]")
+QUESTIONS = "16"
+"""The section of the facts whose every sentence is unconfirmed."""
+
+
+class Fact(BaseModel, extra="forbid"):
+    """A row of assumed-facts.yml."""
+
+    section: str
+    begins: str
+    rows: tuple[str, ...] = ()
+    unused: str = ""
+
+
+def mapped() -> list[Fact]:
+    text = (CHECKOUT / "tests" / "data" / "assumed-facts.yml").read_text(encoding="utf-8")
+    return [Fact(**row) for row in yaml.safe_load(text)]
 
 
 def sources() -> dict[str, str]:
@@ -37,6 +50,8 @@ def sources() -> dict[str, str]:
             name = file.relative_to(PACKAGE).as_posix()
             if name != "routeros/assumptions.py":
                 found[name] = file.read_text(encoding="utf-8")
+    for file in sorted(PACKAGE.rglob("*routeros*.py")):
+        found[file.relative_to(PACKAGE).as_posix()] = file.read_text(encoding="utf-8")
     return found
 
 
@@ -75,15 +90,75 @@ def test_the_page_has_the_table() -> None:
     assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.shown} |" for each in ASSUMPTIONS]
 
 
+def test_the_map_of_the_facts_names_rows_or_a_reason() -> None:
+    facts = mapped()
+    assert [fact for fact in facts if bool(fact.rows) == bool(fact.unused)] == []
+    assert sorted({name for fact in facts for name in fact.rows} - set(IDS)) == []
+    assert [key for key, number in Counter((fact.section, fact.begins) for fact in facts).items() if number > 1] == []
+
+
+def test_sentences_are_found_by_their_marks() -> None:
+    text = """## 1. Numbers
+* Sure [M]. A guess
+  of two lines [I]; sure again. Unknown [U]: so.
+### 1.1 All of it [I]
+1. First. Second.
+2. Third
+```
+code. [I]
+```
+## 16. Questions
+3. One? Two;
+   three.
+## 17. Others
+Nothing."""
+    assert list(unconfirmed_sentences(text)) == [
+        ("1", "A guess of two lines;"),
+        ("1", "Unknown: so."),
+        ("1.1", "1.1 All of it"),
+        ("1.1", "First. Second."),
+        ("1.1", "Third"),
+        ("16", "One?"),
+        ("16", "Two;"),
+        ("16", "three."),
+    ]
+
+
 @pytest.mark.skipif(not FACTS.exists(), reason="no facts about RouterOS in ../shared/facts")
 def test_every_unconfirmed_fact_has_its_row() -> None:
-    flat = " ".join(FACTS.read_text(encoding="utf-8").split())
-    meant = {words: each.id for each in ASSUMPTIONS for words in each.facts} | NOTHING_RESTS
-    assert [words for words in meant if words not in flat] == []
-    facts, questions = flat.split("## 16. Open questions only a device can answer ")
-    questions = questions.split(" ## 17.")[0]
-    marks = [found for found in re.finditer(r"\[[IU]\]", facts) if not facts[found.end() :].startswith("** inferred")]
-    assert len(marks) > 10
-    around = [facts[max(0, found.start() - 260) : found.end() + 60] for found in marks]
-    around += re.split(r" (?=(?:10|[1-9])\. )", questions)
-    assert [text for text in around if not any(words in text for words in meant)] == []
+    facts = mapped()
+    found = list(unconfirmed_sentences(FACTS.read_text(encoding="utf-8")))
+    matches = [[fact for fact in facts if fact.section == at and text.startswith(fact.begins)] for at, text in found]
+    assert [text for text, fitting in zip(found, matches, strict=True) if len(fitting) != 1] == []
+    met = {(fact.section, fact.begins) for fitting in matches for fact in fitting}
+    assert [fact for fact in facts if (fact.section, fact.begins) not in met] == []
+
+
+def unconfirmed_sentences(text: str) -> Iterator[tuple[str, str]]:
+    """Yield section and text of each: sentences with a mark or of the questions; where a mark stands for a whole
+    section, at its heading or its first sentence, every paragraph and item of it."""
+    whole = ""
+    for section, block in _blocks(text):
+        is_heading, plain = block.startswith("#"), re.sub(r"^(?:#+|\*|\d+\.) ", "", block)
+        marked = MARK.search(plain) is not None
+        for sentence in re.split(r"(?<=[.;?]) (?!\d)", plain):
+            if MARK.search(sentence) or (section == QUESTIONS and not is_heading):
+                yield section, MARK.sub("", sentence)
+        if section == whole and not marked:
+            yield section, plain
+        if marked and (is_heading or "**Not run on a device** [I]" in plain):
+            whole = section
+
+
+def _blocks(text: str) -> Iterator[tuple[str, str]]:
+    """Yield headings, items and paragraphs, each in one line, with the number of their section; code is left out."""
+    section, lines, is_code = "", list[str](), False
+    for line in [*text.splitlines(), ""]:
+        fence, heading = line.startswith("```"), re.match(r"##+ (\d+(?:\.\d+)?)", line)
+        if lines and (fence or heading or lines[0].startswith("#") or not line or re.match(r"\* |\d+\. ", line)):
+            yield section, " ".join(lines)
+            lines = []
+        section = heading[1] if heading else section
+        is_code ^= fence
+        if line and section and not fence and not is_code:
+            lines.append(line.strip())
