@@ -29,8 +29,8 @@ from atlantis_netcfg.bundle.manifest import (
     KEY,
     MANIFEST,
     SIGNATURE,
+    BundledLibrary,
     File,
-    HeldLibrary,
     HostPart,
     Image,
     Manifest,
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bundle.library import Gathered
-    from atlantis_netcfg.bundle.requirements import HostWish, Key, Source, Target, Wished
+    from atlantis_netcfg.bundle.requirements import HostRequirements, Key, PackageRequirement, Source, Target
     from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["Order", "Purpose", "Size", "Tell", "make"]
 
 
 @dataclass(slots=True)
-class Workshop:
+class StagingDirectory:
     """A bundle in the making."""
 
     place: Path
@@ -104,7 +104,7 @@ def same(source: Path, target: Path) -> None:
 
 
 @contextmanager
-def workshop(place: Path) -> Iterator[Workshop]:
+def workshop(place: Path) -> Iterator[StagingDirectory]:
     """Open it, alone. Raises BundleRefused where the place cannot be used, or somebody is at work there."""
     if re.search(r"[\s\"';]", str(place)):
         raise BundleRefused(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
@@ -112,7 +112,7 @@ def workshop(place: Path) -> Iterator[Workshop]:
         raise BundleRefused(f"{place} is there, and is no bundle", hint="`to=` names a new folder")
     if not place.parent.is_dir():
         raise BundleRefused(f"there is no folder {place.parent}", hint="make it first")
-    made = Workshop(place, place.with_name(f".{place.name}.part"))
+    made = StagingDirectory(place, place.with_name(f".{place.name}.part"))
     with _translated(place), _alone(made.folder):
         if _aside(place).exists() and not place.exists():
             _aside(place).rename(place)  # cut off while the new one was to take its place
@@ -171,7 +171,7 @@ Tell = Callable[[str, float | None], None]
 class Purpose:
     """One host, the system on it, and where that system's own packages come from."""
 
-    wish: HostWish
+    requirements: HostRequirements
     target: Target
     archive: tuple[Source, Key] | None
     """None: all packages come from the sources of the wish."""
@@ -204,38 +204,43 @@ def make(order: Order, signer: Signer, tell: Tell, sized: Callable[[Size], None]
     """Make the bundle; `sized` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
     with workshop(order.place) as work:
         tell("asking what there is", None)
-        roots = {each.wish.host: _root(work, each) for each in order.purposes}
-        lacking = {each.wish.host: roots[each.wish.host].lacking(_wanted(each)) for each in order.purposes}
+        roots = {each.requirements.host: _root(work, each) for each in order.purposes}
+        lacking = {
+            each.requirements.host: roots[each.requirements.host].lacking(_missing(each)) for each in order.purposes
+        }
         _reuse(work, lacking)
         sized(_size(roots, lacking))
-        libraries = gather((library for each in order.purposes for library in each.wish.libraries), work.work / "git")
+        libraries = gather(
+            (library for each in order.purposes for library in each.requirements.libraries), work.work / "git"
+        )
         for each in order.purposes:
-            _fetch(roots[each.wish.host], each, lacking[each.wish.host], tell)
+            _fetch(roots[each.requirements.host], each, lacking[each.requirements.host], tell)
         work.add(KEY, signer.public)
         hosts = {}
         for each in order.purposes:
-            part = _packages(work, signer, each, lacking[each.wish.host])
-            hosts[each.wish.host] = _libraries(work, part, each, libraries)
+            part = _packages(work, signer, each, lacking[each.requirements.host])
+            hosts[each.requirements.host] = _libraries(work, part, each, libraries)
         manifest = _signed(work, order, signer, hosts)
         work.finish()
     return manifest
 
 
 def _fetch(root: Root, purpose: Purpose, files: Sequence[Fetched], tell: Tell) -> None:
-    words = f"fetching packages for {purpose.wish.host}"
-    root.fetch(_wanted(purpose), files, lambda share: tell(words, share))
+    words = f"fetching packages for {purpose.requirements.host}"
+    root.fetch(_missing(purpose), files, lambda share: tell(words, share))
 
 
-def _wanted(purpose: Purpose) -> list[Wished]:
+def _missing(purpose: Purpose) -> list[PackageRequirement]:
     """What the target does not have already, in one order."""
     has = purpose.target.installed
     return sorted(
-        {each for each in purpose.wish.packages if not each.fits(has.get(each.name))}, key=lambda package: package.asked
+        {each for each in purpose.requirements.packages if not each.fits(has.get(each.name))},
+        key=lambda package: package.apt_argument,
     )
 
 
-def _root(work: Workshop, purpose: Purpose) -> Root:
-    request, target = purpose.wish, purpose.target
+def _root(work: StagingDirectory, purpose: Purpose) -> Root:
+    request, target = purpose.requirements, purpose.target
     expected = (request.distribution or target.distribution, request.codename or target.codename)
     if expected != (target.distribution, target.codename):
         raise BundleRefused(
@@ -246,7 +251,7 @@ def _root(work: Workshop, purpose: Purpose) -> Root:
         source, key = purpose.archive
         request = replace(request, sources=(*request.sources, source), keys=(*request.keys, key))
     root = Root.make(work.work / "hosts" / request.host, work.work, target, request)
-    if _wanted(purpose):
+    if _missing(purpose):
         root.update()
     return root
 
@@ -257,9 +262,9 @@ def _size(roots: dict[str, Root], lacking: dict[str, tuple[Fetched, ...]]) -> Si
     return Size(len(files), sum(file.size for _, file in files.values()), sum(missing))
 
 
-def _packages(work: Workshop, signer: Signer, purpose: Purpose, fetched: Sequence[Fetched]) -> HostPart:
+def _packages(work: StagingDirectory, signer: Signer, purpose: Purpose, fetched: Sequence[Fetched]) -> HostPart:
     """Put a host's packages and their index into the bundle."""
-    request, target = purpose.wish, purpose.target
+    request, target = purpose.requirements, purpose.target
     packages = [read_package(_archived(work, file), file.sha256) for file in fetched]
     current = {}
     for package, file in zip(packages, fetched, strict=True):
@@ -290,7 +295,7 @@ def _packages(work: Workshop, signer: Signer, purpose: Purpose, fetched: Sequenc
     )
 
 
-def _archived(work: Workshop, file: Fetched) -> Path:
+def _archived(work: StagingDirectory, file: Fetched) -> Path:
     """Where a package file is: in apt's folder, or in the bundle already."""
     inside = f"pool/{_pooled(file)}"
     return work.folder / inside if inside in work.files else work.work / "archives" / file.name
@@ -301,7 +306,7 @@ def _pooled(file: Fetched) -> str:
     return file.name.replace("%3a", "-")
 
 
-def _reuse(work: Workshop, lacking: dict[str, tuple[Fetched, ...]]) -> None:
+def _reuse(work: StagingDirectory, lacking: dict[str, tuple[Fetched, ...]]) -> None:
     """Take what an earlier bundle in this place has, or one that was interrupted; what it is worth its hash says."""
     for file in {file.name: file for files in lacking.values() for file in files}.values():
         target = work.work / "archives" / file.name
@@ -311,21 +316,21 @@ def _reuse(work: Workshop, lacking: dict[str, tuple[Fetched, ...]]) -> None:
                 same(earlier, target)
 
 
-def _libraries(work: Workshop, part: HostPart, purpose: Purpose, gathered: Gathered) -> HostPart:
+def _libraries(work: StagingDirectory, part: HostPart, purpose: Purpose, gathered: Gathered) -> HostPart:
     """Put a host's libraries into the bundle."""
     current, libraries = dict(part.held), []
-    for library in purpose.wish.libraries:
+    for library in purpose.requirements.libraries:
         for path, source in gathered.files(library):
             inside = f"sources/{path.replace(':', '-')}"
             if inside not in work.files:
                 work.add(inside, source.read_bytes())
             current[f"sources/{path}"] = inside
         commit = gathered.commits[library.url, library.revision]
-        libraries.append(HeldLibrary(url=library.url, revision=library.revision, commit=commit))
+        libraries.append(BundledLibrary(url=library.url, revision=library.revision, commit=commit))
     return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
 
-def _image(work: Workshop, image: Path | None) -> Image | None:
+def _image(work: StagingDirectory, image: Path | None) -> Image | None:
     if image is None:
         return None
     path = f"images/{image.name}"
@@ -337,7 +342,7 @@ def _image(work: Workshop, image: Path | None) -> Image | None:
     return Image(name=image.name, sha256=work.files[path].sha256, path=path)
 
 
-def _signed(work: Workshop, order: Order, signer: Signer, hosts: dict[str, HostPart]) -> Manifest:
+def _signed(work: StagingDirectory, order: Order, signer: Signer, hosts: dict[str, HostPart]) -> Manifest:
     """Write the manifest and its signature: from then on the folder is a bundle."""
     image = _image(work, order.image)
     files = tuple(work.files[path] for path in sorted(work.files))

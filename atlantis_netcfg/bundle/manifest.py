@@ -20,8 +20,8 @@ __all__ = [
     "KEY",
     "MANIFEST",
     "SIGNATURE",
+    "BundledLibrary",
     "File",
-    "HeldLibrary",
     "HostPart",
     "Image",
     "Manifest",
@@ -59,7 +59,7 @@ class File(_Data):
     sha256: Sha256
 
 
-class HeldLibrary(_Data):
+class BundledLibrary(_Data):
     """A repository at the commit that its revision meant when the bundle was made."""
 
     url: str
@@ -87,7 +87,7 @@ class HostPart(_Data):
     """Of the wished ones: what the system that the bundle was resolved against already had."""
     packages: dict[str, str]
     """Package -> version in its repository."""
-    libraries: tuple[HeldLibrary, ...] = ()
+    libraries: tuple[BundledLibrary, ...] = ()
     held: dict[Inside, Inside]
     """Path on the board -> path in the bundle."""
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bundle.manifest import File, HostPart
-    from atlantis_netcfg.bundle.requirements import HostWish
+    from atlantis_netcfg.bundle.requirements import HostRequirements
     from atlantis_netcfg.bundle.signing import Keys
 
 __all__ = ["Bundle", "bytes_to_carry", "open_bundle"]
@@ -57,7 +57,7 @@ def bytes_to_carry(bundle: Bundle, host: str, there: Collection[str] = ()) -> in
 
 
 def open_bundle(
-    folder: Path, keys: Keys, wishes: Sequence[HostWish] | None = None, *, accept: str | None = None
+    folder: Path, keys: Keys, wishes: Sequence[HostRequirements] | None = None, *, accept: str | None = None
 ) -> Bundle:
     """Open a bundle for these hosts. Raises BundleRefused with everything that is wrong or missing.
 
@@ -123,7 +123,7 @@ def _wrong(path: Path, file: File) -> str:
         return f"it cannot be read: {error.strerror or error}"
 
 
-def _uncovered(manifest: Manifest, request: HostWish) -> Iterator[str]:
+def _uncovered(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
     part = manifest.hosts.get(request.host)
     if part is None:
         yield f"{request.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
@@ -135,11 +135,11 @@ def _uncovered(manifest: Manifest, request: HostWish) -> Iterator[str]:
         has = part.packages.get(package.name)
         installed = part.installed.get(package.name)
         if not package.fits(has) and not package.fits(installed):
-            yield f"{request.host}: package {package.asked}: {_other(has or installed)}"
+            yield f"{request.host}: package {package.apt_argument}: {_other(has or installed)}"
     yield from _libraries(part, request)
 
 
-def _libraries(part: HostPart, request: HostWish) -> Iterator[str]:
+def _libraries(part: HostPart, request: HostRequirements) -> Iterator[str]:
     for library in request.libraries:
         current = [each.revision for each in part.libraries if each.url == library.url]
         if library.revision not in current:

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BundleRefused",
-    "HostWish",
+    "HostRequirements",
     "Key",
     "Library",
+    "PackageRequirement",
     "Source",
     "Target",
-    "Wished",
     "paragraphs",
     "read_target",
     "refused",
@@ -31,7 +31,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True)
-class Wished:
+class PackageRequirement:
     """A package."""
 
     name: str
@@ -39,7 +39,7 @@ class Wished:
     """As apt takes it after `=`, also with a `*`; None: whatever the sources have."""
 
     @property
-    def asked(self) -> str:
+    def apt_argument(self) -> str:
         """For a command line of apt."""
         return self.name if self.version is None else f"{self.name}={self.version}"
 
@@ -78,11 +78,11 @@ class Library:
 
 
 @dataclass(frozen=True, slots=True)
-class HostWish:
+class HostRequirements:
     """Everything that the roles of one host take from elsewhere."""
 
     host: str
-    packages: tuple[Wished, ...]
+    packages: tuple[PackageRequirement, ...]
     sources: tuple[Source, ...] = ()
     keys: tuple[Key, ...] = ()
     pins: tuple[Source, ...] = ()

@@ -25,7 +25,7 @@ from atlantis_netcfg.bundle.signing import program, run
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.bundle.requirements import HostWish, Target, Wished
+    from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Target
     from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["Fetched", "Root", "archive", "index", "read_package", "sha256_of"]
@@ -55,7 +55,7 @@ class Root:
     archives: Path
 
     @classmethod
-    def make(cls, folder: Path, shared: Path, target: Target, request: HostWish) -> Root:
+    def make(cls, folder: Path, shared: Path, target: Target, request: HostRequirements) -> Root:
         """Lay the folder out anew for the wish's sources; `shared` keeps what was fetched before."""
         if re.search(r"[\s\"';]", str(folder)):
             raise BundleRefused(
@@ -92,12 +92,12 @@ class Root:
         if failed:
             raise refused([(f"the lists of packages cannot be had: {line}", _hint(line)) for line in found or ["?"]])
 
-    def lacking(self, wished: Sequence[Wished]) -> tuple[Fetched, ...]:
+    def lacking(self, wished: Sequence[PackageRequirement]) -> tuple[Fetched, ...]:
         """The package files that the target needs for these, dependencies included. Raises BundleRefused."""
         if not wished:
             return ()
         arguments = ["install", "--print-uris", "-q", "-o", "Acquire::ForceHash=SHA256"]
-        done = self._apt(*arguments, *_ALLOWED, *(each.asked for each in wished))
+        done = self._apt(*arguments, *_ALLOWED, *(each.apt_argument for each in wished))
         if done.returncode != 0:
             found = _unmet(done) or _complaints(done, "E:")
             hint = "correct the names or versions in the declaration, or the sources"
@@ -123,11 +123,13 @@ class Root:
         path.unlink()
         return False
 
-    def fetch(self, wished: Sequence[Wished], files: Sequence[Fetched], tell: Callable[[float], None]) -> None:
+    def fetch(
+        self, wished: Sequence[PackageRequirement], files: Sequence[Fetched], tell: Callable[[float], None]
+    ) -> None:
         """Fetch what is not there yet; `tell` hears the share of it, 0 to 1. Raises BundleRefused."""
         there = [self.has(file) for file in files]
         if not all(there):
-            self._download([each.asked for each in wished], tell)
+            self._download([each.apt_argument for each in wished], tell)
         missing = [file.name for file in files if not self.has(file)]
         if missing:
             hint = "type the same again: what was fetched is kept"

@@ -85,11 +85,11 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.bundle import Asked, made
+    from atlantis_netcfg.operations.bundle import BundleRequest, made
 
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
     site, as_json = arguments.word("site"), arguments.flag("json")
-    bundle_request = Asked(
+    bundle_request = BundleRequest(
         declaration,
         site,
         hosts,

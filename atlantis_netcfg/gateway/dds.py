@@ -189,7 +189,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)
-    peers = [one for one in all_of_them if local.everywhere or one.everywhere or one.site in {None, host.site}]
+    peers = [peer for peer in all_of_them if local.everywhere or peer.everywhere or peer.site in {None, host.site}]
     return tuple(
         ProfileView(
             host=host.name,

@@ -169,7 +169,7 @@ _SAME = ("/etc/apt/sources.list.d/ros2.list", "/etc/apt/sources.list.d/ros2-late
 _PINS = "/etc/apt/preferences.d/atlantis-ros2"
 _LOGIN = "/etc/profile.d/atlantis-ros2.sh"
 _TEST = "/usr/local/lib/atlantis/ros2_hears.py"
-_HEARD, _PATIENCE_S = 3, 90
+_MESSAGES, _PATIENCE_S = 3, 90
 """The talker says hello once a second; a board that starts Python nodes for the first time takes its time."""
 _TEST_DOMAIN = 101
 """Of ROS: nobody else talks there."""
@@ -307,7 +307,7 @@ def _configuration(release: Release, dds: Dds, packages: tuple[Package, ...]) ->
         "/usr/bin/python3",
         _TEST,
         home,
-        str(_HEARD),
+        str(_MESSAGES),
         str(_PATIENCE_S),
         *(f"{name}={value}" for name, value in variables.items()),
     )

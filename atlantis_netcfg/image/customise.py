@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.image.ext4 import Ext4, tool
-from atlantis_netcfg.image.facts import ImageRefused, Seen, Wish
+from atlantis_netcfg.image.facts import ImageFacts, ImageRefused, ImageRequest
 from atlantis_netcfg.image.layouts import Layout, find
-from atlantis_netcfg.image.plan import BOOT_WORDS, LISTED, READ, asked, notes, plan
+from atlantis_netcfg.image.plan import BOOT_WORDS, LISTED, READ, notes, paths_to_check, plan
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -59,19 +59,19 @@ _BOOT_FILES = ("cmdline.txt", "boot.ini")
 """Files there that hold the kernel's command line, of boards of the Raspberry and of the ODROID type."""
 
 
-def look(root: Ext4, request: Wish, boot: Fat | None = None) -> Seen:
+def look(root: Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
     """What the planner needs to know of an image. Raises ImageRefused where a link stands in the place of a file."""
     root.hold_no_link((*READ, *LISTED))
     files = {path: data.decode(errors="surrogateescape") for path in READ if (data := root.read(path)) is not None}
-    present = frozenset(path for path in asked(request) if root.exists(path))
+    present = frozenset(path for path in paths_to_check(request) if root.exists(path))
     words = {path: root.read(path) for path in BOOT_WORDS}
     if boot is not None:
         words |= {f"{name} on the FAT partition": boot.read(name) for name in _BOOT_FILES}
     values = {place: data.decode(errors="replace") for place, data in words.items() if data is not None}
-    return Seen(files, present, {path: root.names(path) for path in LISTED}, values)
+    return ImageFacts(files, present, {path: root.names(path) for path in LISTED}, values)
 
 
-def customise(image: Path, layout: Layout, request: Wish) -> tuple[str, ...]:
+def customise(image: Path, layout: Layout, request: ImageRequest) -> tuple[str, ...]:
     """Edit the working copy; return what a person should know. Raises ImageRefused. May be repeated."""
     places = find(image, layout)
     boot = None if places.boot is None else Fat(image, places.boot.offset)

@@ -153,7 +153,7 @@ class Ext4:
             done = self._run([tool("debugfs"), "-w", "-f", str(batch), self._where])
         self.check()
         for edit in edits:
-            self._held(edit, _complaint(done.stdout))
+            self._verify(edit, _complaint(done.stdout))
 
     def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
@@ -174,7 +174,7 @@ class Ext4:
         elif isinstance(edit, Link):
             yield f"symlink {path} {_safe_target(edit.target)}"
 
-    def _held(self, edit: Edit, complaint: str) -> None:
+    def _verify(self, edit: Edit, complaint: str) -> None:
         status = self.status(edit.path)
         if isinstance(edit, Remove):
             current = status is None

@@ -18,12 +18,12 @@ __all__ = [
     "Directory",
     "Edit",
     "File",
+    "ImageFacts",
     "ImageRefused",
+    "ImageRequest",
     "Link",
     "Remove",
-    "Seen",
     "Static",
-    "Wish",
 ]
 
 
@@ -39,7 +39,7 @@ class Static:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ImageRequest:
     """One host's image."""
 
     host: str
@@ -69,7 +69,7 @@ class Account:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class ImageFacts:
     """What was found in an image's root file system."""
 
     files: Mapping[str, str]

@@ -10,14 +10,14 @@ import json
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.facts import Account, Directory, File, ImageRefused, Link, Remove, Seen, Wish
+from atlantis_netcfg.image.facts import Account, Directory, File, ImageFacts, ImageRefused, ImageRequest, Link, Remove
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.image.facts import Edit, Static
 
-__all__ = ["BOOT_WORDS", "LISTED", "READ", "asked", "notes", "plan"]
+__all__ = ["BOOT_WORDS", "LISTED", "READ", "notes", "paths_to_check", "plan"]
 
 
 PASSWD, SHADOW = "/etc/passwd", "/etc/shadow"
@@ -35,7 +35,7 @@ PubkeyAuthentication yes
 """
 
 
-def accounts(seen: Seen, request: Wish) -> Iterator[Edit]:
+def accounts(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
     account = _account(seen.text(PASSWD), request.user)
     folder = f"{account.home.rstrip('/')}/.ssh"
@@ -71,7 +71,7 @@ def unlocked(shadow: str) -> tuple[str, ...]:
     return tuple(row[0] for row in rows if len(row) > 1 and not row[1].startswith(("!", "*")))
 
 
-def passwords(seen: Seen) -> Iterator[Edit]:
+def passwords(seen: ImageFacts) -> Iterator[Edit]:
     """No account has a password; `*` rather than `!`, which sshd without PAM takes for a locked account.
 
     A password that must be changed at the first login would stand in the way of the key, so that its age goes too.
@@ -98,7 +98,7 @@ def passwords(seen: Seen) -> Iterator[Edit]:
         yield File(PASSWD, message.encode())
 
 
-def _group(seen: Seen, name: str) -> int:
+def _group(seen: ImageFacts, name: str) -> int:
     rows = (line.split(":") for line in seen.text("/etc/group").splitlines())
     return next((int(row[2]) for row in rows if row[0] == name and len(row) > 2), 0)  # noqa: PLR2004
 
@@ -126,10 +126,10 @@ PATHS = (
     _RESOLV,
 )
 """What the planner asks about."""
-_SAID = "# Written by `provision image`."
+_HEADER = "# Written by `provision image`."
 
 
-def network(seen: Seen, request: Wish) -> Iterator[Edit]:
+def network(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """One wired interface, with a fixed address or DHCP. Raises ImageRefused where nothing would configure it."""
     if NETPLAN in seen.present:
         others = (name for name in seen.listed.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
@@ -159,16 +159,25 @@ def network(seen: Seen, request: Wish) -> Iterator[Edit]:
             "nothing in the image would set its address: no netplan, ifupdown, NetworkManager or systemd-networkd"
         )
     if request.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
-        yield File(_RESOLV, f"{_SAID}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode())
+        yield File(
+            _RESOLV, f"{_HEADER}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode()
+        )
 
 
-def _folder(seen: Seen, path: str) -> Iterator[Edit]:
+def _folder(seen: ImageFacts, path: str) -> Iterator[Edit]:
     if path not in seen.present:
         yield Directory(path)
 
 
-def _netplan(request: Wish) -> str:
-    rows = [_SAID, "network:", "  version: 2", "  ethernets:", "    lan:", f"      match: {{name: {_match(request)}}}"]
+def _netplan(request: ImageRequest) -> str:
+    rows = [
+        _HEADER,
+        "network:",
+        "  version: 2",
+        "  ethernets:",
+        "    lan:",
+        f"      match: {{name: {_match(request)}}}",
+    ]
     if request.static is None:
         rows.append("      dhcp4: true")
     else:
@@ -181,13 +190,13 @@ def _netplan(request: Wish) -> str:
     return "".join(f"{row}\n" for row in rows)
 
 
-def _match(request: Wish) -> str:
+def _match(request: ImageRequest) -> str:
     return request.interface or '"e*"'
 
 
-def _interfaces(request: Wish) -> str:
+def _interfaces(request: ImageRequest) -> str:
     name = request.interface
-    start = f"{_SAID}\nauto lo\niface lo inet loopback\n\nallow-hotplug {name}\n"
+    start = f"{_HEADER}\nauto lo\niface lo inet loopback\n\nallow-hotplug {name}\n"
     if request.static is None:
         return f"{start}iface {name} inet dhcp\n"
     return (
@@ -197,11 +206,10 @@ def _interfaces(request: Wish) -> str:
     )
 
 
-def _profile(request: Wish) -> str:
+def _profile(request: ImageRequest) -> str:
     name = f"interface-name={request.interface}\n" if request.interface else ""
-    return (
-        f"{_SAID}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n{name}\n{_ipv4(request.static)}"
-    )
+    head = f"{_HEADER}\n[connection]\nid=atlantis\ntype=ethernet\nautoconnect-priority=100\n"
+    return f"{head}{name}\n{_ipv4(request.static)}"
 
 
 def _ipv4(static: Static | None) -> str:
@@ -213,8 +221,8 @@ def _ipv4(static: Static | None) -> str:
     )
 
 
-def _networkd(request: Wish) -> str:
-    start = f"{_SAID}\n[Match]\nName={request.interface or 'e*'}\n\n[Network]\n"
+def _networkd(request: ImageRequest) -> str:
+    start = f"{_HEADER}\n[Match]\nName={request.interface or 'e*'}\n\n[Network]\n"
     if request.static is None:
         return f"{start}DHCP=ipv4\n"
     address, gateway, domain = request.static.address, request.static.gateway, request.static.domain
@@ -243,7 +251,7 @@ BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlin
 """Files that hold the words of the kernel's command line; those of the FAT partition are read besides."""
 
 
-def asked(request: Wish) -> tuple[str, ...]:
+def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
     """The paths of which it needs to know whether they exist."""
     zone = f"{_ZONES}/{request.time_zone}"
     return (
@@ -260,7 +268,7 @@ def asked(request: Wish) -> tuple[str, ...]:
     )
 
 
-def plan(seen: Seen, request: Wish) -> tuple[Edit, ...]:
+def plan(seen: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
     """The edits, in the order in which they are carried out. Raises ImageRefused where the image cannot serve."""
     found = [
         *(Directory(path) for path in _FOLDERS if path not in seen.present),
@@ -274,7 +282,7 @@ def plan(seen: Seen, request: Wish) -> tuple[Edit, ...]:
     return tuple(dict.fromkeys(found))
 
 
-def notes(seen: Seen, request: Wish) -> tuple[str, ...]:
+def notes(seen: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
     """What a person should know, although it does not stand in the way."""
     result = []
     if f"{_ZONES}/{request.time_zone}" not in seen.present:
@@ -289,7 +297,7 @@ def notes(seen: Seen, request: Wish) -> tuple[str, ...]:
     return tuple(result)
 
 
-def _identity(seen: Seen, request: Wish) -> Iterator[Edit]:
+def _identity(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Host name; and no identity that other cards from this image have as well (machine-id(5))."""
     yield File("/etc/hostname", f"{request.host}\n".encode())
     kept = [line for line in seen.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
@@ -303,7 +311,7 @@ def _identity(seen: Seen, request: Wish) -> Iterator[Edit]:
     yield from (Remove(f"{_SSH}/{name}") for name in seen.listed.get(_SSH, ()) if name.startswith("ssh_host_"))
 
 
-def _time(seen: Seen, request: Wish) -> Iterator[Edit]:
+def _time(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Zone and servers; by address, because names do not resolve while the clock is wrong."""
     yield Link("/etc/localtime", f"{_ZONES}/{request.time_zone}")
     yield File("/etc/timezone", f"{request.time_zone}\n".encode())
@@ -314,11 +322,11 @@ def _time(seen: Seen, request: Wish) -> Iterator[Edit]:
         yield File(f"{_CHRONY}/atlantis.sources", lines.encode())
 
 
-def _cloud_init(seen: Seen) -> bool:
+def _cloud_init(seen: ImageFacts) -> bool:
     return any(path in seen.present for path in _CLOUD_INIT)
 
 
-def _no_cloud_init(seen: Seen) -> Iterator[Edit]:
+def _no_cloud_init(seen: ImageFacts) -> Iterator[Edit]:
     """At its first start it would give the computer an address, accounts, host keys and a name of its own.
 
     A file switches it off. Another file, and the kernel's command line, have precedence (its generator for systemd).
@@ -366,7 +374,7 @@ WantedBy=multi-user.target
 """
 
 
-def _first_boot(request: Wish) -> Iterator[Edit]:
+def _first_boot(request: ImageRequest) -> Iterator[Edit]:
     yield File("/usr/local/sbin/atlantis-first-boot", _SCRIPT.encode(), 0o755)
     yield File(f"{_UNITS}/atlantis-first-boot.service", _UNIT.encode())
     yield Link(f"{_WANTS}/atlantis-first-boot.service", f"{_UNITS}/atlantis-first-boot.service")

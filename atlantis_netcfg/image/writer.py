@@ -87,7 +87,7 @@ class Meter:
         self._tell = tell
         self._every_s = every_s
         self._clock = clock
-        self._began = self._told = clock()
+        self._began = self._reported = clock()
         self._ended = False
 
     def __call__(self, done: int, total: int) -> None:
@@ -96,8 +96,8 @@ class Meter:
         if self._ended:
             return
         self._ended = done >= total
-        if self._ended or at - self._told >= self._every_s:
-            self._told = at
+        if self._ended or at - self._reported >= self._every_s:
+            self._reported = at
             self._tell(Progress(self._step, done, total, at - self._began))
 
 
@@ -254,7 +254,7 @@ class _Job:
         meter, done, total = Meter(Step.COMPARING, self._tell), 0, sum(part.size for part in parts)
         for part in parts:
             for at, size in _chunks(part):
-                desired = _zeros(size) if part.kind is Kind.ZERO else self._wanted(at, size)
+                desired = _zeros(size) if part.kind is Kind.ZERO else self._expected(at, size)
                 if self._read(at, size) != desired:
                     raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
                 done += size
@@ -273,13 +273,13 @@ class _Job:
         self._compare([Segment(0, self._head, Kind.DATA)])
 
     def _put(self, at: int, size: int, *, zero: bool = False) -> None:
-        self._ours[:size] = _zeros(size) if zero else self._wanted(at, size)
+        self._ours[:size] = _zeros(size) if zero else self._expected(at, size)
         with memoryview(self._ours) as view:
             done = 0
             while done < size:
                 done += os.pwrite(self._card, view[done:size], at + done)
 
-    def _wanted(self, at: int, size: int) -> bytes:
+    def _expected(self, at: int, size: int) -> bytes:
         data = os.pread(self._source, size, at)
         os.posix_fadvise(self._source, at + size, _CHUNK, os.POSIX_FADV_WILLNEED)
         if len(data) != size:

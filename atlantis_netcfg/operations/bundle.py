@@ -17,12 +17,12 @@ from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
 from atlantis_netcfg.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.bundle.requirements import (
     BundleRefused,
-    HostWish,
+    HostRequirements,
     Key,
     Library,
+    PackageRequirement,
     Source,
     Target,
-    Wished,
     read_target,
 )
 from atlantis_netcfg.bundle.resolve import archive
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 
 _STATUS = "/var/lib/dpkg/status"
-_ASKED = f"gzip -9c {_STATUS}"
+_READ_STATUS = f"gzip -9c {_STATUS}"
 
 
 def from_file(path: Path) -> Target:
@@ -92,7 +92,7 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Target
     if access.get("metered"):
         raise BundleRefused(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
-    words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _ASKED]
+    words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _READ_STATUS]
     done = run(["ssh", *words])
     if done.returncode != 0:
         text = done.stderr.decode(errors="replace").strip()
@@ -124,7 +124,7 @@ def wish_of(
     *,
     parts: Mapping[str, Part] = PARTS,
     tokens: bool = False,
-) -> HostWish:
+) -> HostRequirements:
     """What a host's parts need of packages, and the library that is built there.
 
     `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
@@ -133,10 +133,12 @@ def wish_of(
         part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
     ]
     expected: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
-    return HostWish(
+    return HostRequirements(
         host=host.name,
-        packages=tuple(dict.fromkeys(Wished(one["name"], one.get("version")) for one in _all(result, "packages"))),
-        sources=tuple(dict.fromkeys(Source(one["path"], one["content"]) for one in _all(result, "sources"))),
+        packages=tuple(
+            dict.fromkeys(PackageRequirement(row["name"], row.get("version")) for row in _all(result, "packages"))
+        ),
+        sources=tuple(dict.fromkeys(Source(source["path"], source["content"]) for source in _all(result, "sources"))),
         keys=tuple(
             dict.fromkeys(Key(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys"))
         ),
@@ -172,7 +174,7 @@ def _library(repository: Repository, *, tokens: bool) -> Library:
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class BundleRequest:
     """What a person has asked for; the declaration has its secrets where the library needs a token."""
 
     declaration: Declaration
@@ -187,7 +189,7 @@ class Asked:
     keyring: Path | None = None
 
 
-def made(requested: Asked, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
+def made(requested: BundleRequest, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
     refuse_examples(requested.declaration, rehearsed=False)
     require_programs()
@@ -213,7 +215,7 @@ def opened(
     return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(requested: Asked, host: Host, notify: Subscriber) -> Purpose:
+def _purpose(requested: BundleRequest, host: Host, notify: Subscriber) -> Purpose:
     request = wish_of(requested.declaration, host, requested.request, tokens=True)
     target = _target(requested, host, notify)
     notify(Event(host.name, Stage.OBSERVED, f"{target.shown}, {len(target.installed)} packages"))
@@ -221,7 +223,7 @@ def _purpose(requested: Asked, host: Host, notify: Subscriber) -> Purpose:
     return Purpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
 
 
-def _target(requested: Asked, host: Host, notify: Subscriber) -> Target:
+def _target(requested: BundleRequest, host: Host, notify: Subscriber) -> Target:
     if requested.status is not None:
         return from_file(requested.status)
     if requested.image is not None:

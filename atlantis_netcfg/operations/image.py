@@ -23,7 +23,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.declaration.model import AddressBy, Gateway
 from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import PROGRAMS, require_tools
-from atlantis_netcfg.image.facts import ImageRefused, Static, Wish
+from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, Static
 from atlantis_netcfg.image.layouts import LAYOUTS, Layout
 from atlantis_netcfg.image.source import Expanded, Kind, checksum, expand, segments
 from atlantis_netcfg.image.writer import Card, Meter, Progress, Step, Written, write
@@ -107,7 +107,7 @@ def layout_of(host: Host) -> Layout:
     return LAYOUTS[_image_of(host)[1].layout]
 
 
-def wish_of(declaration: Declaration, host: Host, source: str) -> Wish:
+def wish_of(declaration: Declaration, host: Host, source: str) -> ImageRequest:
     """What the host's image shall become; `source` names the vendor's file. Raises UsageError as `layout_of`."""
     device, image = _image_of(host)
     lan, pilot = declaration.sites[host.site].lan, declaration.pilot
@@ -115,7 +115,7 @@ def wish_of(declaration: Declaration, host: Host, source: str) -> Wish:
     if image.address_by is AddressBy.STATIC:
         address = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
         static = Static(address, lan.gateway, lan.domain)
-    return Wish(
+    return ImageRequest(
         host=host.name,
         site=host.site,
         user=image.user,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
-from atlantis_netcfg.bundle.requirements import HostWish, Key, Source, Wished, read_target
+from atlantis_netcfg.bundle.requirements import HostRequirements, Key, PackageRequirement, Source, read_target
 from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
@@ -50,18 +50,20 @@ class Laptop:
     def archive(self, packages: Sequence[StandIn], name: str = "archive") -> Archive:
         return publish(self.folder / name, packages, codename="focal")
 
-    def wish(self, archive: Archive, *wanted: str, host: str = HOST, libraries: Sequence[Library] = ()) -> HostWish:
+    def wish(
+        self, archive: Archive, *wanted: str, host: str = HOST, libraries: Sequence[Library] = ()
+    ) -> HostRequirements:
         """What a host wants; `name=version` as apt writes it."""
         names = [one.partition("=") for one in wanted]
-        return HostWish(
+        return HostRequirements(
             host,
-            tuple(Wished(name, version or None) for name, _, version in names),
+            tuple(PackageRequirement(name, version or None) for name, _, version in names),
             (Source("/etc/apt/s.list", f"deb [signed-by={KEYRING}] file:{archive.folder} focal main\n"),),
             (Key(KEYRING, archive.key),),
             libraries=tuple(libraries),
         )
 
-    def make(self, *wishes: HostWish, on: bytes | None = None, image: Path | None = None) -> Manifest:
+    def make(self, *wishes: HostRequirements, on: bytes | None = None, image: Path | None = None) -> Manifest:
         target = read_target(status() if on is None else on, "status")
         purposes = tuple(Purpose(wish, target, None) for wish in wishes)
         order = Order("coastal", "0" * 64, purposes, self.place, image)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from gateway_stand import ROUTER, Key, gateway_tree
 
 from atlantis_netcfg.bundle.build import Order, Purpose, make
-from atlantis_netcfg.bundle.requirements import HostWish, Source, Wished, read_target
+from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Source, read_target
 from atlantis_netcfg.bundle.requirements import Key as ArchiveKey
 from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
@@ -71,9 +71,9 @@ class Quay:
         """Make one with these packages for the tree that the machine was started from."""
         archive = publish(self.folder / f"{name}-archive", packages, codename="bookworm")
         keyring = "/usr/share/keyrings/standins.gpg"
-        wish = HostWish(
+        wish = HostRequirements(
             NAME,
-            tuple(Wished(each.name, each.version) for each in packages),
+            tuple(PackageRequirement(each.name, each.version) for each in packages),
             (
                 Source(
                     "/etc/apt/sources.list.d/s.list", f"deb [signed-by={keyring}] file:{archive.folder} bookworm main\n"

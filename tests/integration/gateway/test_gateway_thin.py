@@ -10,7 +10,7 @@ import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import FOLDER
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import FOLDER
 from atlantis_netcfg.core.remote_bundle import build
 
 if TYPE_CHECKING:

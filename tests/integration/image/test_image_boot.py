@@ -26,7 +26,7 @@ from image_made import ROOT_AT, disk, run
 from atlantis_netcfg.image.blocks import admit
 from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
-from atlantis_netcfg.image.facts import Static, Wish
+from atlantis_netcfg.image.facts import ImageRequest, Static
 from atlantis_netcfg.image.layouts import LAYOUTS
 from atlantis_netcfg.image.source import expand, segments
 from atlantis_netcfg.image.writer import Card, write
@@ -166,7 +166,7 @@ def test_the_card_boots_with_the_declared_name_and_keys_and_without_the_password
     public = f"{key.get_name()} {key.get_base64()} technician"
     vendors = disk(tmp_path / "vendor.img", debian, machine.root_mib)
     assert b"root:$" in (Ext4(vendors, ROOT_AT).read("/etc/shadow") or b"")
-    wish = Wish(
+    wish = ImageRequest(
         host="coastal-gateway",
         site="coastal",
         user="root",

@@ -16,10 +16,10 @@ from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
 from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
-from atlantis_netcfg.image.facts import Edit, File, ImageRefused, Remove, Static, Wish
+from atlantis_netcfg.image.facts import Edit, File, ImageRefused, ImageRequest, Remove, Static
 from atlantis_netcfg.image.layouts import LAYOUTS
 
-WISH = Wish(
+WISH = ImageRequest(
     host="coastal-gateway",
     site="coastal",
     user="root",

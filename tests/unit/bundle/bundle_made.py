@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import File, HeldLibrary, HostPart, Manifest, content_id
-from atlantis_netcfg.bundle.requirements import HostWish, Library, Wished
+from atlantis_netcfg.bundle.manifest import BundledLibrary, File, HostPart, Manifest, content_id
+from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
 from atlantis_netcfg.bundle.signing import Keys
 
 if TYPE_CHECKING:
@@ -18,9 +18,13 @@ if TYPE_CHECKING:
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")
-WISH = HostWish(
+WISH = HostRequirements(
     HOST,
-    (Wished("chrony", None), Wished("ros-foxy-ros-base", "0.9.2-1*"), Wished("locales", None)),
+    (
+        PackageRequirement("chrony", None),
+        PackageRequirement("ros-foxy-ros-base", "0.9.2-1*"),
+        PackageRequirement("locales", None),
+    ),
     libraries=(LIBRARY,),
     distribution="ubuntu",
     codename="focal",
@@ -68,7 +72,7 @@ def manifest(signer: Signer) -> Manifest:
         wished={each.name: each.version for each in WISH.packages},
         installed={"locales": "2.31"},
         packages={"chrony": "3.5", "ros-foxy-ros-base": "0.9.2-1focal"},
-        libraries=(HeldLibrary(url=LIBRARY.url, revision=LIBRARY.revision, commit="0" * 40),),
+        libraries=(BundledLibrary(url=LIBRARY.url, revision=LIBRARY.revision, commit="0" * 40),),
         held=held,
     )
     return Manifest(

@@ -11,7 +11,7 @@ import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, Wished
+from atlantis_netcfg.bundle.requirements import BundleRefused, PackageRequirement
 from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.core.errors import ExitCode
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.requirements import HostWish
+    from atlantis_netcfg.bundle.requirements import HostRequirements
     from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["folder", "keys", "signer"]
@@ -27,7 +27,9 @@ CHRONY = "pool/chrony_3.5_arm64.deb"
 AGAIN = "copy the bundle again, or make it anew: `provision bundle site=coastal`"
 
 
-def refusal(folder: Path, keys: Keys, wish: HostWish = WISH, accept: str | None = None) -> list[tuple[str, str | None]]:
+def refusal(
+    folder: Path, keys: Keys, wish: HostRequirements = WISH, accept: str | None = None
+) -> list[tuple[str, str | None]]:
     with pytest.raises(BundleRefused) as caught:
         open_bundle(folder, keys, [wish], accept=accept)
     assert caught.value.exit is ExitCode.USAGE
@@ -95,7 +97,12 @@ def test_the_key_of_another_computer_is_taken_once_a_person_has_typed_it(
 def test_everything_that_is_missing_is_named(folder: Path, keys: Keys) -> None:
     wish = replace(
         WISH,
-        packages=(*WISH.packages, Wished("gpsd", None), Wished("chrony", "4.*"), Wished("locales", "2.35")),
+        packages=(
+            *WISH.packages,
+            PackageRequirement("gpsd", None),
+            PackageRequirement("chrony", "4.*"),
+            PackageRequirement("locales", "2.35"),
+        ),
         libraries=(LIBRARY, replace(LIBRARY, revision="v2.0"), replace(LIBRARY, url="https://git.example.org/x.git")),
         distribution="ubuntu",
         codename="jammy",

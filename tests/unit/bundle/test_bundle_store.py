@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bundle_store import Held, Store
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bundle_store import Store, StoredFile
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 
 if TYPE_CHECKING:
@@ -21,8 +21,8 @@ ONE, TWO = "1" * 16, "2" * 16
 CONTENT = {f"repository/pool/{name}.deb": name.encode() * 5000 for name in ("a", "b", "c")}
 
 
-def held(content: dict[str, bytes]) -> tuple[Held, ...]:
-    return tuple(Held(path, len(data), hashlib.sha256(data).hexdigest()) for path, data in content.items())
+def held(content: dict[str, bytes]) -> tuple[StoredFile, ...]:
+    return tuple(StoredFile(path, len(data), hashlib.sha256(data).hexdigest()) for path, data in content.items())
 
 
 def archive(content: dict[str, bytes]) -> bytes:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.bundle.requirements import Key, Library, Source, Wished
+from atlantis_netcfg.bundle.requirements import Key, Library, PackageRequirement, Source
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of
@@ -56,7 +56,11 @@ def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> Non
         "none": part({"packages": None, "build": None}),
     }
     wish = wish_of(declaration, host, Request(state=tmp_path), parts=parts)
-    assert wish.packages == (Wished("chrony", None), Wished("locales", None), Wished("ros-base", "1*"))
+    assert wish.packages == (
+        PackageRequirement("chrony", None),
+        PackageRequirement("locales", None),
+        PackageRequirement("ros-base", "1*"),
+    )
     assert (wish.sources, wish.pins) == ((Source(**SOURCE),), (Source(**PIN),))
     assert wish.keys == (Key(KEY["path"], b"key"),)
     assert (wish.distribution, wish.codename) == ("ubuntu", "focal")

@@ -63,7 +63,7 @@ def at(  # noqa: PLR0913, PLR0917 - fixtures
     place = Place(folder, tmp_path / "state", capsys)
     shutil.copytree(folder, place.fresh)
 
-    def made(asked: bundling.Asked, *_: object) -> Manifest:
+    def made(asked: bundling.BundleRequest, *_: object) -> Manifest:
         shutil.copytree(place.fresh, asked.place, dirs_exist_ok=True)
         return manifest(signer)
 
@@ -98,7 +98,7 @@ def told(hint: str) -> str:
 
 
 def too_dear(_at: Place) -> str:
-    wanted: Any = SimpleNamespace(wanted=SimpleNamespace(limit_words="", limit_bytes=1))
+    wanted: Any = SimpleNamespace(desired=SimpleNamespace(limit_words="", limit_bytes=1))
     return told(str(Converge._too_dear(wanted, "20 MB").hint))
 
 

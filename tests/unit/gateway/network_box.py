@@ -17,7 +17,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     Change,
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import Computer, Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import Wish
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import DesiredNetwork
 from atlantis_netcfg.gateway.network import gateway_network
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     """A computer without a configuration, which time and the gateway obey."""
     made = Box(tmp_path)
     monkeypatch.setattr("os.fsync", lambda _handle: made.step())
-    monkeypatch.setattr(Wish, "_knock", lambda _self: None)
+    monkeypatch.setattr(DesiredNetwork, "_knock", lambda _self: None)
     monkeypatch.setattr(network_change, "began_s", network_guard.boot_time)
     monkeypatch.setattr("time.sleep", lambda _s: made.time_passes())
     monkeypatch.setattr(network_change, "_SETTLED_S", 0.0)
@@ -233,10 +233,10 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
     return made
 
 
-def wish(by: str, **changes: Any) -> Wish:  # noqa: ANN401
+def wish(by: str, **changes: Any) -> DesiredNetwork:  # noqa: ANN401
     part = gateway_network(*coast(by))
     assert part is not None
-    return Wish.of({"resolver": None, **part.as_dict(), **changes})
+    return DesiredNetwork.of({"resolver": None, **part.as_dict(), **changes})
 
 
 def made(box: Box, by: str, **changes: Any) -> Change:  # noqa: ANN401

@@ -10,13 +10,13 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.trial import Trial
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.trial import SmokeTest
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 ADDRESS = Done(0, "3: tun0    inet 10.80.0.10/16 scope global tun0")
-TRIAL = Trial("/b/example-robot", "/b/c.yml", "/interop.sh", "/ros.env", "/b/build.json", "someone", "tun0", 15)
+TRIAL = SmokeTest("/b/example-robot", "/b/c.yml", "/interop.sh", "/ros.env", "/b/build.json", "someone", "tun0", 15)
 
 
 @dataclass

@@ -8,11 +8,21 @@ from ipaddress import IPv4Address, IPv4Interface
 import pytest
 import yaml
 
-from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Link, Remove, Seen, Static, Wish
+from atlantis_netcfg.image.facts import (
+    Directory,
+    Edit,
+    File,
+    ImageFacts,
+    ImageRefused,
+    ImageRequest,
+    Link,
+    Remove,
+    Static,
+)
 from atlantis_netcfg.image.plan import notes, plan
 
 STATIC = Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
-WISH = Wish(
+WISH = ImageRequest(
     host="coastal-gateway",
     site="coastal",
     user="root",
@@ -32,7 +42,7 @@ FILES = {
     "/etc/ssh/sshd_config": "# the vendor's\nPermitRootLogin yes\n",
 }
 PLAN = "/usr/sbin/netplan"
-SEEN = Seen(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/Europe/Lisbon"}))
+SEEN = ImageFacts(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/Europe/Lisbon"}))
 
 
 def files(edits: tuple[Edit, ...]) -> dict[str, str]:
@@ -97,7 +107,7 @@ def test_netplan() -> None:
     assert yaml.safe_load(dhcp)["network"]["ethernets"]["lan"] == {"match": {"name": "e*"}, "dhcp4": True}
 
 
-def only(*present: str) -> Seen:
+def only(*present: str) -> ImageFacts:
     return replace(SEEN, present=frozenset(present))
 
 
@@ -179,7 +189,7 @@ def test_the_first_start() -> None:
         ),
     ],
 )
-def test_an_image_that_cannot_serve_is_refused(seen: Seen, wish: Wish, said: str) -> None:
+def test_an_image_that_cannot_serve_is_refused(seen: ImageFacts, wish: ImageRequest, said: str) -> None:
     with pytest.raises(ImageRefused, match=said):
         plan(seen, wish)
 

@@ -15,9 +15,14 @@ from ansible.module_utils.testing import patch_module_args
 from ansible.plugins.action import ActionBase
 from impostor import HOSTILE, control_characters
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import thin
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils import zipapp_action as thin
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.board.basic import MARK
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin, answer, checked, masked
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import (
+    ZipappAction,
+    answer,
+    checked,
+    masked,
+)
 
 ROOT = Path(__file__).parents[3]
 MODULES = "atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules"
@@ -147,7 +152,7 @@ def test_a_module_that_tells_no_result_has_failed(output: dict[str, Any], words:
     assert hint in told["hint"]
 
 
-class Asks(Thin):
+class Asks(ZipappAction):
     """Asks a gateway that says this, or raises it."""
 
     module = "clock"
@@ -199,7 +204,7 @@ class Stock(ActionBase):  # type: ignore[misc]  # ansible-core ships no type inf
         return self.says
 
 
-class Guarded(thin.Cleaned, Stock):
+class Guarded(thin.CleanedAction, Stock):
     """The same, cleaned."""
 
 

@@ -50,7 +50,7 @@ def told(done: subprocess.CompletedProcess[bytes]) -> dict[str, Any]:
 
 def test_every_module_has_its_action_and_every_thin_action_its_module() -> None:
     actions = {path.stem: path.read_text() for path in (PLUGINS / "action").glob("*.py")}
-    thin = {name for name, text in actions.items() if "(Thin)" in text and f'module = "{name}"' in text}
+    thin = {name for name, text in actions.items() if "(ZipappAction)" in text and f'module = "{name}"' in text}
     assert thin == set(MODULES)
 
 

@@ -142,11 +142,11 @@ class Told:
 
     def __init__(self, to: str = "look", /, **told: Any) -> None:  # noqa: ANN401 - JSON
         self.round_trips = 0
-        self.to, self.told = to, told
+        self.to, self.messages = to, told
 
     def ask(self, do: str, **_what: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
         assert do == self.to
-        return self.told
+        return self.messages
 
     def close(self) -> None:
         pass

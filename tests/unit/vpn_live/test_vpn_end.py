@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_cut
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_cut import Ending, Unheard, peer
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Closed, Down, Held
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Busy, Closed, Down
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +35,7 @@ class OpenVpn:
     acts: list[str] = field(default_factory=list)
 
     @contextmanager
-    def asked(self, _patience_s: float | None = None) -> Iterator[OpenVpn]:
+    def connection(self, _patience_s: float | None = None) -> Iterator[OpenVpn]:
         if self.asking is not None:
             raise self.asking("silent")
         yield self
@@ -84,7 +84,7 @@ def test_in_this_order() -> None:
     server = OpenVpn([session(7, "iqua-d0"), session(8, "vtt-d0", "192.0.2.8:1", "10.80.20.1")])
     ending = end(server)
     assert server.acts == ["halt 7", "meanwhile", UNHEARD, f"kill {REAL}", "heard again"]
-    assert (ending.management, ending.left, ending.told) == ("answers", [], [])
+    assert (ending.management, ending.left, ending.messages) == ("answers", [], [])
     assert [one["replies"] for one in ending.ended] == [["SUCCESS: halted", "SUCCESS: killed"]]
     assert [one["common_name"] for one in server.sessions_there] == ["vtt-d0"]
 
@@ -130,15 +130,15 @@ def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monk
     assert not [act for act in server.acts if act.startswith("kill")]
     assert "halt 7" in server.acts
     assert [one["cid"] for one in ending.left] == [7]
-    assert ending.told == told
+    assert ending.messages == told
 
 
-@pytest.mark.parametrize(("asking", "does"), [(Held, "held"), (Closed, "held"), (Down, "down")])
+@pytest.mark.parametrize(("asking", "does"), [(Busy, "held"), (Closed, "held"), (Down, "down")])
 def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
     server = OpenVpn(asking=asking)
     ending = end(server)
     assert (ending.management, server.acts) == (does, ["meanwhile"])
-    assert len(ending.told) == (does == "held")
+    assert len(ending.messages) == (does == "held")
     nobody = OpenVpn()
     assert end(nobody).management == "answers"
     assert nobody.acts == ["meanwhile"]

@@ -12,9 +12,9 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_management
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
+    Busy,
     Closed,
     Down,
-    Held,
     Management,
     Torn,
     opened,
@@ -115,7 +115,7 @@ def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind(path)
         server.listen(1)
-        with opened(path, 0.05) as management, pytest.raises(Held, match=r"silent for 0\.05 s"):
+        with opened(path, 0.05) as management, pytest.raises(Busy, match=r"silent for 0\.05 s"):
             management.greeted()
     with pytest.raises(Down, match="nobody listens"), opened(path, 0.05):
         pass
@@ -131,7 +131,7 @@ def test_a_full_backlog_is_silence_too(tmp_path: Path) -> None:
         server.listen(0)
         waiting = stack.enter_context(closing(socket.socket(socket.AF_UNIX)))
         waiting.connect(path)
-        with pytest.raises(Held, match="takes no connection"), opened(path, 0.05):
+        with pytest.raises(Busy, match="takes no connection"), opened(path, 0.05):
             pass
 
 

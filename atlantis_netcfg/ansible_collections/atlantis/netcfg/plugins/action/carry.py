@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ansible.errors import AnsibleActionFail, AnsibleError
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import ZipappAction
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _MEGABYTE = 1_000_000
 
 
-class ActionModule(Thin):
+class ActionModule(ZipappAction):
     """One host; a bundle that is there already costs one round trip."""
 
     TRANSFERS_FILES = False
@@ -53,7 +53,7 @@ class ActionModule(Thin):
             carried, values = self._send(bundle, host, values, variables)
         result.update(values)
         if not values.get("failed"):
-            result.update(_told(bundle, values, carried, sent=not self._task.check_mode))
+            result.update(_result(bundle, values, carried, sent=not self._task.check_mode))
         return result
 
     def _opened(self) -> Bundle:
@@ -127,7 +127,7 @@ def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1000:.0f} kB"
 
 
-def _told(bundle: Bundle, values: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
+def _result(bundle: Bundle, values: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
     words = "carried" if sent else "to carry"
     changes = [f"bundle {bundle.manifest.id}: {_size(carried)} {words}"] if carried else []
     changes += values["changes"]

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import Asked, Door
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.engine_action import (
+    EngineAction,
+    TaskRequest,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-class ActionModule(Door):
-    """Door from a play to `atlantis_netcfg.operations.lte`."""
+class ActionModule(EngineAction):
+    """From a play to `atlantis_netcfg.operations.lte`."""
 
     @staticmethod
-    def perform(requested: Asked) -> Mapping[str, Any]:
+    def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Converge or check the units of the play; in check mode, only plan."""
         from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.lte.perform import perform  # noqa: PLC0415 - Ansible imports every action plugin

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Thin
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import ZipappAction
 
 
-class ActionModule(Thin):
+class ActionModule(ZipappAction):
     """The module `packages`, run out of the tool that the gateway keeps."""
 
     module = "packages"

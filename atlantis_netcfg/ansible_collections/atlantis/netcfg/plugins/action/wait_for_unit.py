@@ -11,7 +11,7 @@ from typing import Any
 
 from ansible.plugins.action import ActionBase
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.thin import Cleaned
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.zipapp_action import CleanedAction
 
 _WAIT = 'while systemctl --quiet is-active "$0"; do sleep 1; done'
 
@@ -26,5 +26,5 @@ class _Wait(ActionBase):  # type: ignore[misc]  # ansible-core ships no type inf
         return {**result, **self._low_level_execute_command(shlex.join(words))}
 
 
-class ActionModule(Cleaned, _Wait):
+class ActionModule(CleanedAction, _Wait):
     """Wait for a unit."""

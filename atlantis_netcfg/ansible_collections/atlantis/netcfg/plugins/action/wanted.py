@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import Asked, Door
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.engine_action import (
+    EngineAction,
+    TaskRequest,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-class ActionModule(Door):
-    """Door from a role to `atlantis_netcfg.operations.computers`; argument `part` names the role."""
+class ActionModule(EngineAction):
+    """From a role to `atlantis_netcfg.operations.computers`; argument `part` names the role."""
 
     _VALID_ARGS = frozenset({"request", "part"})
 
     @staticmethod
-    def perform(requested: Asked) -> Mapping[str, Any]:
+    def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
         from atlantis_netcfg.operations.computers.parts import perform  # noqa: PLC0415 - Ansible imports every action plugin
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ansible import context
 from ansible.plugins.callback import CallbackBase
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.door import inventory_of
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.plugin_utils.engine_action import inventory_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.operations.computers._watch import Watch

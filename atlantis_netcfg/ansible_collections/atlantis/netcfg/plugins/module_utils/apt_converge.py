@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .apt_run import Apt, Package
     from .apt_sources import Key, Sources
 
-__all__ = ["Converge", "Outcome", "Wanted"]
+__all__ = ["Converge", "DesiredPackages", "Outcome"]
 
 
 _ARCHIVES = "/var/cache/apt/archives"
@@ -50,12 +50,12 @@ def to_install(text: str) -> dict[str, str]:
 
 def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Costs:
     """What `apt-get ARGUMENTS` costs, that installs `packages`."""
-    matchs = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).said)
+    matchs = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).output)
     download = sum(int(match["bytes"]) for match in matchs if match["scheme"] not in ("file", "copy", "cdrom"))
     if not packages:
         return Costs(download, 0)
     shown = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
-    kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", shown.said, re.MULTILINE))
+    kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", shown.output, re.MULTILINE))
     return Costs(download, kilobytes * 1024)
 
 
@@ -114,7 +114,7 @@ _DAMAGED_ARCHIVE = "dpkg-deb: error"
 
 
 @dataclass(frozen=True)
-class Wanted:
+class DesiredPackages:
     """What is declared; `packages` maps a name to its version, None: any."""
 
     packages: Mapping[str, str | None]
@@ -145,10 +145,12 @@ class Outcome:
 class Converge:
     """One run; `clock` gives the computer's time in seconds since 1970."""
 
-    def __init__(self, apt: Apt, sources: Sources, desired: Wanted, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self, apt: Apt, sources: Sources, desired: DesiredPackages, clock: Callable[[], float] = time.time
+    ) -> None:
         self.apt = apt
         self.sources = sources
-        self.wanted = desired
+        self.desired = desired
         self.clock = clock
         self.outcome = Outcome()
         self._before: dict[str, Package] | None = None
@@ -187,15 +189,15 @@ class Converge:
         return self.apt.bundle is None and not self.sources.updated
 
     def _preflight(self) -> None:
-        desired = self.wanted
+        desired = self.desired
         refuse_another_system(self.apt, desired.distribution, desired.codename, desired.architectures)
-        notes = [check_key(key, self.clock()) for key in self.wanted.keys]
+        notes = [check_key(key, self.clock()) for key in self.desired.keys]
         self.outcome.notes += [note for note in notes if note is not None]
 
     def _missing(self, packages: dict[str, Package]) -> dict[str, str | None]:
         """The declared packages that are not there in their version. A held one is none of ours to change."""
         missing = {}
-        for name, version in self.wanted.packages.items():
+        for name, version in self.desired.packages.items():
             is_now = packages.get(name)
             if is_now is not None and is_now.is_installed and fits(is_now.version, version):
                 continue
@@ -210,7 +212,7 @@ class Converge:
     def _forecast(self, missing: Mapping[str, str | None], *, ready: bool) -> None:
         known: dict[str, str] = {}
         if missing and ready and self.sources.updated:
-            known = to_install(self.apt.get("-s", "--yes", *self._install(missing)).said)
+            known = to_install(self.apt.get("-s", "--yes", *self._install(missing)).output)
         for name, version in missing.items():
             self.outcome.changes.append(f"package {name} {known.get(name) or version or ''}".rstrip())
 
@@ -225,7 +227,7 @@ class Converge:
         if missing and not self._lists_do(missing):
             self._afford_lists()
             self._update()
-        elif self._stale and self.wanted.limit_bytes is None:
+        elif self._stale and self.desired.limit_bytes is None:
             self._update()
         if left or missing:
             self._mend(missing)
@@ -235,13 +237,13 @@ class Converge:
 
     def _lists_do(self, missing: Mapping[str, str | None]) -> bool:
         """Whether what is counted need not be spent on lists: those that are there have all that is missing."""
-        if self.wanted.limit_bytes is None or not self.sources.updated:
+        if self.desired.limit_bytes is None or not self.sources.updated:
             return False
         known = self._known(missing)
         return all(any(fits(item, version) for item in known.get(name, ())) for name, version in missing.items())
 
     def _afford_lists(self) -> None:
-        limit = self.wanted.limit_bytes
+        limit = self.desired.limit_bytes
         size = bytes_of_lists(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
@@ -249,9 +251,9 @@ class Converge:
             raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
 
     def _too_dear(self, what: str) -> Refused:
-        why = f" ({self.wanted.limit_words})" if self.wanted.limit_words else ""
+        why = f" ({self.desired.limit_words})" if self.desired.limit_words else ""
         return Refused(
-            f"{what}; {in_words(self.wanted.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
+            f"{what}; {in_words(self.desired.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
             "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
         )
 
@@ -259,15 +261,15 @@ class Converge:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
         self.apt.drop_lists(only_empty=True)
         done = self.apt.update()
-        if any(words in done.said for words in _DAMAGED_LISTS):
+        if any(words in done.output for words in _DAMAGED_LISTS):
             self.apt.drop_lists(only_empty=False)
             done = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
-        why = of_update(done.said, done.code, urls, self.apt.architecture)
+        why = of_update(done.output, done.code, urls, self.apt.architecture)
         if why is not None:
             self.sources.take_back()
             raise why
-        self.outcome.notes += others(done.said, urls)
+        self.outcome.notes += others(done.output, urls)
         if self.apt.bundle is None:
             self.sources.note()
 
@@ -311,7 +313,7 @@ class Converge:
     def _known(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
         """The versions that the lists have."""
         known: dict[str, list[str]] = {}
-        for line in self.apt.cache("madison", *missing).said.splitlines() if missing else ():
+        for line in self.apt.cache("madison", *missing).output.splitlines() if missing else ():
             words = [word.strip() for word in line.split("|")]
             if len(words) > 1:
                 known.setdefault(words[0], []).append(words[1])
@@ -319,25 +321,25 @@ class Converge:
 
     def _install(self, missing: Mapping[str, str | None]) -> list[str]:
         exact = [f"{name}={version}" if version else name for name, version in missing.items()]
-        down = ["--allow-downgrades"] if any(missing.values()) or self.wanted.keys else []
+        down = ["--allow-downgrades"] if any(missing.values()) or self.desired.keys else []
         return [*_INSTALL, *down, "install", *exact]
 
     def _act(self, arguments: Sequence[str], names: Sequence[str]) -> None:
         """Let apt do it, after it was told what it costs; a damaged download is fetched once more."""
         forecast = self.apt.get("-s", "--yes", *arguments)
         if forecast.code:
-            raise of_install(forecast.said, names)
-        self._afford(arguments, to_install(forecast.said))
+            raise of_install(forecast.output, names)
+        self._afford(arguments, to_install(forecast.output))
         done = self.apt.get("--yes", *arguments)
-        if done.code and _DAMAGED_ARCHIVE in done.said:
+        if done.code and _DAMAGED_ARCHIVE in done.output:
             self.apt.get("clean")
             done = self.apt.get("--yes", *arguments)
         if done.code:
-            raise of_install(done.said, names)
+            raise of_install(done.output, names)
 
     def _afford(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
         costs = costs_of(self.apt, arguments, packages)
-        limit = self.wanted.limit_bytes
+        limit = self.desired.limit_bytes
         if limit is not None and costs.download > limit:
             raise self._too_dear(f"{len(packages)} packages of {in_words(costs.download)} would be downloaded")
         refuse_if_full(self.apt, costs)
@@ -356,9 +358,9 @@ class Converge:
         for name, package in after.items():
             if package.is_installed and (name not in before or before[name] != package):
                 change = f"package {name} {package.version}"
-                if name not in self.wanted.packages:
+                if name not in self.desired.packages:
                     self.outcome.also[name] = package.version
                 elif change not in self.outcome.changes:
                     self.outcome.changes.append(change)
-        names = [name for name in self.wanted.packages if name in after and after[name].is_installed]
+        names = [name for name in self.desired.packages if name in after and after[name].is_installed]
         self.outcome.versions = {name: after[name].version for name in names}

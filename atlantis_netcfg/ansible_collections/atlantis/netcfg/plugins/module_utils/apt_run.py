@@ -57,7 +57,7 @@ class Output:
     """How a program ended, and all that it said, in order."""
 
     code: int
-    said: str
+    output: str
 
 
 def bundle_of(tree: Tree, folder: str) -> str:
@@ -113,7 +113,7 @@ class Apt:
     def architecture(self) -> str:
         """The computer's own, as dpkg calls it."""
         if not self._architecture:
-            self._architecture = self.run("dpkg", "--print-architecture").said.strip()
+            self._architecture = self.run("dpkg", "--print-architecture").output.strip()
         return self._architecture
 
     def ready(self) -> None:
@@ -209,7 +209,7 @@ class Package:
 
     name: str
     version: str
-    wanted: str
+    selection: str
     """install, hold, deinstall, purge or unknown."""
     damaged: bool
     """dpkg asks to install it again (`reinst-required`)."""
@@ -224,7 +224,7 @@ class Package:
     @property
     def is_held(self) -> bool:
         """Whether somebody forbade to change it."""
-        return self.wanted == "hold"
+        return self.selection == "hold"
 
 
 def installed(apt: Apt) -> dict[str, Package]:
@@ -233,11 +233,11 @@ def installed(apt: Apt) -> dict[str, Package]:
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
     if output.code:
         raise Refused(
-            f"dpkg cannot read its database: {output.said.strip()}",
+            f"dpkg cannot read its database: {output.output.strip()}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
         )
     found: dict[str, Package] = {}
-    for line in output.said.splitlines():
+    for line in output.output.splitlines():
         if line.count("\t") != _FIELDS.count("\\t"):
             continue  # a warning about an entry, between the entries
         name, architecture, desired, flag, state, version = line.split("\t")

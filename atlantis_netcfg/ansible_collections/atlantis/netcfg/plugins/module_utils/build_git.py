@@ -119,7 +119,7 @@ class _Failed(Exception):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        self.said = text
+        self.output = text
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Git:
         try:
             return self._fetch(seed)
         except _Failed as failed:
-            if trouble(failed.said) is not Trouble.DAMAGED:
+            if trouble(failed.output) is not Trouble.DAMAGED:
                 raise self._refused(failed) from None
         self.say("what was fetched before is damaged: fetching everything anew")
         shutil.rmtree(self.folder)
@@ -175,7 +175,7 @@ class Git:
             try:
                 self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", revision)
             except _Failed as failed:
-                if trouble(failed.said) is not Trouble.REVISION and "shallow" not in failed.said:
+                if trouble(failed.output) is not Trouble.REVISION and "shallow" not in failed.output:
                     raise
                 self._online("fetch", "--tags", "--quiet", "origin", "+refs/heads/*:refs/remotes/origin/*")
                 if not self._has(revision):
@@ -185,9 +185,9 @@ class Git:
         try:
             self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", desired)
         except _Failed as failed:
-            if trouble(failed.said) is Trouble.REVISION:
+            if trouble(failed.output) is Trouble.REVISION:
                 self._no_branch()
-            if "shallow" not in failed.said:
+            if "shallow" not in failed.output:
                 raise
             self._online("fetch", "--no-tags", "--quiet", "origin", desired)
         return self._git("rev-parse", f"refs/tags/{revision}^{{commit}}").strip()
@@ -216,7 +216,7 @@ class Git:
             try:
                 self._online(*update, "--depth", "1")
             except _Failed as failed:
-                if trouble(failed.said) not in (Trouble.REVISION, Trouble.OTHER):
+                if trouble(failed.output) not in (Trouble.REVISION, Trouble.OTHER):
                     raise self._of_submodule(failed) from None
                 self.say("a submodule was not given without its history: fetching it with it")
                 try:
@@ -233,7 +233,7 @@ class Git:
 
     def _of_submodule(self, failed: _Failed) -> Exception:
         """A failure of a submodule names it, because the repository itself is in order."""
-        if trouble(failed.said) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
+        if trouble(failed.output) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
             return failed
         refused = self._refused(failed)
         return Refused(f"a submodule of {self.repository.url} could not be fetched: {refused.message}", refused.hint)
@@ -244,7 +244,7 @@ class Git:
             try:
                 return self._git(*words)
             except _Failed as failed:  # noqa: PERF203 - attempts are few
-                if trouble(failed.said) is not Trouble.LINK:
+                if trouble(failed.output) is not Trouble.LINK:
                     raise
                 self.say(f"the link broke; next attempt in {pause:.0f} s")
                 self.sleep(pause)
@@ -284,12 +284,12 @@ class Git:
 
     def _refused(self, failed: _Failed) -> Refused:
         repository = self.repository
-        if self.offline is not None and trouble(failed.said) in (Trouble.GONE, Trouble.REVISION):
+        if self.offline is not None and trouble(failed.output) in (Trouble.GONE, Trouble.REVISION):
             return Refused(
                 f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
-                f"{last_words(failed.said)}",
+                f"{last_words(failed.output)}",
                 "make the bundle anew where there is internet, after the last change of the declaration",
             )
         return about_git(
-            failed.said, repository.url, repository.revision, tokened=askpass(self.home, self.name) is not None
+            failed.output, repository.url, repository.revision, tokened=askpass(self.home, self.name) is not None
         )

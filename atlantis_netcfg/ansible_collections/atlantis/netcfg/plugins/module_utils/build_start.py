@@ -73,7 +73,7 @@ class Places:
 def compiler(run: Callable[[list[str]], Done] = run) -> str | None:
     """The version and target of the compiler; None where there is none."""
     version, target = run(["c++", "-dumpversion"]), run(["c++", "-dumpmachine"])
-    return None if version.code != 0 else f"{version.said.strip()} {target.said.strip()}"
+    return None if version.code != 0 else f"{version.output.strip()} {target.output.strip()}"
 
 
 def pack(path: str) -> None:
@@ -235,7 +235,7 @@ class Build:
 
     def _runs(self, key: str) -> bool:
         done = self.run(["systemctl", "show", "--property", "ActiveState", "--value", _unit(key)])
-        return done.said.strip() in _RUNNING
+        return done.output.strip() in _RUNNING
 
     def _running(self, key: str) -> str:
         try:

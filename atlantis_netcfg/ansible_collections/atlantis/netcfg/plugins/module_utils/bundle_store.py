@@ -26,7 +26,7 @@ from .refused import Refused, in_words
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
 
-__all__ = ["FOLDER", "Held", "Settled", "Store"]
+__all__ = ["FOLDER", "Settled", "Store", "StoredFile"]
 
 FOLDER = "/var/lib/atlantis/bundle"
 _LIST = ".held.json"
@@ -40,7 +40,7 @@ _ROOM = 16 * 10**6
 
 
 @dataclass(frozen=True)
-class Held:
+class StoredFile:
     """One file of a bundle; `path` below the bundle's folder, `size` in bytes."""
 
     path: str
@@ -72,20 +72,20 @@ class Store:
         """Where the archive of what is missing goes to."""
         return os.path.join(self._incoming, f"{name}.tar")
 
-    def settle(self, name: str, files: tuple[Held, ...] | None, *, check: bool) -> Settled:
+    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> Settled:
         """Take in what has arrived, and put the bundle together once nothing is missing. Raises Refused.
 
         `files` None: those that were told when the bundle was put together. `check`: change nothing.
         """
         with _words(self.folder):
-            result = files if files is not None else self._told(name)
+            result = files if files is not None else self._listed_files(name)
             if result is None:
                 return Settled(False, False, (), ())
             if self._whole(name, result):
                 return Settled(True, True, (), () if check else tuple(self._prune(name, result)))
             if not check:
                 self._ready()
-                self._take_in({one.sha256: one for one in result})
+                self._take_in({entry.sha256: entry for entry in result})
             missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
             if missing or check:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
@@ -93,15 +93,15 @@ class Store:
             self._compose(name, result)
             return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
 
-    def _told(self, name: str) -> tuple[Held, ...] | None:
+    def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
         try:
             with open(os.path.join(self.folder, name, _LIST), "rb") as file:
-                return tuple(Held(**load) for load in json.loads(file.read()))
+                return tuple(StoredFile(**load) for load in json.loads(file.read()))
         except (FileNotFoundError, ValueError, TypeError):
             return None
 
-    def _whole(self, name: str, result: tuple[Held, ...]) -> bool:
-        if self._told(name) != result:
+    def _whole(self, name: str, result: tuple[StoredFile, ...]) -> bool:
+        if self._listed_files(name) != result:
             return False
         return all(_is(os.path.join(self.folder, name, item.path), item) for item in result)
 
@@ -113,7 +113,7 @@ class Store:
             if os.lstat(place).st_uid != owner:
                 os.chown(place, owner, -1, follow_symlinks=False)
 
-    def _take_in(self, desired: Mapping[str, Held]) -> None:
+    def _take_in(self, desired: Mapping[str, StoredFile]) -> None:
         """Move what has arrived into the store, file by file; then the archives go."""
         for entry in sorted(os.listdir(self._incoming)):
             path = os.path.join(self._incoming, entry)
@@ -127,7 +127,7 @@ class Store:
                         self._keep(item, content)
             os.unlink(path)
 
-    def _keep(self, item: Held, content: IO[bytes]) -> None:
+    def _keep(self, item: StoredFile, content: IO[bytes]) -> None:
         scratch = os.path.join(self._store, ".new")
         digest = hashlib.sha256()
         try:
@@ -144,7 +144,7 @@ class Store:
             with contextlib.suppress(FileNotFoundError):
                 os.unlink(scratch)
 
-    def _has(self, item: Held, *, check: bool) -> bool:
+    def _has(self, item: StoredFile, *, check: bool) -> bool:
         """Whether the store holds it; what is damaged there is removed."""
         path = os.path.join(self._store, item.sha256)
         if _is(path, item):
@@ -166,7 +166,7 @@ class Store:
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
             )
 
-    def _compose(self, name: str, result: tuple[Held, ...]) -> None:
+    def _compose(self, name: str, result: tuple[StoredFile, ...]) -> None:
         new, place = os.path.join(self.folder, f".{name}.new"), os.path.join(self.folder, name)
         shutil.rmtree(new, ignore_errors=True)
         os.mkdir(new, 0o755)
@@ -182,7 +182,7 @@ class Store:
         os.rename(new, place)
         os.sync()
 
-    def _prune(self, name: str, result: tuple[Held, ...]) -> Iterator[str]:
+    def _prune(self, name: str, result: tuple[StoredFile, ...]) -> Iterator[str]:
         """Remove older bundles, and whatever belongs to none."""
         kept = {item.sha256 for item in result}
         for entry in sorted(os.listdir(self.folder)):
@@ -198,7 +198,7 @@ class Store:
                     os.unlink(os.path.join(place, entry))
 
 
-def _is(path: str, item: Held) -> bool:
+def _is(path: str, item: StoredFile) -> bool:
     """Whether that content stands there."""
     try:
         if os.lstat(path).st_size != item.size:

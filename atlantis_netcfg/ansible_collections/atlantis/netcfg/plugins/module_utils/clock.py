@@ -74,7 +74,7 @@ class Clock:
 
     def _follows(self) -> bool:
         """Whether a daemon of this computer has synchronised it, as the kernel knows."""
-        return self.run(["timedatectl", "show", "--property", "NTPSynchronized", "--value"]).said.strip() == "yes"
+        return self.run(["timedatectl", "show", "--property", "NTPSynchronized", "--value"]).output.strip() == "yes"
 
 
 def _off(seconds: float) -> str:

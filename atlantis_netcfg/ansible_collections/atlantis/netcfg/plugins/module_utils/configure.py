@@ -73,10 +73,10 @@ class Systemd:
         done = self.run(["systemctl", "show", "--property", desired, "--", name])
         if done.code != 0:
             raise Refused(
-                f"systemd does not answer:\n{last_lines(done.said)}",
+                f"systemd does not answer:\n{last_lines(done.output)}",
                 "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
             )
-        values = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
+        values = dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
         return State(
             load=values.get("LoadState", ""),
             active=values.get("ActiveState", ""),
@@ -122,7 +122,7 @@ class Systemd:
         raise self._failure(f"unit {name} does not stay up: it is {state.active} ({state.sub})", name)
 
     def _failure(self, what: str, name: str) -> Refused:
-        text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).said)
+        text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).output)
         return Refused(
             what + (f":\n{text}" if text else ""),
             f"on the computer: `systemctl status {name}`, `journalctl -eu {name}`",
@@ -227,7 +227,7 @@ class Configure:
             self.stamps.begin(step.name, desired)
             done = self.run(list(step.run))
             succeed(done, f"step `{step.name}` failed", "it is tried again by the next run")
-            self.notes += [line[len(_NOTE) :] for line in done.said.splitlines() if line.startswith(_NOTE)]
+            self.notes += [line[len(_NOTE) :] for line in done.output.splitlines() if line.startswith(_NOTE)]
             self.stamps.note(step.name, desired)
         self.changes.append(f"step {step.name}")
 

@@ -42,7 +42,7 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
         return ""
-    found = re.match(r"\S+ (\d+(?:\.\d+)+)", result.said)
+    found = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
     if found is None:
         raise Refused(
             f"{floor.program} does not tell its version, so that it is not started",
@@ -50,7 +50,7 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
         )
     upstream = found[1]
     package = run(["dpkg-query", "--show", "--showformat=${Version}", floor.package])
-    version = package.said.strip() if package.code == 0 and _upstream(package.said) == upstream else ""
+    version = package.output.strip() if package.code == 0 and _upstream(package.output) == upstream else ""
     if _passes(floor, upstream, version, run):
         return version or upstream
     desired = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))

@@ -20,15 +20,15 @@ from .network_guard import (
     APPLIED,
     APPLY_AFTER_S,
     APPLY_UNIT,
+    DESIRED,
     OUTCOME,
     PENDING,
     PREVIOUS,
     ROOM,
-    WANTED,
     addresses,
     running,
 )
-from .network_wish import OURS, Wish, same
+from .network_wish import OURS, DesiredNetwork, same
 from .refused import Refused, in_words
 
 if TYPE_CHECKING:
@@ -139,9 +139,9 @@ _PAUSE_S = 0.1
 class Change:
     """Of one interface; `changes` and `diff` are what it comes to, in check mode what it would."""
 
-    def __init__(self, computer: Computer, request: Wish) -> None:
+    def __init__(self, computer: Computer, request: DesiredNetwork) -> None:
         self.computer = computer
-        self.wish = request
+        self.desired = request
         self.changes: list[str] = []
         self.diff: list[dict[str, str]] = []
 
@@ -151,10 +151,10 @@ class Change:
             if not check:
                 self._end_earlier()
             desired = self._compare()
-            self.wish.hold_alone(self.computer)
+            self.desired.hold_alone(self.computer)
             if not self.changes:
                 return None
-            self.wish.hold(self.computer)
+            self.desired.hold(self.computer)
             return None if check else self._stage(desired)
         except OSError as error:
             raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
@@ -189,9 +189,9 @@ class Change:
     def _compare(self) -> list[dict[str, Any]]:
         """The files of the change as manifest; fills `changes` and `diff`."""
         entries = []
-        for path, text in self.wish.files(self.computer).items():
+        for path, text in self.desired.files(self.computer).items():
             now = state_of(self.computer, path)
-            mode = self.wish.mode if path == self.wish.path else 0o644
+            mode = self.desired.mode if path == self.desired.path else 0o644
             desired = {"path": path, "absent": True}
             if text is not None:
                 desired = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
@@ -202,12 +202,12 @@ class Change:
                 before = now.get("text") or ""
                 result = before if OURS in before else ""  # somebody else's may hold the key of a radio network
                 self.diff.append({"before_header": path, "after_header": path, "before": result, "after": text or ""})
-        if self.wish.by == "networkd" and not self._networkd("is-enabled", "enabled"):
+        if self.desired.by == "networkd" and not self._networkd("is-enabled", "enabled"):
             entries.append({"path": _ENABLED, "link": _UNIT})
             self.changes.append(f"unit {_NETWORKD} enabled")
         if not self.changes:
             self.changes += [
-                f"network {self.wish.interface} applied: {what}" for what in self.wish.lacks(self.computer)
+                f"network {self.desired.interface} applied: {what}" for what in self.desired.lacks(self.computer)
             ]
         return entries
 
@@ -227,15 +227,15 @@ class Change:
             becomes = {
                 "files": desired,
                 "interfaces": interfaces,
-                "networkd": active or self.wish.by != "ifupdown",
+                "networkd": active or self.desired.by != "ifupdown",
                 "running": self._rows(),
             }
             install(computer)
             computer.remove(APPLIED)
-            for path, value in ((PREVIOUS, previous), (WANTED, becomes)):
+            for path, value in ((PREVIOUS, previous), (DESIRED, becomes)):
                 computer.write(path, json.dumps(value, indent=1))
             computer.write(ROOM, " " * _ROOM_BYTES)
-            silent = f"no new session reached {self.wish.ip} within {self.wish.rollback_s} s"
+            silent = f"no new session reached {self.desired.ip} within {self.desired.rollback_s} s"
             computer.write(PENDING, json.dumps({"id": name, "unconfirmed": silent}))
             try:
                 self._arm()
@@ -247,9 +247,9 @@ class Change:
     def _arm(self) -> None:
         """The way back first, and only when it is sure to come, the change."""
         self.computer.run(("systemctl", "stop", BACK_TIMER))
-        window_s = APPLY_AFTER_S + self.wish.rollback_s
+        window_s = APPLY_AFTER_S + self.desired.rollback_s
         self._systemd_run((f"--unit={BACK}", f"--on-active={window_s:.0f}s", "--timer-property=AccuracySec=100ms"))
-        if self.computer.run(("systemctl", "is-active", BACK_TIMER)).said != "active":
+        if self.computer.run(("systemctl", "is-active", BACK_TIMER)).output != "active":
             raise Refused("the timer that would take the change back does not run; nothing was changed")
         self.computer.run(("systemctl", "reset-failed", APPLY_UNIT))
         try:
@@ -263,37 +263,37 @@ class Change:
         done = self.computer.run(("systemd-run", *words))
         if done.code:
             raise Refused(
-                f"systemd does not start what would guard the change; nothing was changed: {done.said}",
+                f"systemd does not start what would guard the change; nothing was changed: {done.output}",
                 "`systemctl status` there tells how it is",
             )
 
     def _rows(self) -> list[str]:
         """What the change brings, as `running` has it."""
-        device = f"dev {self.wish.interface}"
-        return [f"address replace {self.wish.address} brd + {device}"]
+        device = f"dev {self.desired.interface}"
+        return [f"address replace {self.desired.address} brd + {device}"]
 
     def _interfaces(self) -> list[str]:
         """The declared interface, and whichever has an address of the same LAN now: the LAN moves away from it."""
-        lan = ipaddress.IPv4Interface(self.wish.address).network
+        lan = ipaddress.IPv4Interface(self.desired.address).network
         there = [
             name
             for name, current in addresses(self.computer).items()
             if any(ipaddress.IPv4Interface(item).ip in lan for item in current)
         ]
-        return list(dict.fromkeys([self.wish.interface, *there]))
+        return list(dict.fromkeys([self.desired.interface, *there]))
 
     def _networkd(self, verb: str, word: str) -> bool:
-        return self.computer.run(("systemctl", verb, _NETWORKD)).said.split("\n")[0].startswith(word)
+        return self.computer.run(("systemctl", verb, _NETWORKD)).output.split("\n")[0].startswith(word)
 
     def _end_earlier(self) -> None:
         """A change that an earlier run has left waiting is taken back before another one begins."""
         pending = self.computer.load(PENDING)
         if pending is None:
             return
-        armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).said == "active"
+        armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).output == "active"
         if not armed:
             self._take_back_now()
-        if self.look(pending["id"], self.wish.rollback_s + _MARGIN_S)["state"] == "pending":
+        if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
             raise Refused(
                 "an earlier change of the network still waits for its confirmation",
                 f"`systemctl status {BACK}` there tells why it was not taken back",
@@ -301,13 +301,13 @@ class Change:
 
     def _missing(self, name: str) -> str:
         """What is not as declared, once the tool has had its time; noted before, should the window close meanwhile."""
-        missing = "; ".join(self.wish.unreached(self.computer, 0.0))
+        missing = "; ".join(self.desired.unreached(self.computer, 0.0))
         if not missing:
             return ""
         with self.computer.alone():
             if self._pending(name):
                 self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
-        return "; ".join(self.wish.unreached(self.computer, _SETTLED_S))
+        return "; ".join(self.desired.unreached(self.computer, _SETTLED_S))
 
     def _take_back_now(self) -> None:
         self.computer.run(("systemctl", "start", "--no-block", BACK))
@@ -318,7 +318,7 @@ class Change:
 
     def _wait_applied(self, name: str) -> bool:
         """Wait until the tool has ended; False if the change is no longer waiting."""
-        end = time.monotonic() + self.wish.rollback_s
+        end = time.monotonic() + self.desired.rollback_s
         while self._pending(name) and time.monotonic() < end:
             if (self.computer.load(APPLIED) or {}).get("ended_s") is not None:
                 return True
@@ -334,5 +334,5 @@ class Change:
             self.computer.write(OUTCOME, json.dumps(values))
             self.computer.remove(PENDING)
         self.computer.run(("systemctl", "stop", BACK_TIMER))
-        for path in (APPLIED, WANTED, ROOM):
+        for path in (APPLIED, DESIRED, ROOM):
             self.computer.remove(path)

@@ -24,10 +24,10 @@ _LOCK = f"{FOLDER}/lock"
 
 
 class Done(NamedTuple):
-    """What came of a program; `said` is its output and its complaints."""
+    """What came of a program; `output` is its output and its complaints."""
 
     code: int
-    said: str
+    output: str
 
 
 def run_program(words: Sequence[str]) -> Done:

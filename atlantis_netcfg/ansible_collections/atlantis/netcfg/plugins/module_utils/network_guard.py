@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .network_files import Manifest
 
 PENDING, APPLIED, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
-PREVIOUS, WANTED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
+PREVIOUS, DESIRED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
 ROOM = f"{FOLDER}/room"
 """A few blocks that are given free before files are put back: the disk may have become full in the meantime."""
 APPLY_UNIT = "atlantis-network-apply.service"
@@ -44,7 +44,7 @@ def boot_time() -> float:
 def addresses(computer: Computer) -> dict[str, list[str]]:
     """The IPv4 addresses of each interface but the loopback, with their prefix lengths."""
     done = computer.run(("ip", "-json", "-4", "address", "show"))
-    found = json.loads(done.said or "[]") if done.code == 0 else []
+    found = json.loads(done.output or "[]") if done.code == 0 else []
     return {
         link["ifname"]: [f"{item['local']}/{item['prefixlen']}" for item in link["addr_info"]]
         for link in found
@@ -59,14 +59,14 @@ def running(computer: Computer, interfaces: Sequence[str]) -> list[str]:
         if name in interfaces:
             rows.append(f"link set dev {name} up")
             rows += [f"address replace {address} brd + dev {name}" for address in current]
-    for row in computer.run(("ip", "-4", "route", "show", "table", "main")).said.splitlines():
+    for row in computer.run(("ip", "-4", "route", "show", "table", "main")).output.splitlines():
         words = [word for word in row.split() if word not in ("linkdown", "dead", "pervasive", "offload")]
         if "kernel" not in words and any(name in words for name in interfaces):
             rows.append(f"route replace {' '.join(words)}")
     return rows
 
 
-def _held(rows: Sequence[str]) -> set[str]:
+def _address_commands(rows: Sequence[str]) -> set[str]:
     """Of such commands: those that give an address."""
     return {row for row in rows if row.startswith("address ")}
 
@@ -92,7 +92,7 @@ def bring(computer: Computer, manifest: Manifest, other: Manifest) -> list[str]:
     for words in _commands(manifest):
         done = computer.run(words)
         if done.code and words[:2] != ("systemctl", "stop"):  # what is not installed needs no stopping
-            complaints.append(f"`{' '.join(words)}` failed: {done.said}")
+            complaints.append(f"`{' '.join(words)}` failed: {done.output}")
     return complaints
 
 
@@ -115,7 +115,7 @@ def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
 def apply(computer: Computer) -> None:
     """Bring the staged change into effect; if that fails, take it back at once."""
     with computer.alone():
-        pending, desired, previous = (computer.load(path) for path in (PENDING, WANTED, PREVIOUS))
+        pending, desired, previous = (computer.load(path) for path in (PENDING, DESIRED, PREVIOUS))
         if pending is None or desired is None or previous is None or computer.load(APPLIED) is not None:
             return
         computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": None}))
@@ -138,7 +138,7 @@ def _back(computer: Computer, why: str | None = None) -> None:
         return
     computer.remove(ROOM)
     if computer.load(APPLIED) is not None:
-        desired = computer.load(WANTED) or previous
+        desired = computer.load(DESIRED) or previous
         bring(computer, previous, desired)
         _settle(computer, previous, desired)
     put(computer, previous)
@@ -149,7 +149,7 @@ def _settle(computer: Computer, previous: Manifest, desired: Manifest) -> None:
     """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
     rows, names = previous["running"], previous["interfaces"]
     end = time.monotonic() + _COME_BACK_S
-    while _held(rows) - _held(running(computer, names)) and time.monotonic() < end:
+    while _address_commands(rows) - _address_commands(running(computer, names)) and time.monotonic() < end:
         time.sleep(_PAUSE_S)
     now = running(computer, names)
     for row in desired["running"]:

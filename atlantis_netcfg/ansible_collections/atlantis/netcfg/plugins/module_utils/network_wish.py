@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from .network_files import Computer
 
-__all__ = ["OURS", "Wish", "same"]
+__all__ = ["OURS", "DesiredNetwork", "same"]
 
 
 _PLANS = ("/lib/netplan", "/etc/netplan", "/run/netplan")
@@ -72,7 +72,7 @@ def merged(computer: Computer, texts: dict[str, str]) -> tuple[str, list[str]]:
         for path in sorted(glob.glob(f"{root}/run/systemd/network/*.network")):
             with open(path, encoding="utf-8") as file:
                 made.append(file.read())
-        message = done.said.replace(f"{root}/", "/") or f"netplan ended with {done.code}"
+        message = done.output.replace(f"{root}/", "/") or f"netplan ended with {done.code}"
         return (message if done.code else ""), made
 
 
@@ -143,7 +143,7 @@ def _sourced(computer: Computer, path: str) -> Iterator[str]:
 
 def _of_networkd(computer: Computer, interface: str, local: str, spared: frozenset[str]) -> Iterator[str]:
     """Where networkd works: what a person has written, and of the vendor's what comes before ours."""
-    works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).said.split("\n")[0]
+    works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).output.split("\n")[0]
     if not works.startswith("enabled") and not local.startswith(_PARTS[0]):
         return
     seen = set()
@@ -189,16 +189,16 @@ _PAUSE_S = 0.1
 
 def same(item: str | None, other: str | None) -> bool:
     """Whether two files say the same; comments say nothing."""
-    return _said(item) == _said(other)
+    return _settings(item) == _settings(other)
 
 
-def _said(text: str | None) -> list[str] | None:
+def _settings(text: str | None) -> list[str] | None:
     rows = None if text is None else [row.rstrip() for row in text.splitlines()]
     return None if rows is None else [row for row in rows if row and not row.lstrip().startswith(("#", ";"))]
 
 
 @dataclass(frozen=True)
-class Wish:
+class DesiredNetwork:
     """One interface."""
 
     by: str
@@ -216,7 +216,7 @@ class Wish:
     rollback_s: int
 
     @classmethod
-    def of(cls, parameters: Mapping[str, Any]) -> Wish:
+    def of(cls, parameters: Mapping[str, Any]) -> DesiredNetwork:
         """From a module's parameters. Raises `Refused` for an address that its tool would choke on."""
         values = {name: parameters[name] for name in cls.__dataclass_fields__}
         values.update(mode=int(parameters["mode"], 8), replaces=tuple(parameters["replaces"]))
@@ -260,7 +260,7 @@ class Wish:
         current = addresses(computer).get(self.interface, [])
         missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
         reply = computer.run(("ip", "-json", "-4", "route", "show", "default"))
-        routes = json.loads(reply.said or "[]") if reply.code == 0 else []
+        routes = json.loads(reply.output or "[]") if reply.code == 0 else []
         if not any(route.get("gateway") == self.gateway and route.get("dev") == self.interface for route in routes):
             missing.append(f"there is no default route by {self.gateway} on {self.interface}")
         return missing
@@ -276,7 +276,7 @@ class Wish:
 
     def _silent(self, computer: Computer) -> list[str]:
         self._knock()
-        text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).said
+        text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).output
         known = json.loads(text or "[]")
         if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in known):
             return []
@@ -346,7 +346,7 @@ class Wish:
             file.write(self.content)
             file.flush()
             done = computer.run(("ifup", "--no-act", "--force", f"--interfaces={file.name}", self.interface))
-            return done.said.replace(file.name, self.path) if done.code else ""
+            return done.output.replace(file.name, self.path) if done.code else ""
 
     def _by_networkd(self, computer: Computer) -> str:
         """It has no check of its own: a file that does not name the interface would be taken for another's."""

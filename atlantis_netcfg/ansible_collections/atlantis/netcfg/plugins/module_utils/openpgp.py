@@ -73,7 +73,7 @@ def public_keys(content: bytes) -> list[PublicKey]:
             if tag == _KEY:
                 keys.append(_key(body))
             elif tag == _SIGNATURE and keys:
-                keys[-1] = _told(keys[-1], body)
+                keys[-1] = _with_signature(keys[-1], body)
     except IndexError:
         raise NotAKey("it ends too early") from None
     if not keys:
@@ -119,7 +119,7 @@ def _key(body: bytes) -> PublicKey:
     return PublicKey(digest.hexdigest().upper(), created, created, None)
 
 
-def _told(key: PublicKey, body: bytes) -> PublicKey:
+def _with_signature(key: PublicKey, body: bytes) -> PublicKey:
     """What a signature of the key's owner adds: the latest one counts."""
     if body[0] != 4 or body[1] not in _CERTIFICATIONS:  # noqa: PLR2004
         return key

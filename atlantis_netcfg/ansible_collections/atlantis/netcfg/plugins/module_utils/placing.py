@@ -85,13 +85,13 @@ class Placing:
     def validate_aside(self) -> None:
         """Ask the validators without touching any place; one that is not installed yet is not asked."""
         with tempfile.TemporaryDirectory(prefix="atlantis-") as folder:
-            for file in self._asked():
+            for file in self._files_to_validate():
                 if is_there(file.validate[0]):
                     aside = Path(folder) / Path(file.path).name
                     aside.write_bytes(file.content)
                     self._ask(file, str(aside))
 
-    def _asked(self) -> list[File]:
+    def _files_to_validate(self) -> list[File]:
         """Whose validators are asked: of files that change, and of those that may be left out in every run."""
         return [file for file in self.wishes.files if file.validate and (file.finding or file in self.rewritten)]
 
@@ -105,7 +105,7 @@ class Placing:
                 file.path: self.tree.stage(file.path, file.content, file.mode, *self.owners[file.path])
                 for file in self.rewritten
             }
-            for file in self._asked():
+            for file in self._files_to_validate():
                 self._ask(file, beside.get(file.path, str(self.tree.at(file.path))))
             for path in self.left:
                 self.tree.unstage(path)
@@ -161,7 +161,7 @@ class Placing:
             return
         done = self.run([word.replace("%s", beside) for word in file.validate])
         if done.code != 0:
-            text = "" if file.secret else ":\n" + last_lines(done.said.replace(beside, file.path))
+            text = "" if file.secret else ":\n" + last_lines(done.output.replace(beside, file.path))
             self._leave(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
 
     def _leave(self, file: File, why: str, hint: str) -> None:

@@ -21,7 +21,7 @@ class Done:
     """How a program ended, and all that it said, in order."""
 
     code: int
-    said: str
+    output: str
 
 
 def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
@@ -60,5 +60,5 @@ def last_lines(text: str) -> str:
 def succeed(done: Done, what: str, hint: str = "") -> None:
     """Raise with the last lines unless the program succeeded."""
     if done.code != 0:
-        text = last_lines(done.said)
+        text = last_lines(done.output)
         raise Refused(f"{what} (exit {done.code})" + (f":\n{text}" if text else " without a word"), hint)

@@ -118,7 +118,7 @@ class Tree:
         real = self.at(path)
         with self._words(path):
             os.mkdir(real, mode & 0o700)
-            self._own(real, uid, gid)
+            self._chown(real, uid, gid)
             os.chmod(real, mode)
             self._sync(os.path.dirname(real))
 
@@ -182,7 +182,7 @@ class Tree:
     def mend(self, path: str, mode: int, uid: int, gid: int) -> None:
         """Set mode and owner; the owner first, because chown(2) takes the set-user-ID bits away."""
         with self._words(path):
-            self._own(self.at(path), uid, gid)
+            self._chown(self.at(path), uid, gid)
             os.chmod(self.at(path), mode)
 
     def remove(self, path: str) -> None:
@@ -213,7 +213,7 @@ class Tree:
                 os.utime(handle, (old + 1, old + 1))
 
     @staticmethod
-    def _own(real: str, uid: int, gid: int) -> None:
+    def _chown(real: str, uid: int, gid: int) -> None:
         result = os.lstat(real)
         if (result.st_uid, result.st_gid) != (uid, gid):
             os.chown(real, uid, gid, follow_symlinks=False)

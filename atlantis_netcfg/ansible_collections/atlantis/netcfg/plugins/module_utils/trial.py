@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .programs import Done
     from .tree import Tree
 
-__all__ = ["Told", "Trial"]
+__all__ = ["SmokeTest", "Verdict"]
 
 _STAMP = "connection test"
 _STILL_RUNS = 124
@@ -29,7 +29,7 @@ _COMMAND = '. "$1" && cd "$2" && exec timeout --kill-after=5 "$3" "$4" "$5"'
 
 
 @dataclass(frozen=True)
-class Told:
+class Verdict:
     """What there is to be said; `worth`: a person should read it."""
 
     verdict: str
@@ -38,7 +38,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Trial:
+class SmokeTest:
     """One start of `program` with `config`, as `user`, in what `environment` and `sourced` say, for `seconds`."""
 
     program: str
@@ -52,32 +52,34 @@ class Trial:
     """The VPN's: without an address on it nothing can be connected."""
     seconds: int
 
-    def judge(self, tree: Tree, *, check: bool, run: Callable[[list[str]], Done] = run) -> Told:
+    def judge(self, tree: Tree, *, check: bool, run: Callable[[list[str]], Done] = run) -> Verdict:
         """INCONCLUSIVE, or SKIP with its reason. Raises Refused where the program fails."""
         name = os.path.basename(self.program)
-        stamps, desired = Stamps(tree), self._wanted(tree)
+        stamps, desired = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, desired):
-            return Told("SKIP", f"{name} has been started with this build and this configuration before", worth=False)
+            return Verdict(
+                "SKIP", f"{name} has been started with this build and this configuration before", worth=False
+            )
         if check:
-            return Told("SKIP", f"{name} is not started by a plan", worth=False)
+            return Verdict("SKIP", f"{name} is not started by a plan", worth=False)
         done = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
-        if done.code != 0 or " inet " not in done.said:
+        if done.code != 0 or " inet " not in done.output:
             words = f"{name} was not started: {self.interface}, the VPN's interface, has no address yet"
-            return Told("SKIP", words, worth=True)
+            return Verdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
                 raise Refused(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
         done = run(self._command(tree))
         if done.code not in (0, _STILL_RUNS):
             raise Refused(
-                f"FAIL: {name} ended with {done.code} after its start:\n{last_words(done.said)}",
+                f"FAIL: {name} ended with {done.code} after its start:\n{last_words(done.output)}",
                 "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
                 " read its words",
             )
         stamps.note(_STAMP, desired)
         ran = f"ran for {self.seconds} s" if done.code == _STILL_RUNS else "ran, and ended by itself,"
         seen = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
-        return Told("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
+        return Verdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
 
     def _command(self, tree: Tree) -> list[str]:
         command = ["systemd-run", "--quiet", "--collect", "--wait", "--pipe", f"--uid={self.user}"]
@@ -86,6 +88,6 @@ class Trial:
         words = [self.sourced, os.path.dirname(self.program), str(self.seconds), self.program, self.config]
         return [*command, "/bin/sh", "-c", _COMMAND, "sh", *words]
 
-    def _wanted(self, tree: Tree) -> dict[str, str]:
+    def _digests(self, tree: Tree) -> dict[str, str]:
         paths = (self.program, self.config, self.environment, self.built)
         return {path: hashlib.sha256(tree.read(path) or b"").hexdigest() for path in paths}

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any
 
 from .programs import last_lines
 from .refused import Refused
-from .vpn_management import Closed, Down, Held, Torn
-from .vpn_server import ANSWERS, DOWN, HELD
+from .vpn_management import Busy, Closed, Down, Torn
+from .vpn_server import ANSWERS, BUSY, DOWN
 from .way_in import alone
 
 if TYPE_CHECKING:
@@ -64,14 +64,14 @@ class Ending:
         self.left: list[Session] = []
         """Who has a session after all."""
         self.management = DOWN
-        self.told: list[str] = []
+        self.messages: list[str] = []
 
     def look(self, server: Server) -> list[Session]:
         """Whom it is about, if the server says so at once; nobody, if it does not."""
         try:
-            with server.asked(_AT_ONCE_S) as management:
+            with server.connection(_AT_ONCE_S) as management:
                 return self._find(management)
-        except (Down, Held, Closed, Torn):
+        except (Down, Busy, Closed, Torn):
             return []
 
     def run(
@@ -84,14 +84,14 @@ class Ending:
         """Do it. `meanwhile` is done after the clients were told, or where nobody can be; it has to come to its end."""
         waits = [meanwhile]
         try:
-            with server.asked() as management:
+            with server.connection() as management:
                 self._end(management, unheard, waits, step)
                 self.management = ANSWERS
         except Down:
             self.management = DOWN
-        except (Held, Closed, Torn) as silent:
-            self.management = HELD
-            self.told.append(f"who has a session could not be asked: {silent}")
+        except (Busy, Closed, Torn) as silent:
+            self.management = BUSY
+            self.messages.append(f"who has a session could not be asked: {silent}")
         finally:
             while waits:
                 waits.pop()()
@@ -113,7 +113,7 @@ class Ending:
             why = unheard.cover(self.left)
             time.sleep(max(0.0, received - time.monotonic()))
             if why:
-                self.told.append(why)
+                self.messages.append(why)
             for session in [] if why else self._silent(management):
                 if session["cid"] in replies:
                     replies[session["cid"]].append(management.kill(session["real"]))
@@ -164,7 +164,7 @@ class Unheard:
         self._peers |= peers
         done = self._server.run(["nft", self.text]) if self._peers else None
         self.holds = done is None or done.code == 0
-        return "" if self.holds or done is None else f"their packets are not kept away: nft: {last_lines(done.said)}"
+        return "" if self.holds or done is None else f"their packets are not kept away: nft: {last_lines(done.output)}"
 
     def end(self) -> None:
         """Let them be heard again."""
@@ -192,7 +192,7 @@ class Forgetting:
     """Let the kernel forget what addresses have open, both ways. It takes 12 ms, beside everything else."""
 
     def __init__(self, addresses: Collection[str]) -> None:
-        self.told: list[str] = []
+        self.messages: list[str] = []
         self._started: list[subprocess.Popen[bytes]] = []
         self._words = [("conntrack", "-D", way, address) for address in addresses for way in ("-s", "-d")]
 
@@ -209,7 +209,7 @@ class Forgetting:
                 )
                 self._started.append(made)
         except OSError as error:
-            self.told.append(f"open connections were not forgotten: conntrack: {error.strerror}")
+            self.messages.append(f"open connections were not forgotten: conntrack: {error.strerror}")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -221,7 +221,7 @@ class Forgetting:
                 popen.communicate()
                 text = f"no end after {_CONNTRACK_S} s"
             if popen.returncode != 0 and " 0 flow entries" not in text:  # there were none
-                self.told.append(f"open connections were not forgotten: {text}")
+                self.messages.append(f"open connections were not forgotten: {text}")
 
 
 class _Act:
@@ -230,7 +230,7 @@ class _Act:
     def __init__(self) -> None:
         self._began = time.monotonic()
         self.steps: list[list[Any]] = []
-        self.told: list[str] = []
+        self.messages: list[str] = []
 
     def step(self, name: str) -> None:
         self.steps.append([name, round((time.monotonic() - self._began) * 1000, 3)])
@@ -240,7 +240,7 @@ class _Act:
         try:
             act(*arguments)
         except Refused as refused:
-            self.told.append(f"{refused.message}; {refused.hint}" if refused.hint else refused.message)
+            self.messages.append(f"{refused.message}; {refused.hint}" if refused.hint else refused.message)
             return False
         return True
 
@@ -258,7 +258,7 @@ def revoke(
             stack.enter_context(alone(server.tree))
         except Refused as busy:
             # Whoever holds it may put older files back, which the second look tells. To wait for him would be worse.
-            act.told.append(busy.message)
+            act.messages.append(busy.message)
         unheard = Unheard(server, ending.look(server))
         listed = given.get(server.place.crl)
         # Whose list is older than the server's has a ruleset from the same record: it would let the revoked pass.
@@ -283,7 +283,7 @@ def revoke(
             digests = {path: _digest(file["content"].encode()) for path, file in given.items()}
             found = verify(server, common_names, addresses, digests, (ending.management, ending.left))
     act.step("verified")
-    result = [*act.told, *ending.told, *forgetting.told, *found["told"]]
+    result = [*act.messages, *ending.messages, *forgetting.messages, *found["told"]]
     return {**found, "steps": act.steps, "ended": ending.ended, "told": result}
 
 
@@ -364,7 +364,7 @@ def verify(
     data = []
     dead = management == ANSWERS or (management == DOWN and server.is_down())
     if not dead:
-        silent = "does not answer" if management == HELD else "has no management socket, and is not known to be down"
+        silent = "does not answer" if management == BUSY else "has no management socket, and is not known to be down"
         data.append(f"no session is confirmed dead: the server {silent}")
     return {
         "out": not left,

@@ -43,13 +43,13 @@ def read(path: str, ca: str, run: Callable[[list[str]], Done]) -> Crl | None:
     done = run([*words, "-verify", "-CAfile", ca])
     if done.code != 0:  # it has not even found the issuer's certificate
         done = run(words)
-    values = dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
+    values = dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
     try:
         number = int(values["crlNumber"], 16)
         begins, ends = (_seconds(values[name]) for name in ("lastUpdate", "nextUpdate"))
     except (KeyError, ValueError):
         return None
-    return Crl(number, begins, ends, "verify OK" in done.said.splitlines(), frozenset(_SERIAL.findall(done.said)))
+    return Crl(number, begins, ends, "verify OK" in done.output.splitlines(), frozenset(_SERIAL.findall(done.output)))
 
 
 def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:

@@ -1,7 +1,7 @@
 """The management interface of OpenVPN on its Unix socket: one command, its reply, and what the server sends in between.
 
 It serves one client at a time. The kernel accepts a second client, which then receives nothing (OpenVPN issue 660).
-Every wait has an end here, and silence has an exception of its own, `Held`. Source: doc/management-notes.txt.
+Every wait has an end here, and silence has an exception of its own, `Busy`. Source: doc/management-notes.txt.
 
 In `status 3` the columns of a row are found by their names in the HEADER rows alone.
 """
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Dict
 if TYPE_CHECKING:
     from typing import Iterable, Iterator
 
-__all__ = ["Closed", "Down", "Held", "Management", "Session", "Torn", "opened", "sessions", "written"]
+__all__ = ["Busy", "Closed", "Down", "Management", "Session", "Torn", "opened", "sessions", "written"]
 
 
 END = "END"
@@ -85,7 +85,7 @@ class Down(Exception):
     """Nobody listens on the socket: no server runs that has made it."""
 
 
-class Held(Exception):
+class Busy(Exception):
     """Somebody listens and says nothing: another client has it, or the server hangs."""
 
 
@@ -94,7 +94,7 @@ class Closed(Exception):
 
 
 class Management:
-    """A conversation with the server. Raises `Held` when a reply does not come in time, `Closed` when it ends."""
+    """A conversation with the server. Raises `Busy` when a reply does not come in time, `Closed` when it ends."""
 
     def __init__(self, connected: socket.socket, patience_s: float) -> None:
         self._socket = connected
@@ -162,7 +162,7 @@ class Management:
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([self._socket], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise Held(f"the management socket is silent for {self._patience_s:g} s")
+                raise Busy(f"the management socket is silent for {self._patience_s:g} s")
             try:
                 got = self._socket.recv(_CHUNK)
             except OSError as error:
@@ -184,7 +184,7 @@ def opened(path: str, patience_s: float) -> Iterator[Management]:
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise Down(f"nobody listens on {path}") from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
-            raise Held(f"{path} takes no connection: {error.strerror or error}") from error
+            raise Busy(f"{path} takes no connection: {error.strerror or error}") from error
         yield Management(made, patience_s)
 
 

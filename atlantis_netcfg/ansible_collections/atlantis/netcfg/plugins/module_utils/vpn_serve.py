@@ -113,13 +113,13 @@ def _firewall(server: Server) -> dict[str, Any]:
 
 
 def _version(server: Server) -> str | None:
-    found = _VERSION.match(server.run(["openvpn", "--version"]).said)
+    found = _VERSION.match(server.run(["openvpn", "--version"]).output)
     return found[1] if found is not None else None
 
 
 def _package(server: Server) -> str | None:
     done = server.run(["dpkg-query", "-W", "-f", "${Version}", "openvpn"])
-    return done.said.strip() if done.code == 0 else None
+    return done.output.strip() if done.code == 0 else None
 
 
 def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
@@ -149,7 +149,7 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
         ending = Ending(gone)
         if gone:
             ending.run(server, Unheard(server, ()))
-    return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.told}
+    return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.messages}
 
 
 def _whole(server: Server, file: Mapping[str, Any]) -> dict[str, Any]:

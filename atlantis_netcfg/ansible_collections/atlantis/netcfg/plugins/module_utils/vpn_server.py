@@ -19,7 +19,7 @@ from . import vpn_list
 from .programs import last_lines, run
 from .refused import Refused
 from .tree import Stamps, Tree
-from .vpn_management import Closed, Down, Held, Torn, opened, sessions, written
+from .vpn_management import Busy, Closed, Down, Torn, opened, sessions, written
 
 if TYPE_CHECKING:
     from typing import Callable, Iterable, Iterator
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from .programs import Done
     from .vpn_management import Management, Session
 
-__all__ = ["ANSWERS", "DOWN", "HELD", "Place", "Server"]
+__all__ = ["ANSWERS", "BUSY", "DOWN", "Place", "Server"]
 
 
 _VOLATILE = ("handle", "index", "counter", "metainfo")
@@ -55,7 +55,7 @@ class Firewall:
         if done.code != 0:
             raise Refused(
                 f"the firewall of the VPN could not be loaded, and is what it was (exit {done.code}):\n"
-                f"{last_lines(done.said)}",
+                f"{last_lines(done.output)}",
                 "on the server: `nft -c -f` and the file's name tells more",
             )
 
@@ -102,13 +102,13 @@ class Firewall:
 
 def _objects(done: Done) -> list[dict[str, Any]] | None:
     if done.code != 0:
-        if "No such file or directory" in done.said:
+        if "No such file or directory" in done.output:
             return None
-        raise Refused(f"nft does not answer (exit {done.code}):\n{last_lines(done.said)}", "install nftables")
+        raise Refused(f"nft does not answer (exit {done.code}):\n{last_lines(done.output)}", "install nftables")
     try:
-        return list(json.loads(done.said)["nftables"])
+        return list(json.loads(done.output)["nftables"])
     except (ValueError, KeyError, TypeError) as error:
-        raise Refused(f"nft answers what is no JSON: {last_lines(done.said)}", "") from error
+        raise Refused(f"nft answers what is no JSON: {last_lines(done.output)}", "") from error
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:
@@ -136,9 +136,9 @@ def _plain(found: Any) -> Any:  # noqa: ANN401 - JSON
     return [_plain(item) for item in found] if isinstance(found, list) else found
 
 
-ANSWERS, HELD, DOWN = "answers", "held", "down"
+ANSWERS, BUSY, DOWN = "answers", "held", "down"
 """What the management socket does; `held`: another client has it, or the server hangs."""
-_SILENT = (Held, Closed, Torn)
+_SILENT = (Busy, Closed, Torn)
 _CONF = "/proc/sys/net/ipv4/conf"
 
 
@@ -202,8 +202,8 @@ class Server:
         return bool(names)
 
     @contextlib.contextmanager
-    def asked(self, patience_s: float | None = None) -> Iterator[Management]:
-        """A conversation with the server. Raises `Down`, `Held`, `Closed`."""
+    def connection(self, patience_s: float | None = None) -> Iterator[Management]:
+        """A conversation with the server. Raises `Down`, `Busy`, `Closed`."""
         patience_s = self.place.patience_s if patience_s is None else patience_s
         with opened(self.tree.at(self.place.socket), patience_s) as management:
             management.greeted()
@@ -212,12 +212,12 @@ class Server:
     def sessions(self) -> tuple[str, list[Session], str]:
         """Who has a session: what the socket does, the sessions that it tells, and why it tells none."""
         try:
-            with self.asked() as management:
+            with self.connection() as management:
                 return ANSWERS, management.sessions(), ""
         except Down as down:
             return DOWN, [], str(down)
         except _SILENT as silent:
-            return HELD, [], str(silent)
+            return BUSY, [], str(silent)
 
     def from_file(self) -> tuple[list[Session], int]:
         """Who had a session when the status file was written, and when that was; time 0: it cannot be read."""
@@ -233,7 +233,7 @@ class Server:
         done = self.run(["systemctl", "show", "--property", desired, "--", self.place.unit])
         if done.code != 0:
             return {}
-        return dict(line.split("=", 1) for line in done.said.splitlines() if "=" in line)
+        return dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
 
     def is_down(self) -> bool:
         """Whether the server surely does not run, so that nobody can have a session: its socket alone does not tell."""

@@ -45,7 +45,7 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.bundle_store import FOLDER, Held, Store
+from ..module_utils.bundle_store import FOLDER, Store, StoredFile
 from ..module_utils.refused import Refused
 
 ARGUMENTS: dict[str, Any] = {
@@ -66,7 +66,7 @@ def main() -> None:
     """Answer Ansible."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     name, result = module.params["id"], module.params["files"]
-    files = tuple(Held(**entry) for entry in result) if result is not None else None
+    files = tuple(StoredFile(**entry) for entry in result) if result is not None else None
     if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in item.path.split("/") for item in files or ()):
         module.fail_json(msg="this is no bundle", hint="", changes=[])
     owner = os.environ.get("SUDO_UID", "")

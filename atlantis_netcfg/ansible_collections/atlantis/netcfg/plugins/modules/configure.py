@@ -182,9 +182,9 @@ def _rows(**options: dict[str, Any]) -> dict[str, Any]:
 
 
 _TEXT = {"type": "str", "required": True}
-_OWN: dict[str, Any] = {"owner": {"type": "str", "default": "root"}, "group": {"type": "str", "default": "root"}}
+_OWNER: dict[str, Any] = {"owner": {"type": "str", "default": "root"}, "group": {"type": "str", "default": "root"}}
 ARGUMENTS: dict[str, Any] = {
-    "directories": _rows(path=_TEXT, mode={"type": "str", "default": "0755"}, **_OWN),
+    "directories": _rows(path=_TEXT, mode={"type": "str", "default": "0755"}, **_OWNER),
     "files": {
         **_rows(
             path=_TEXT,
@@ -194,7 +194,7 @@ ARGUMENTS: dict[str, Any] = {
             validate=_strings(),
             hint={"type": "str", "default": ""},
             finding={"type": "str", "default": ""},
-            **_OWN,
+            **_OWNER,
         ),
         "mutually_exclusive": [("content", "secret_content")],
         "required_one_of": [("content", "secret_content")],

@@ -59,7 +59,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.refused import Refused
 from ..module_utils.tree import Tree
-from ..module_utils.trial import Trial
+from ..module_utils.trial import SmokeTest
 
 _TEXT = {"type": "str", "required": True}
 _NAMES = ("program", "config", "sourced", "environment", "built", "user", "interface")
@@ -70,7 +70,7 @@ def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     try:
-        result = Trial(**module.params).judge(Tree(), check=module.check_mode)
+        result = SmokeTest(**module.params).judge(Tree(), check=module.check_mode)
     except Refused as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     notes = [result.words] if result.worth else []

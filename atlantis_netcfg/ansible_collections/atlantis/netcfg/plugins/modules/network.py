@@ -85,7 +85,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.network_change import BACK, Change
 from ..module_utils.network_files import Computer
-from ..module_utils.network_wish import Wish
+from ..module_utils.network_wish import DesiredNetwork
 from ..module_utils.refused import Refused
 
 _TEXT = {"type": "str", "required": True}
@@ -113,7 +113,7 @@ _UNKNOWN = (
 
 
 def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
-    request = Wish.of(parameters)
+    request = DesiredNetwork.of(parameters)
     change = Change(Computer(), request)
     values: dict[str, Any] = {}
     if parameters["action"] == "stage":

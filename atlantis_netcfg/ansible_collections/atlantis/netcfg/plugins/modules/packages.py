@@ -105,7 +105,7 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.apt_converge import Converge, Wanted
+from ..module_utils.apt_converge import Converge, DesiredPackages
 from ..module_utils.apt_run import Apt
 from ..module_utils.apt_sources import Sources, key_of
 from ..module_utils.refused import Refused
@@ -161,7 +161,7 @@ def main() -> None:
         keys = [key_of(key) for key in requested["keys"]]
         texts = {file["path"]: file["content"].encode() for file in [*requested["pins"], *requested["sources"]]}
         sources = Sources(tree, {**{key.path: key.content for key in keys}, **texts}, requested["absent"])
-        desired = Wanted(
+        desired = DesiredPackages(
             {package["name"]: package["version"] for package in requested["packages"]},
             keys,
             expected.get("codename"),

@@ -1,4 +1,4 @@
-"""What the actions share that take a whole play in one process: the door from Ansible to our `operations`."""
+"""What the actions share that take a whole play in one process, from Ansible to our `operations`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from atlantis_netcfg.core.worker import end_if_orphaned, end_with_parent
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["Asked", "Door", "inventory_of"]
+__all__ = ["EngineAction", "TaskRequest", "inventory_of"]
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class TaskRequest:
     """What a task asks of all hosts of its play."""
 
     inventory: Path
@@ -39,7 +39,7 @@ class Asked:
         return str(VaultLib(secrets).decrypt(text.encode()).decode())
 
 
-class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
     """An action that runs once for the whole play and takes one argument, `request`, unless it says otherwise."""
 
     BYPASS_HOST_LOOP = True
@@ -51,7 +51,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
 
     @staticmethod
     @abstractmethod
-    def perform(requested: Asked) -> Mapping[str, Any]:
+    def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Do it and give `per_host`. Raises NetcfgError."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
@@ -62,7 +62,7 @@ class Door(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         end_with_parent()
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
-        requested = Asked(
+        requested = TaskRequest(
             inventory_of(variables),
             tuple(variables["ansible_play_hosts"]),
             {**(self._task.args.get("request") or {}), **consent(variables)},

@@ -33,7 +33,7 @@ from atlantis_netcfg.core.worker import end_with_parent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["FOLDER", "Cleaned", "Thin", "answer", "checked", "masked"]
+__all__ = ["FOLDER", "CleanedAction", "ZipappAction", "answer", "checked", "masked"]
 
 FOLDER: Final = "/var/lib/atlantis/tool"
 """On the gateways: the tool, under its SHA-256."""
@@ -49,7 +49,7 @@ _ANSIBLES: Final = ("_ansible_", "ansible_", "warnings", "deprecations", "except
 """What no module of ours says, and Ansible would act on, or print as its own words."""
 
 
-class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
+class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no type information
     """An action that runs a module of ours; a subclass says which one."""
 
     module: ClassVar[str]
@@ -109,7 +109,7 @@ class Thin(ActionBase):  # type: ignore[misc]  # ansible-core ships no type info
         return f"{self._compute_environment_string()} {shlex.join(words)}".strip()
 
 
-class Cleaned(ActionBase):  # type: ignore[misc]  # as above
+class CleanedAction(ActionBase):  # type: ignore[misc]  # as above
     """An action of Ansible's own that shows what a gateway says, and has a terminal obey none of it."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
