@@ -5,26 +5,20 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 
-PROVISION = str(Path(sys.executable).with_name("provision"))
+if TYPE_CHECKING:
+    import subprocess
+
 STRANGER = "203.0.113.3"
 
 
 def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [PROVISION, "prove", *typed],
-        env={**os.environ, "ATLANTIS_STATE": str(state)},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = preforked.run(["prove", *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
     assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
 

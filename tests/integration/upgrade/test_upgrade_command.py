@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
+import preforked
 import pytest
 from npk_files import write
 
 if TYPE_CHECKING:
+    import subprocess
     from pathlib import Path
 
 
 @pytest.fixture
 def provision(tmp_path: Path) -> Any:  # noqa: ANN401
     def call(*words: str) -> subprocess.CompletedProcess[str]:
-        line = [sys.executable, "-m", "atlantis_netcfg", "upgrade", "site=coastal", "device=coastal-router", *words]
         environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
-        return subprocess.run(line, capture_output=True, text=True, check=False, env=environment)
+        return preforked.run(["upgrade", "site=coastal", "device=coastal-router", *words], env=environment)
 
     return call
 
