@@ -1,0 +1,73 @@
+"""What is typed into a process that has already imported prints and ends as the program does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from typing import TYPE_CHECKING
+
+import preforked
+import pytest
+from quay import PROVISION
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LINES = (
+    ("version",),
+    ("version", "--json"),
+    ("help", "drift"),
+    ("validate",),
+    ("runs", "site=coastal"),
+    ("site=costal", "--plan"),
+    ("site=coastal", "--nonsense"),
+)
+
+
+@pytest.mark.parametrize("words", LINES, ids="-".join)
+def test_it_prints_and_ends_as_the_program_does(words: tuple[str, ...], tmp_path: Path) -> None:
+    environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
+    program = subprocess.run([PROVISION, *words], env=environment, capture_output=True, text=True, check=False)
+    child = preforked.run(words, env=environment)
+    assert (child.returncode, child.stdout, child.stderr) == (program.returncode, program.stdout, program.stderr)
+
+
+def test_it_is_in_the_callers_folder_and_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here").mkdir()
+    environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
+    program = subprocess.run(
+        [PROVISION, "validate", "inventory=here"], env=environment, capture_output=True, text=True, check=False
+    )
+    child = preforked.run(("validate", "inventory=here"), env=environment)
+    assert (child.returncode, child.stderr) == (program.returncode, program.stderr)
+    assert "does not exist" not in child.stderr
+
+
+def test_it_reads_what_it_is_passed(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    with os.fdopen(writing, "wb") as pipe:
+        pipe.write(b"mackerel lantern orbit velvet\n")
+    try:
+        words = ("vpn", "init", "sealed=vault", f"authority={tmp_path / 'authority'}", f"--passphrase-fd={reading}")
+        done = preforked.run(words, env={**os.environ, "ATLANTIS_STATE": str(tmp_path)}, pass_fds=[reading])
+    finally:
+        os.close(reading)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.rglob("ca.crt")) != []
+
+
+def test_both_streams_can_be_one(tmp_path: Path) -> None:
+    environment = {**os.environ, "ATLANTIS_STATE": str(tmp_path)}
+    done = preforked.run(("site=costal", "--plan"), env=environment, stderr=subprocess.STDOUT)
+    assert "did you mean `coastal`?" in done.stdout
+
+
+def test_two_run_one_after_the_other_without_a_trace(tmp_path: Path) -> None:
+    """Nothing of a command is left for the next one: each is forked from the process that has only imported."""
+    first, second = (
+        preforked.run(("version", *more), env={**os.environ, "ATLANTIS_STATE": str(tmp_path)})
+        for more in (("--json",), ())
+    )
+    assert first.stdout.startswith("{")
+    assert second.stdout.startswith("provision ")
