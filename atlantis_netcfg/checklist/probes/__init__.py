@@ -3,13 +3,12 @@
 A column (and each of the site's own checks) gives steps for a cell of the table: a probe, or something for a person
 to look at. A probe is two pure functions, the questions that it asks and the judgement of whatever came back; it opens
 no connection, so the same judgement serves the real site, the rehearsal and the data cases of the tests. Questions are
-data from closed lists of commands that only read; whoever carries them out (`operations/checking`) stands where the
+data from closed lists of commands that only read; whoever carries them out (`checklist/runner`) stands where the
 thing is.
 """
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.probes.cell import SITE, Cell
 from atlantis_netcfg.checklist.probes.requests import (
     Ask,
     Discover,
@@ -34,7 +33,7 @@ from atlantis_netcfg.checklist.probes.results import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Probe, Step
+from atlantis_netcfg.checklist.probes.step import SITE, Cell, Consent, Judged, Probe, Step
 
 __all__ = [
     "SITE",

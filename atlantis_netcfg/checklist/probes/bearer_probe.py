@@ -1,7 +1,7 @@
-"""A link of the site in the checklist: what `provision links` found of it, as it is, and what it is good for.
+"""A link of the site in the checklist: what `provision links` found of it, and what it is good for.
 
-The same look serves the Wi-Fi bridge, the 4G unit, the satellite's port and a plain cable; each column says in its own
-words what a link without a complaint has been seen to do.
+The same result serves the Wi-Fi bridge, the 4G unit, the satellite's port and a plain cable; each column says in its
+own words what a link without a complaint does.
 """
 
 from __future__ import annotations
@@ -10,23 +10,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
-from atlantis_netcfg.checklist.probes.evidence import read
-from atlantis_netcfg.checklist.probes.not_run import unasked
 from atlantis_netcfg.checklist.probes.requests import Look
 from atlantis_netcfg.checklist.probes.results import Looked
-from atlantis_netcfg.checklist.probes.step import Judged, Step
+from atlantis_netcfg.checklist.probes.step import Judged, Step, read, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.cell import Cell
     from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import Bearer, BearerKind
 
-__all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "well"]
+__all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "reserved_mac", "well"]
+
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
 """End of a reading's name to its unit; longest first where one ends like another."""
@@ -134,3 +133,11 @@ def _named(key: str) -> tuple[str, str]:
     """Take a reading's name apart: `tx_rate_mbps` is a `tx rate` in Mbit/s."""
     end = next((end for end in _UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
+
+
+def reserved_mac(cell: Cell, declared: object) -> str | None:
+    """Give the declared MAC address, else that of the row's DHCP reservation, in upper case; None: nobody says."""
+    if declared is not None:
+        return str(declared).upper()
+    reservations = (item for item in cell.declared.lan.reservations if item.name == cell.vehicle)
+    return next((str(reservation.mac).upper() for reservation in reservations), None)

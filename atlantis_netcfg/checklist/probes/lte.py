@@ -19,7 +19,7 @@ from atlantis_netcfg.declaration.model import BearerKind
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.checklist.probes.cell import Cell
+    from atlantis_netcfg.checklist.probes.step import Cell
 
 __all__ = ["steps"]
 

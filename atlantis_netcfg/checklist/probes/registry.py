@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import acoustic, ethernet, gps, lte, rc_rf, satellite, site_checks, usbl, wifi
-from atlantis_netcfg.checklist.probes.cell import SITE
-from atlantis_netcfg.checklist.probes.step import Step
+from atlantis_netcfg.checklist.probes import (
+    acoustic,
+    ethernet,
+    gps,
+    lte,
+    rc_rf,
+    satellite,
+    site_checks,
+    usbl,
+    wifi,
+)
+from atlantis_netcfg.checklist.probes.step import SITE, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.declaration.model import Column
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.checklist.probes.cell import Cell
+    from atlantis_netcfg.checklist.probes.step import Cell
 
 __all__ = ["ETHERNET", "TITLES", "by_a_person", "steps_of"]
 

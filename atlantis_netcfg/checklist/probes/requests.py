@@ -67,7 +67,7 @@ class Listen:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Run a program that only reads; it must stand in `checklist/probes/allowed_commands.py`."""
+    """Run a program that only reads; it must stand in `checklist/probes/allowed.py`."""
 
     name: str
     place: Place

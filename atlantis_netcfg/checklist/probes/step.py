@@ -1,21 +1,44 @@
-"""A step of the checklist, and the two functions that a probe is."""
+"""A step of the checklist: the cell that it belongs to, the probe that it runs, and what a probe says.
+
+A probe is two functions: `asks` gives its requests, `judge` gives findings and evidence. Here are also the findings for
+a request without a complete result, from which nothing follows, and evidence in one line each.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.requests import Place
+from atlantis_netcfg.checklist.probes.results import Ran, Rows, Trouble
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict, worst
+from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.checklist.probes.requests import Question
     from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Site
 
-__all__ = ["Consent", "Judged", "Probe", "Step"]
+__all__ = [
+    "PLACES",
+    "SITE",
+    "Cell",
+    "Consent",
+    "Judged",
+    "Probe",
+    "Step",
+    "declared",
+    "measured",
+    "not_run",
+    "read",
+    "rows_of",
+    "unasked",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,3 +107,121 @@ class Step:
             raise ValueError(f"step `{self.title}`: a person's step has no probe, every other one has")
         if (self.kind is Kind.ACTIVE) != (self.consent is not None):
             raise ValueError(f"step `{self.title}`: consent is asked for active steps, and for all of them")
+
+
+SITE = "site"
+"""The endpoint of the site's own checks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What the steps of a column are made from."""
+
+    declaration: Declaration
+    site: str
+    vehicle: str | None
+    """Key; None: the location."""
+    endpoint: str
+    """A column of Table 3, `ethernet`, or `site`."""
+
+    @property
+    def row(self) -> str:
+        """The first part of an item's id."""
+        return self.vehicle or self.site
+
+    @property
+    def name(self) -> str:
+        """The row in words."""
+        return self.declared.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
+
+    @property
+    def declared(self) -> Site:
+        """The site."""
+        return self.declaration.sites[self.site]
+
+    @property
+    def endpoints(self) -> Endpoints:
+        """How the row's endpoints are seen."""
+        if self.vehicle is not None:
+            return self.declaration.vehicles[self.vehicle].endpoints
+        return self.declared.location.endpoints
+
+    @property
+    def gateway(self) -> Host | None:
+        """The site's gateway computer."""
+        return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)), None)
+
+    @property
+    def router(self) -> Host | None:
+        """The site's router."""
+        return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Router)), None)
+
+    def place(self, seen_from: SeenFrom) -> Place:
+        """Where a probe of this cell stands: a site without a gateway is looked at from the laptop."""
+        if seen_from is SeenFrom.GATEWAY and self.gateway is not None:
+            return Place.GATEWAY
+        return Place.LAPTOP
+
+    def address(self, declared: object) -> str | None:
+        """The declared address, else that of the row's DHCP reservation at this site; None: nobody says."""
+        if declared is not None:
+            return str(declared)
+        reservations = (item for item in self.declared.lan.reservations if item.name == self.vehicle)
+        return next((str(reservation.address) for reservation in reservations), None)
+
+
+def measured(what: str, value: object, unit: str = "") -> Evidence:
+    """Give what this tool has measured."""
+    return Evidence(type=EvidenceType.MEASURED, what=what, value=number(value, unit))
+
+
+def read(what: str, value: object, unit: str = "") -> Evidence:
+    """Give what a device has said."""
+    return Evidence(type=EvidenceType.READ, what=what, value=number(value, unit))
+
+
+def declared(what: str, value: object) -> Evidence:
+    """Give what the inventory says."""
+    return Evidence(type=EvidenceType.DECLARED, what=what, value=str(value))
+
+
+def number(value: object, unit: str = "") -> str:
+    """Write a value with its unit: `-52 dBm`; a number without needless zeros."""
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{text} {unit}" if unit else text
+
+
+PLACES = {Place.GATEWAY: "the gateway", Place.LAPTOP: "this computer", Place.ROUTER: "the router"}
+"""A place in words."""
+_PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
+"""Where the package of Debian and Ubuntu is not called as its program is."""
+
+
+def unasked(who: str, answer: Answer | None) -> Finding:
+    """Say that `who` could not be asked; it never fails anything, for nothing is known."""
+    words = getattr(answer, "words", "") or "it does not answer"
+    hint = f"make {who} reachable first, then ask again"
+    return Finding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
+
+
+def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[Finding]:
+    """Say why a program has printed nothing that counts; nothing, if it was carried out."""
+    where = PLACES[place]
+    if not isinstance(ran, Ran):
+        yield unasked(where, ran)
+    elif ran.trouble is Trouble.MISSING:
+        hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"
+        yield Finding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
+    elif ran.trouble is Trouble.SILENT:
+        hint = f"look whether {where} is overloaded, then ask again"
+        message = f"`{program}` did not come to an end in time on {where}"
+        yield Finding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
+    elif ran.trouble is not None:
+        yield unasked(where, ran)
+
+
+def rows_of(answer: Answer | None) -> tuple[dict[str, str], ...] | None:
+    """Give the rows of a menu; None: it was not asked, or the device does not have it."""
+    if not isinstance(answer, Rows) or answer.trouble is not None or answer.rows is None:
+        return None
+    return tuple(dict(row) for row in answer.rows)

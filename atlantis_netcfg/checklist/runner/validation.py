@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.probes import Ask, Discover, Listen, Probing, Run
-from atlantis_netcfg.checklist.probes.allowed_commands import allowed
-from atlantis_netcfg.checklist.probes.allowed_messages import refused
+from atlantis_netcfg.checklist.probes.allowed import allowed, refused
 from atlantis_netcfg.checklist.report import Kind
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked_apart, heard_by, listen
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Say, Transcript, Trouble
-from atlantis_netcfg.checklist.probes.agent import _serial
+from atlantis_netcfg.checklist.probes.agent import streams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -157,7 +157,7 @@ def test_a_port_that_is_locked_is_not_opened(pair: tuple[int, str]) -> None:
 def test_a_lock_file_counts_while_its_process_lives(
     pair: tuple[int, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_serial, "_LOCKS", (str(tmp_path),))
+    monkeypatch.setattr(streams, "_LOCKS", (str(tmp_path),))
     lock = tmp_path / f"LCK..{Path(pair[1]).name}"
     lock.write_text("         1\n")
     assert heard_by(serial(pair[1])).words == f"{pair[1]} is locked by process 1"
@@ -169,7 +169,7 @@ def test_a_port_of_which_nobody_can_tell_who_has_it(pair: tuple[int, str], monke
     def hidden(_process: Path, _device: int) -> bool:
         raise PermissionError
 
-    monkeypatch.setattr(_serial, "_holds", hidden)
+    monkeypatch.setattr(streams, "_holds", hidden)
     assert heard_by(serial(pair[1])).trouble is None, "its own port"
     monkeypatch.setattr(os, "getuid", lambda: 54321)
     told = heard_by(serial(pair[1]))
@@ -187,7 +187,7 @@ def test_a_port_of_which_nobody_can_tell_who_has_it(pair: tuple[int, str], monke
     ],
 )
 def test_what_is_no_serial_port(path: str, baud: int, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_serial, "_refuse_held", lambda *_: None)  # everybody has /dev/null open
+    monkeypatch.setattr(streams, "_refuse_held", lambda *_: None)  # everybody has /dev/null open
     told = heard_by(serial(path, baud=baud))
     assert (told.trouble, told.words) == (Trouble.MISSING, words)
 

@@ -16,9 +16,8 @@ import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
 
 from atlantis_netcfg.checklist.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
-from atlantis_netcfg.checklist.probes.agent import BOOT, batch, heard, main, program
-from atlantis_netcfg.checklist.probes.agent._shared import NoAnswer
-from atlantis_netcfg.checklist.probes.agent.bundle import MODULES, _sources
+from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, heard, main, program
+from atlantis_netcfg.checklist.probes.agent.streams import NoAnswer
 
 if TYPE_CHECKING:
     import socket

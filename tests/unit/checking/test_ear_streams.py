@@ -11,7 +11,7 @@ import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked, heard_by, listen, served, until_gone
 
 from atlantis_netcfg.checklist.probes import Say, Transcript, Trouble
-from atlantis_netcfg.checklist.probes.agent._shared import no_answer, packed
+from atlantis_netcfg.checklist.probes.agent.streams import no_answer, packed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

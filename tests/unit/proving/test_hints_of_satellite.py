@@ -16,7 +16,7 @@ from test_proving import ADDED, SATELLITE, prove, proving
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
 from atlantis_netcfg.checklist.probes.results import Proved
-from atlantis_netcfg.checklist.probes.satellite._allowed import AllowListProbe
+from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.cli import _outcome
 from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError

@@ -2,31 +2,349 @@
 
 Two drivers (EvoLogics S2C, Blueprint SeaTrac) read from closed lists of commands; whatever transmits is a step of its
 own that a person has to agree to, in the water. A modem that its vehicle holds is left to it: that is no failure. What
-the columns acoustic and USBL and the comparison of the fleet want to know of one modem is one question, asked once.
+the columns acoustic and USBL and the comparison of the fleet need of one modem is one request, sent once.
+
+The fleet: settings of all modems of a site side by side show whether they can talk to each other at all.
+
+One message from modem to modem needs a person's consent, water, and a modem that is not too loud. A script cannot
+decide, but it can stop: it reads the state, then whose modem it is, then the source level, and sends the message only
+after the answers that allow it, so that nobody else's modem transmits. Those answers must come alone (notifications
+that are plain text aside): nothing inside a received message is taken for them, and what is not sure is not sent.
 
 How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.acoustic._fleet import EvologicsFleet, Member, SeatracFleet
-from atlantis_netcfg.checklist.probes.acoustic._message import EvologicsMessage, message_consent
-from atlantis_netcfg.checklist.probes.acoustic.beacon import SeatracStatus
-from atlantis_netcfg.checklist.probes.acoustic.modem import declared_address, modem_of, modems, question
-from atlantis_netcfg.checklist.probes.acoustic.status import EvologicsStatus
-from atlantis_netcfg.checklist.probes.step import Step
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.acoustic import evologics
+from atlantis_netcfg.checklist.probes.acoustic.modem import (
+    WATER,
+    ask_at,
+    declared_address,
+    message,
+    modem_of,
+    modems,
+    not_understood,
+    question,
+    said,
+)
+from atlantis_netcfg.checklist.probes.acoustic.status import (
+    Beacon,
+    EvologicsStatus,
+    Reading,
+    SeatracStatus,
+    level_words,
+    plain,
+)
+from atlantis_netcfg.checklist.probes.results import Transcript
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, Column
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Hashable, Iterable, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.cell import Cell
+    from atlantis_netcfg.checklist.probes.requests import Listen, Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell
 
 __all__ = ["steps"]
+
+
+_HIGHEST = (2, 6, 14, 30, 62, 126, 254)
+_PACKET_MS = (50, 1000)
+_CARRIERS = ((0, 1), (1, 0), (2, 2))
+"""Waveform ids that hear each other."""
+_LISTED = ("Local Address", "Highest Address", "Carrier Waveform ID", "Packet Time")
+_PHY = "ATI1"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A modem of the fleet."""
+
+    name: str
+    """The row in words."""
+    question: Listen
+    declared: int | None
+    """Acoustic address or beacon number; None: nobody declares it."""
+
+
+def _asked(members: tuple[Member, ...]) -> tuple[Question, ...]:
+    return tuple(dict.fromkeys(member.question for member in members))
+
+
+def _transcript(member: Member, results: Mapping[str, Answer]) -> Transcript:
+    transcript = results[member.question.name]
+    if not isinstance(transcript, Transcript):
+        raise TypeError(transcript)
+    return transcript
+
+
+def _not_compared(names: Iterable[str], result: int) -> Iterator[Finding]:
+    missing = ", ".join(names)
+    if missing:
+        rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
+        message = f"the modem settings of {missing} could not be read: {rest}"
+        hint = "settle the item of that modem itself first, and check again"
+        yield Finding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
+
+
+def _strangers(members: tuple[Member, ...], addresses: Mapping[str, int]) -> Iterator[Finding]:
+    for member in members:
+        address = addresses.get(member.name, member.declared)
+        if member.declared is not None and address != member.declared:
+            message = f"a modem with the address {address} answers for {member.name}, and {member.declared} is declared"
+            hint = "settle the item of that modem itself first, and check again"
+            yield Finding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
+
+
+def _listed(values: Mapping[str, object]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def _same(what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict) -> Iterator[Finding]:
+    if len(set(values.values())) > 1:
+        yield Finding(verdict, code, f"the modems differ in their {what}: {_listed(values)}", hint)
+
+
+def _unique(what: str, values: Mapping[str, int]) -> Iterator[Finding]:
+    for number in sorted(set(values.values())):
+        names = [name for name, local in values.items() if local == number]
+        if len(names) > 1:
+            message = f"{' and '.join(names)} have the same {what}, {number}"
+            hint = "have the crew of one of them set another one; the declaration says which belongs to whom"
+            yield Finding(Verdict.FAIL, "duplicate-address", message, hint)
+
+
+@dataclass(frozen=True, slots=True)
+class EvologicsFleet:
+    """The EvoLogics modems of the site agree in all that they must agree in."""
+
+    members: tuple[Member, ...]
+
+    def asks(self) -> tuple[Question, ...]:
+        """The same scripts as the items of the modems themselves."""
+        return _asked(self.members)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Compare what `AT&V` told."""
+        readings = {member.name: Reading.of(_transcript(member, results)) for member in self.members}
+        result = {
+            name: {expected: value for expected in _LISTED if (value := reading.setting(expected)) is not None}
+            for name, reading in readings.items()
+        }
+        whole = {name: values for name, values in result.items() if len(values) == len(_LISTED)}
+        findings = [*_not_compared((name for name in readings if name not in whole), len(whole))]
+        if len(whole) > 1:
+            findings += self._compared(whole, readings)
+        findings += _strangers(self.members, {name: values["Local Address"] for name, values in whole.items()})
+        evidence = tuple(
+            Evidence(type=EvidenceType.READ, what=name, value=_listed(values)) for name, values in whole.items()
+        )
+        return Judged(tuple(findings) or (_agree(whole),), evidence)
+
+    def _compared(self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, Reading]) -> Iterator[Finding]:
+        of = {expected: {name: values[expected] for name, values in result.items()} for expected in _LISTED}
+        yield from _unique("acoustic address", of["Local Address"])
+        hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
+        yield from _same(
+            "highest address", "highest-address-differs", of["Highest Address"], hint, verdict=Verdict.FAIL
+        )
+        yield from _wrong("highest address", "highest-address", of["Highest Address"], _HIGHEST, hint)
+        hint = "have the crews set the same packet time on all modems, between 50 and 1000 ms"
+        yield from _same("packet time (ms)", "packet-time-differs", of["Packet Time"], hint, verdict=Verdict.FAIL)
+        allowed = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
+        yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed, hint)
+        yield from _carriers(of["Carrier Waveform ID"])
+        words = {name: evologics.answer(readings[name].heard, _PHY) for name in result}
+        hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
+        known = {name: word for name, word in words.items() if word}
+        yield from _same("physical layer", "band-differs", known, hint, verdict=Verdict.WARN)
+
+
+def _wrong(
+    what: str, code: str, values: Mapping[str, int], allowed: range | tuple[int, ...], hint: str
+) -> Iterator[Finding]:
+    for name, value in values.items():
+        if value not in allowed:
+            yield Finding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
+
+
+def _carriers(values: Mapping[str, int]) -> Iterator[Finding]:
+    deaf = [
+        f"{a} ({values[a]}) and {b} ({values[b]})"
+        for a, b in combinations(values, 2)
+        if (values[a], values[b]) not in _CARRIERS
+    ]
+    if deaf:
+        message = f"carrier waveforms that do not hear each other: {'; '.join(deaf)}"
+        hint = "have the crews set carrier waveform 2 on all modems; 0 and 1 are for a pair"
+        yield Finding(Verdict.FAIL, "carriers", message, hint)
+
+
+def _agree(result: Mapping[str, Mapping[str, int]]) -> Finding:
+    addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
+    return Finding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
+
+
+@dataclass(frozen=True, slots=True)
+class SeatracFleet:
+    """The SeaTrac beacons of the site have numbers of their own and count with the same sound speed."""
+
+    members: tuple[Member, ...]
+
+    def asks(self) -> tuple[Question, ...]:
+        """The same scripts as the items of the beacons themselves."""
+        return _asked(self.members)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Compare their settings."""
+        beacons = {member.name: Beacon.of(_transcript(member, results)).settings for member in self.members}
+        values = {name: settings for name, settings in beacons.items() if settings is not None}
+        findings = [*_not_compared((name for name in beacons if name not in values), len(values))]
+        numbers = {name: settings.beacon for name, settings in values.items()}
+        sound = {
+            name: "by itself" if settings.auto_sound_speed else f"{plain(settings.sound_speed_mps)} m/s"
+            for name, settings in values.items()
+        }
+        if len(values) > 1:
+            findings += _unique("beacon number", numbers)
+            hint = "have the crews set the same sound speed on all beacons, or let all work it out"
+            findings += _same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
+        findings += _strangers(self.members, numbers)
+        evidence = tuple(
+            Evidence(type=EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}")
+            for name in values
+        )
+        listed = _listed(numbers)
+        passed = Finding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {listed}")
+        return Judged(tuple(findings) or (passed,), evidence)
+
+
+TEXT = "ATLANTIS"
+_TEXT_ONLY = rb"\A(?:\+{0,2}[\w,.:-]*\r?\n)?(?:\+\+\+AT:\d+:(?!RECV(?!START|END|FAILED))[A-Z]+[^\r\n]*\r\n)*"
+"""The rest of a notification that was cut by the last answer, and whole ones; nothing with a message inside."""
+_LISTENS = _TEXT_ONLY + rb"\+\+\+AT\?S:\d+:INITIATION LISTEN[^\r\n]*\r\n"
+_LEVELS = (1, 2, 3)
+"""Not the maximum: nobody needs it within a port."""
+_QUIET = _TEXT_ONLY + rb"\+\+\+AT\?L:1:[123]\r\n"
+_DELIVERED_S = 20.0
+"""A modem tries again by itself before it gives up."""
+
+
+def message_consent(name: str, partner: int) -> Consent:
+    """What a person has to agree to."""
+    return Consent(
+        question=f"{name} and the modem with the acoustic address {partner} are in the water, nobody dives near them, "
+        "and they may transmit one message"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class EvologicsMessage:
+    """A message reaches the partner's modem, which acknowledges it."""
+
+    modem: Modem
+    name: str
+    """The row in words."""
+    declared: int | None
+    """Acoustic address; None: any modem may be there, which the modem's own item says."""
+    partner: int
+    """Acoustic address."""
+    consent: Consent | None
+    """What the step asks a person; without it there is no message to be sent."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """State, address, source level, and behind them the message. Raises NeverSaid where no person is asked."""
+        return (self._question(),)
+
+    def _question(self) -> Listen:
+        ended = (
+            rb"(?:DELIVERED|FAILED)IM,%d\r?\n|\+\+\+AT\*SENDIM[^:\r\n]*:\d+:(?:ERROR|BUSY)|(?:\A|\n)(?:ERROR|BUSY)"
+            % self.partner
+        )
+        say = (
+            ask_at("AT?S", _LISTENS),
+            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address(self.declared)),
+            ask_at("AT?L", _QUIET),
+            message(TEXT, self.partner, self.consent, ended, within_s=_DELIVERED_S),
+        )
+        return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge whether it was sent, and what became of it."""
+        transcript = said(self.modem, self.name, results[self._question().name])
+        if isinstance(transcript, Judged):
+            return transcript
+        pieces = evologics.pieces(transcript.data)
+        if not any(piece.command for piece in pieces):
+            return Judged((not_understood(self.modem, self.name),))
+        level = evologics.number(evologics.answer(pieces, "AT?L"))
+        evidence = (
+            ()
+            if level is None
+            else (
+                Evidence(type=EvidenceType.READ, what="source level before the message", value=level_words(int(level))),
+            )
+        )
+        accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
+        refused = evologics.trouble_words(pieces, "AT*SENDIM")
+        if accepted:
+            # The vehicle's own software may send as well: only what follows our own message is its report.
+            at = next(place for place, entry in enumerate(pieces) if _is_send(entry) and entry.text == "OK")
+            reports = tuple(item.text for item in pieces[at:] if item.command == evologics.NOTIFICATION)
+            return Judged((self._sent(reports),), evidence)
+        return Judged((self._kept(pieces, level, refused),), evidence)
+
+    def _sent(self, lines: tuple[str, ...]) -> Finding:
+        to = f"the modem with the address {self.partner}"
+        if f"DELIVEREDIM,{self.partner}" in lines:
+            return Finding(Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it")
+        if f"FAILEDIM,{self.partner}" in lines:
+            hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
+            return Finding(Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint)
+        hint = "check again; the modem may still have been trying when the time was up"
+        message = f"the modem of {self.name} has sent a message and does not tell what became of it"
+        return Finding(Verdict.INCONCLUSIVE, "no-report", message, hint)
+
+    def _kept(self, pieces: tuple[evologics.Piece, ...], level: float | None, refused: str | None) -> Finding:
+        state = evologics.state(pieces)
+        if state is not None and state != "INITIATION LISTEN":
+            message = f"no message was sent: the modem of {self.name} does not listen ({state})"
+            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+        address = evologics.number(evologics.answer(pieces, "AT?AL"))
+        if address is not None and self.declared is not None and address != self.declared:
+            message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
+            hint = "settle the item of the modem itself first"
+            return Finding(Verdict.FAIL, "wrong-address", f"{message} {self.declared} is declared", hint)
+        if level is not None and level not in _LEVELS:
+            message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
+            hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
+            return Finding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
+        if refused:
+            message = f"the modem of {self.name} has not taken the message: `{refused[:60]}`"
+            return Finding(Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it")
+        message = (
+            f"no message was sent: the modem of {self.name} did not tell an address and a source level that allow it"
+        )
+        hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
+        return Finding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
+
+
+def _address(declared: int | None) -> bytes:
+    return rb"\d+" if declared is None else b"%d" % declared
+
+
+def _is_send(piece: evologics.Piece) -> bool:
+    return piece.command is not None and piece.command.partition(",")[0] == "AT*SENDIM"
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:

@@ -1,27 +1,219 @@
-"""Where a modem is reached, and the one question that serves every item that reads it.
+"""Where a modem is reached, what may be sent to it, and why it may send nothing back.
 
-A modem serves one client, and a vehicle's acoustic and USBL columns often mean the same one: everything that they
-and the comparison of the fleet want to know is asked in one script with one listening, which is identical for
-all of them and therefore asked once.
+A modem serves one client, and a vehicle's acoustic and USBL columns often mean the same one: everything that they and
+the comparison of the fleet need is one script with one listening, which is identical for all of them and therefore
+sent once.
+
+What may be sent: two tables, and the only functions that make a message for one. Sources: the makers' commands as
+public drivers name them (devices.md 5.1 and 5.2). Everything that is not on a table is refused, and so is whatever a
+table names as never to be sent; `refused_reason` reads the finished bytes, so that no message made elsewhere passes
+either. An EvoLogics modem in data mode transmits what does not begin with `+++AT`: no command is ever sent without.
+
+A modem that its vehicle holds is not broken, and is never taken away from it.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.allowed import ask_at, ask_seatrac
-from atlantis_netcfg.checklist.probes.cell import Cell
-from atlantis_netcfg.checklist.probes.requests import Listen, Place
+from atlantis_netcfg.checklist.probes.requests import Listen, Place, Say
+from atlantis_netcfg.checklist.probes.results import Transcript, Trouble
+from atlantis_netcfg.checklist.probes.step import Cell, Judged
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Say
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Consent
 
-__all__ = ["WATER", "Modem", "declared_address", "modem_of", "modems", "question"]
+__all__ = [
+    "SEATRAC",
+    "WATER",
+    "Modem",
+    "NeverSaid",
+    "Use",
+    "ask_at",
+    "ask_seatrac",
+    "declared_address",
+    "message",
+    "modem_of",
+    "modems",
+    "not_understood",
+    "ping",
+    "question",
+    "refused_reason",
+    "said",
+    "two_modems",
+    "whose_unknown",
+]
+
+
+_IN_WATER = "in the water"
+
+
+class Use(StrEnum):
+    """What sending a command does."""
+
+    READ = "read"
+    NEVER = "never"
+    """It changes a setting, takes control or ends a session."""
+    ACTIVE = "active"
+    """It transmits: one step each, and only with a person's consent."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A line of a table."""
+
+    use: Use
+    what: str
+    """What it does."""
+
+
+class NeverSaid(NetcfgError, ValueError):
+    """A command that is on no list: it has not left this computer."""
+
+
+EVOLOGICS: Mapping[bytes, Command] = {
+    rb"AT\?(S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)": Command(Use.READ, "a query"),
+    rb"ATI[0-9]": Command(Use.READ, "who the modem is"),
+    rb"AT&V": Command(Use.READ, "all settings"),
+    rb"AT\*SENDIM,[0-9]{1,2},[0-9]{1,3},ack,[!-~]{1,64}": Command(Use.ACTIVE, "transmits an instant message"),
+    rb"AT!.*": Command(Use.NEVER, "changes a setting"),
+    rb"AT@.*": Command(Use.NEVER, "takes control, or changes a setting"),
+    rb"AT&W.*": Command(Use.NEVER, "stores settings"),
+    rb"AT&F.*": Command(Use.NEVER, "goes back to the factory's settings"),
+    rb"ATZ.*": Command(Use.NEVER, "drops data, connections or settings"),
+    rb"AT[ANDHCO].*": Command(Use.NEVER, "begins or ends a connection, or changes the mode"),
+    rb"AT\*SEND.*": Command(Use.NEVER, "transmits"),
+    rb"": Command(Use.NEVER, "switches to command mode"),
+}
+"""Full match of a command between `+++` and the end of the line."""
+
+SEATRAC: Mapping[int, Command] = {
+    0x01: Command(Use.READ, "alive"),
+    0x02: Command(Use.READ, "part, serial number, firmware"),
+    0x10: Command(Use.READ, "status: supply, depth, sound speed, attitude"),
+    0x11: Command(Use.READ, "status output"),
+    0x15: Command(Use.READ, "settings"),
+    0x21: Command(Use.READ, "calibration"),
+    0x3A: Command(Use.READ, "transceiver"),
+    0x03: Command(Use.NEVER, "restarts the beacon"),
+    0x0D: Command(Use.NEVER, "writes firmware"),
+    0x0E: Command(Use.NEVER, "writes firmware"),
+    0x0F: Command(Use.NEVER, "writes firmware"),
+    0x12: Command(Use.NEVER, "changes the status output"),
+    0x16: Command(Use.NEVER, "changes settings"),
+    0x17: Command(Use.NEVER, "changes settings"),
+    0x18: Command(Use.NEVER, "stores settings"),
+    0x19: Command(Use.NEVER, "resets settings"),
+    0x20: Command(Use.NEVER, "calibrates"),
+    0x22: Command(Use.NEVER, "calibrates"),
+    0x40: Command(Use.ACTIVE, "transmits a ping"),
+    0x48: Command(Use.ACTIVE, "transmits"),
+    0x50: Command(Use.ACTIVE, "transmits"),
+    0x5B: Command(Use.ACTIVE, "transmits"),
+    0x60: Command(Use.ACTIVE, "transmits"),
+}
+"""Command of a beacon by its number."""
+
+_PING = 0x40
+_WITH_USBL = 0x04
+"""MSG_REQU: the answer is asked for, and its direction measured."""
+_BEACONS = range(1, 16)
+_ADDRESSES = range(1, 255)
+_LONGEST = 64
+_READ_S = 3.0
+
+
+def refused_reason(data: bytes, *, active: bool) -> str | None:
+    """Say why bytes must not be sent to a modem; None: they may. `active`: a person has consented to a transmission."""
+    if data.startswith(b"#"):
+        return _refused_seatrac(data, active=active)
+    if data.startswith(b"+++"):
+        return _refused_evologics(data, active=active)
+    return f"{data!r} is on no list of what may be said"
+
+
+def _refused_evologics(data: bytes, *, active: bool) -> str | None:
+    body = data.removeprefix(b"+++").removesuffix(b"\n")
+    known = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
+    if known is None or data != b"+++" + body + b"\n":
+        return f"{data!r} is on no list of what may be said to an EvoLogics modem"
+    if known.use is Use.ACTIVE and not _whole_message(body):
+        return f"{data!r} is not one whole message to one modem"
+    return _unless(known, data, active=active)
+
+
+def _whole_message(body: bytes) -> bool:
+    _, length, to, _, text = body.split(b",", 4)
+    return int(length) == len(text) <= _LONGEST and int(to) in _ADDRESSES
+
+
+def _refused_seatrac(data: bytes, *, active: bool) -> str | None:
+    payload = seatrac.payload_of(data)
+    known = SEATRAC.get(payload[0]) if payload else None
+    if payload is None or known is None:
+        return f"{data!r} is on no list of what may be said to a SeaTrac beacon"
+    if known.use is Use.READ and len(payload) > 1:
+        return f"{data!r} asks with a parameter, and no question needs one"
+    if known.use is Use.ACTIVE and not _one_ping(payload):
+        return f"{data!r} transmits, and is no ping of one beacon"
+    return _unless(known, data, active=active)
+
+
+def _one_ping(payload: bytes) -> bool:
+    return payload[0] == _PING and len(payload) == 3 and payload[1] in _BEACONS and payload[2] == _WITH_USBL  # noqa: PLR2004 - number, beacon, kind
+
+
+def _unless(known: Command, data: bytes, *, active: bool) -> str | None:
+    if known.use is Use.READ or (known.use is Use.ACTIVE and active):
+        return None
+    if known.use is Use.ACTIVE:
+        return f"{data!r} {known.what}, and nobody has consented to it"
+    return f"{data!r} {known.what}: it is never sent"
+
+
+def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> Say:
+    """Make the only kind of saying that a modem gets. Raises NeverSaid."""
+    if reason := refused_reason(data, active=active):
+        raise NeverSaid(reason, hint="a probe sends what `checklist/probes/acoustic/modem.py` lists, nothing else")
+    return Say(data, until, within_s)
+
+
+def ask_at(query: str, until: bytes, *, within_s: float = _READ_S) -> Say:
+    """Ask an EvoLogics modem something that only reads: `AT?S`. Raises NeverSaid."""
+    return _say(b"+++" + query.encode() + b"\n", until, within_s, active=False)
+
+
+def ask_seatrac(number: int, until: bytes, *, within_s: float = _READ_S) -> Say:
+    """Ask a SeaTrac beacon something that only reads. Raises NeverSaid."""
+    return _say(seatrac.command(bytes([number])), until, within_s, active=False)
+
+
+def message(text: str, to: int, consent: Consent | None, until: bytes, *, within_s: float) -> Say:
+    """Transmit a message by an EvoLogics modem, which only a step can that asks for consent. Raises NeverSaid."""
+    data = f"+++AT*SENDIM,{len(text)},{to},ack,{text}\n".encode()
+    return _say(data, until, within_s, active=_asks(consent))
+
+
+def ping(beacon: int, consent: Consent | None, until: bytes, *, within_s: float) -> Say:
+    """Ping another beacon by a SeaTrac one, which only a step can that asks for consent. Raises NeverSaid."""
+    return _say(seatrac.command(bytes([_PING, beacon, _WITH_USBL])), until, within_s, active=_asks(consent))
+
+
+def _asks(consent: Consent | None) -> bool:
+    """Whether a person is asked, and asked whether the modem is in the water."""
+    return consent is not None and _IN_WATER in consent.question
+
 
 WATER = "water"
 """The turn of what transmits: one at a time, or they drown each other."""
@@ -146,3 +338,106 @@ def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
     return rb"USBL(?:LONG|ANGLES),[^,\r\n]*,[^,\r\n]*,%b,[^\r\n]*\r?\n" % (
         rb"\d+" if remote is None else b"%d" % remote
     )
+
+
+LANGUAGE = {AcousticDriver.EVOLOGICS: "an EvoLogics modem", AcousticDriver.SEATRAC: "a SeaTrac beacon"}
+_IN_USE = (
+    "look at the modem's topic in the vehicle's own software; stop that software only if the vehicle's crew agrees, "
+    "and check again"
+)
+
+
+_WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
+    Trouble.REFUSED: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} turns us away at {where}: it is in use by the vehicle",
+        _IN_USE,
+    ),
+    Trouble.BUSY: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} is in use: another program holds {where}",
+        _IN_USE,
+    ),
+    Trouble.SILENT: (
+        Verdict.INCONCLUSIVE,
+        "silent",
+        "nobody answers for the modem of {name} at {where}",
+        "switch the modem on, and look whether its address is that of the declaration; or it is in use by the vehicle: "
+        + _IN_USE,
+    ),
+    Trouble.UNREACHABLE: (
+        Verdict.INCONCLUSIVE,
+        "unreachable",
+        "there is no way to the modem of {name} at {where}",
+        "look at the vehicle's link to the site first: its Wi-Fi or its cable",
+    ),
+    Trouble.MISSING: (
+        Verdict.FAIL,
+        "no-port",
+        "the serial port {where} for the modem of {name} does not exist",
+        "plug the modem's cable in, or correct `device` in the declaration",
+    ),
+    Trouble.DENIED: (
+        Verdict.INCONCLUSIVE,
+        "denied",
+        "we may not open {where} for the modem of {name}",
+        "put the account that checks into the group `dialout` of that computer",
+    ),
+    Trouble.NO_PLACE: (
+        Verdict.INCONCLUSIVE,
+        "no-place",
+        "the modem of {name} was not asked: {words}",
+        "mend the way to the computer that asks first; nothing is known of the modem",
+    ),
+    None: (
+        Verdict.INCONCLUSIVE,
+        "in-use",
+        "the modem of {name} takes the connection at {where} and says nothing: it is in use by the vehicle",
+        _IN_USE,
+    ),
+}
+"""Verdict, code, sentence and hint of a modem that has not said a word."""
+
+
+def trouble(modem: Modem, name: str, transcript: Transcript) -> Finding | None:
+    """Say why the modem of a row could not be read; None: it has said something."""
+    if transcript.data:
+        return None
+    # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
+    met = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
+    verdict, code, message, hint = _WORDS[met]
+    words = transcript.words or "nobody could ask it"
+    return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+
+
+def said(modem: Modem, name: str, answer: Answer) -> Transcript | Judged:
+    """Give what a modem has said, or the judgement of one that could not be read."""
+    if not isinstance(answer, Transcript):
+        raise TypeError(answer)
+    finding = trouble(modem, name, answer)
+    return answer if finding is None else Judged((finding,))
+
+
+def not_understood(modem: Modem, name: str) -> Finding:
+    """Say that somebody else's language is spoken, or that noise comes."""
+    message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
+    hint = (
+        "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
+    )
+    return Finding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
+
+
+def whose_unknown(modem: Modem, name: str) -> Finding:
+    """Say that any modem would do: nothing declared tells this one from another's."""
+    message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
+    return Finding(Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`")
+
+
+def two_modems(modem: Modem, name: str, addresses: Collection[int]) -> Finding:
+    """Say that answers contradict each other."""
+    text = " and ".join(map(str, sorted(addresses)))
+    message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
+    hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
+    return Finding(Verdict.FAIL, "two-modems", message, hint)

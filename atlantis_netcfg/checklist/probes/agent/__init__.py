@@ -1,14 +1,178 @@
-"""The program that listens: it travels to a place, asks all questions there at once, and answers line by line.
+"""The agent: a program that runs at a place, sends all requests there at once, and prints a line for each result.
 
 It is Python 3.8 and the standard library, for Ubuntu 20.04 on a gateway has no more, and it leaves nothing behind: its
-source goes in by the standard input together with the questions, packed. What it asks it was told; what must not be
-disturbed (a serial port or a UDP port that a program of the vehicle holds) it leaves alone. One question that fails,
-hangs or crashes takes no other with it.
+source goes in by the standard input together with the requests, as one piece of compressed bytes without docstrings. It
+asks only what it is given; what must not be disturbed (a serial port or a UDP port that a program of the vehicle holds)
+it leaves alone. One request that fails, hangs or crashes takes no other with it.
+
+This module packs the program and its requests, and reads its results; it does not travel.
 """
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.probes.agent.bundle import BOOT, program
-from atlantis_netcfg.checklist.probes.agent.protocol import Batch, batch, heard
+import ast
+import functools
+import json
+import zlib
+from base64 import b64decode
+from dataclasses import dataclass, field
+from importlib import resources
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
 
-__all__ = ["BOOT", "Batch", "batch", "heard", "program"]
+from atlantis_netcfg.checklist.probes.requests import Discover, Listen, Probing, Run
+from atlantis_netcfg.checklist.probes.results import Discovered, Offer, Offered, Ran, Transcript, Trouble
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+
+__all__ = ["BOOT", "MODULES", "Batch", "batch", "heard", "program"]
+
+
+BOOT = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
+"""What `python3 -I -c` gets; the rest comes by its standard input."""
+MODULES = ("streams", "queries", "main")
+"""In the order in which they import each other."""
+_PACKAGE = "atlantis_netcfg.checklist.probes.agent"
+_LOADER = """
+import json,sys,types
+for name,text in {sources!r}:
+ made=sys.modules[name]=types.ModuleType(name)
+ exec(compile(text,name,"exec"),made.__dict__)
+made.main(json.loads({asked!r}))
+"""
+
+
+def program(requested: dict[str, Any]) -> bytes:
+    """Pack the program with what it is asked (`Batch.asked`)."""
+    words = json.dumps(requested, separators=(",", ":"))
+    return zlib.compress(_LOADER.format(sources=_sources(), asked=words).encode(), 9)
+
+
+@functools.lru_cache(maxsize=1)
+def _sources() -> tuple[tuple[str, str], ...]:
+    here = resources.files(_PACKAGE)
+    texts = ((name, (here / f"{name}.py").read_text(encoding="utf-8")) for name in MODULES)
+    return tuple((f"{_PACKAGE}.{name}", _bare(text)) for name, text in texts)
+
+
+def _bare(source: str) -> str:
+    """Take out what only people read; every line keeps its number, so that a traceback fits the file."""
+    lines = source.splitlines()
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Expr) or not isinstance(node.value, ast.Constant) or node.end_lineno is None:
+            continue
+        first, last = node.lineno - 1, node.end_lineno
+        # Something has to stand where a docstring was all there is.
+        lines[first:last] = [" " * node.col_offset + '""', *[""] * (last - first - 1)]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+_BREATH_S = 1.0
+"""Between two questions to the same end, and at the end of all: to spare."""
+_DHCP_EXTRA_S = 10.0
+"""To find the interface that has an address."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What the program is asked, and how long that takes at most."""
+
+    asked: dict[str, Any] = field(repr=False)
+    keys: tuple[str, ...]
+    within_s: float
+
+
+def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
+    """Make the program's questions; those that want the same end or share a turn wait for each other, in this order.
+
+    ValueError for a question that is none of the program's.
+    """
+    last: dict[object, int] = {}
+    over_s: list[float] = []
+    rows = []
+    for number, (key, question) in enumerate(questions):
+        wants = _wants(question)
+        after = sorted({last[want] for want in wants if want in last})
+        waits_s = max((over_s[item] + _BREATH_S for item in after), default=0.0)
+        over_s.append(waits_s + _patience_s(question))
+        last.update(dict.fromkeys(wants, number))
+        rows.append({"key": key, "after": after, **_row(question)})
+    within_s = max(over_s, default=0.0) + _BREATH_S
+    return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
+
+
+def heard(result: Mapping[str, Any], question: Question, requested: float, now: float) -> Answer:
+    """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
+
+    Raises RuntimeError with the words of a fault of the program's own.
+    """
+    if "fault" in result:
+        raise RuntimeError(f"the program that listens failed: {result['fault']}")
+    trouble = Trouble(result["trouble"]) if result["trouble"] is not None else None
+    words = str(result["words"])
+    if isinstance(question, Listen):
+        chunks = tuple((at, _bytes(data)) for at, data in result.get("chunks", ()))
+        times = (result.get("began", 0.0), result.get("ended_s", 0.0))
+        return Transcript(trouble, words, chunks, *times, tuple(result.get("senders", ())))
+    if isinstance(question, Run):
+        values = {name: result[name] for name in ("rc", "out", "err", "began") if name in result}
+        return Ran(trouble, words, **values, asked=requested, heard=now)
+    if isinstance(question, Discover):
+        datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
+        return Discovered(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
+    return Offered(trouble, words, tuple(_offers(result.get("offers", ()))))
+
+
+def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[Offer]:
+    return (Offer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
+
+
+def _bytes(packed: str | list[str]) -> bytes:
+    return packed.encode("latin-1") if isinstance(packed, str) else b64decode(packed[0])
+
+
+def _wants(question: Question) -> set[object]:
+    """What only one question at a time can have; a port that serves one client would turn the second away."""
+    word = question.turn if isinstance(question, Listen | Run) else ""
+    turn: set[object] = {("turn", word)} if word else set()
+    if not isinstance(question, Listen):
+        return turn
+    if question.transport == "serial":
+        return {question.device, *turn}
+    return {(question.transport, question.address if question.transport == "tcp" else "", question.port), *turn}
+
+
+def _patience_s(question: Question) -> float:
+    """How long it takes at most."""
+    if isinstance(question, Listen):
+        return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
+    if isinstance(question, Run | Discover):
+        return question.within_s
+    if isinstance(question, Probing):
+        return question.within_s + _DHCP_EXTRA_S
+    raise ValueError(f"{type(question).__name__} is no question of the program that listens")
+
+
+def _row(question: Question) -> dict[str, Any]:
+    if isinstance(question, Listen):
+        return {
+            "kind": question.transport,
+            "address": question.address,
+            "port": question.port,
+            "device": question.device,
+            "baud": question.baud,
+            "say": [[say.data.decode("latin-1"), say.until.decode("latin-1"), say.within_s] for say in question.say],
+            "listen_s": question.listen_s,
+            "enough": question.enough.decode("latin-1"),
+            "connect_s": question.connect_s,
+            "max_bytes": question.max_bytes,
+        }
+    if isinstance(question, Run):
+        return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
+    if isinstance(question, Discover):
+        there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}
+        return {"kind": "dds", **there, "within_s": question.within_s}
+    assert isinstance(question, Probing)  # noqa: S101 - `_patience_s` has refused all others
+    segment = {"interface": question.interface, "cards": list(question.cards)}
+    return {"kind": "dhcp", **segment, "within_s": question.within_s}

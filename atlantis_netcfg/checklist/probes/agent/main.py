@@ -14,13 +14,8 @@ import time
 import traceback
 from typing import Any, Callable
 
-from atlantis_netcfg.checklist.probes.agent._datagrams import udp
-from atlantis_netcfg.checklist.probes.agent._dhcp import probing
-from atlantis_netcfg.checklist.probes.agent._programs import end_all, run
-from atlantis_netcfg.checklist.probes.agent._rtps import discover
-from atlantis_netcfg.checklist.probes.agent._serial import serial
-from atlantis_netcfg.checklist.probes.agent._shared import NoAnswer, Sound
-from atlantis_netcfg.checklist.probes.agent._streams import tcp
+from atlantis_netcfg.checklist.probes.agent.queries import discover, end_all, probing, run
+from atlantis_netcfg.checklist.probes.agent.streams import NoAnswer, Sound, serial, tcp, udp
 
 __all__ = ["answer_all", "main"]
 

@@ -1,30 +1,245 @@
 """GPS: whether a vehicle or a location knows where it is, now, and in the place of the test.
 
 A reader for each source (gpsd, NMEA 0183 over TCP or a serial port, a RouterOS device) makes the same record of what it
-hears, and one judge looks at it: no data, data without a fix, a stale fix and a fix are four states and stay apart. A
-passing receiver reports several times in a row from inside the site's geofence, with the time of the listening clock
+receives, and one judge looks at it: no data, data without a fix, a stale fix and a fix are four states and stay apart.
+A passing receiver reports several times in a row from inside the site's geofence, with the time of the listening clock
 and, where the vehicle flies, in three dimensions. Where no endpoint is declared, a person looks.
+
+RouterOS: `/system/gps/monitor once` gives its latest position, and none before it. Names of fields: Manual, GPS
+(package `gps`). `data-age` exists from 7.1 on. Coordinates come in the form of `coordinate-format`: decimal degrees, or
+a letter with degrees, minutes and seconds; `none` is no position. The manual does not say in which time zone
+`date-and-time` is: UTC and that of the device's clock are taken.
 
 How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations
 
+import math
+import re
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.gps.probe import Nowhere, RouterosGps, StreamGps
-from atlantis_netcfg.checklist.probes.gps.record import Wanted
-from atlantis_netcfg.checklist.probes.requests import Place
-from atlantis_netcfg.checklist.probes.step import Step
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
+from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
+from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, Wanted, troubled
+from atlantis_netcfg.checklist.probes.requests import Ask, Listen, Place, Question, Say
+from atlantis_netcfg.checklist.probes.results import Rows, Transcript
+from atlantis_netcfg.checklist.probes.step import Judged, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver, VehicleKind
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.cell import Cell
-    from atlantis_netcfg.checklist.probes.step import Probe
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell, Probe
     from atlantis_netcfg.declaration.model import GpsEndpoint
 
-__all__ = ["GPSD_PORT", "NMEA_PORT", "RouterosGps", "StreamGps", "Wanted", "steps"]
+__all__ = [
+    "CLOCK_QUERY",
+    "GPSD_PORT",
+    "GPS_MONITOR",
+    "GPS_SETTINGS",
+    "NMEA_PORT",
+    "RouterosGps",
+    "StreamGps",
+    "Wanted",
+    "read_monitor",
+    "steps",
+]
+
+
+GPS_MONITOR = Query("/system/gps", "monitor", (("once", ""),))
+GPS_SETTINGS = Query("/system/gps", "print")
+CLOCK_QUERY = Query("/system/clock", "print")
+_YES = {"yes": True, "true": True, "no": False, "false": False}
+_QUALITY = {"6": Nature.DEAD_RECKONING, "7": Nature.MANUAL, "8": Nature.SIMULATED}
+_TIMES = ("%Y-%m-%d %H:%M:%S", "%b/%d/%Y %H:%M:%S")
+_SECONDS = {"w": 604_800.0, "d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 0.001}
+_PART = r"(\d+(?:\.\d+)?)(ms|[wdhms])"
+
+
+def enabled(settings: Rows) -> bool | None:
+    """Whether the receiver is switched on; None: nobody says."""
+    return _YES.get(settings.rows[0].get("enabled", "")) if settings.rows else None
+
+
+def read_monitor(monitored: Rows, clock: Rows | None = None) -> Reception:
+    """Understand the one row; `clock`: the device's own, for its time zone. Raises nothing."""
+    row = monitored.rows[0] if monitored.rows else {}
+    age_s = _age(row.get("data-age", ""))
+    count = re.fullmatch(r"\d{1,3}", row.get("satellites", ""))
+    hdop = re.fullmatch(r"\d{1,3}(\.\d+)?", row.get("horizontal-dilution", ""))
+    return Reception(
+        reports=(_report(row),) if row else (),
+        understood=bool(row),
+        good=len(row),
+        satellites=int(count[0]) if count else None,
+        hdop=float(hdop[0]) if hdop else None,
+        single=True,
+        zone_s=_zone_s(clock),
+        began=monitored.heard - age_s if monitored.heard else 0.0,
+        ended_s=age_s,
+    )
+
+
+def _report(row: Mapping[str, str]) -> Report:
+    valid = _YES.get(row.get("valid", ""))
+    altitude = re.match(r"-?\d", row.get("altitude", ""))
+    return Report(
+        at_s=0.0,
+        mode=None if valid is None else 1 if not valid or row.get("fix-quality") == "0" else 3 if altitude else 2,
+        latitude=_degrees(row.get("latitude", "")),
+        longitude=_degrees(row.get("longitude", "")),
+        time=_time(row.get("date-and-time", "")),
+        nature=_QUALITY.get(row.get("fix-quality", ""), Nature.MEASURED),
+    )
+
+
+def _degrees(text: str) -> float | None:
+    parts = re.findall(r"\d{1,3}(?:\.\d{1,12})?", text)
+    if not re.fullmatch(r"[NSEW]?\s*-?[\d.\s'\"°]+[NSEW]?", text) or not 1 <= len(parts) <= 3:  # noqa: PLR2004 - d, m, s
+        return None
+    value = math.fsum(float(part) / 60**place for place, part in enumerate(parts))
+    return -value if "-" in text or "S" in text or "W" in text else value
+
+
+def _time(text: str) -> float | None:
+    for form in _TIMES:
+        try:
+            return (
+                datetime.strptime(text.strip().title() if "%b" in form else text.strip(), form)
+                .replace(tzinfo=UTC)
+                .timestamp()
+            )
+        except (ValueError, OverflowError):
+            continue
+    return None
+
+
+def _age(text: str) -> float:
+    """Of `2s`, `1m4s`, or bare seconds; what is not told counts as now, for older versions do not tell it."""
+    if re.fullmatch(r"\d{1,9}(\.\d+)?", text):
+        return float(text)
+    if not re.fullmatch(f"(?:{_PART})+", text):
+        return 0.0
+    return sum(float(count) * _SECONDS[unit] for count, unit in re.findall(_PART, text))
+
+
+def _zone_s(clock: Rows | None) -> float:
+    """How far the device's clock is ahead of UTC: `gmt-offset` is `+01:00`."""
+    text = clock.rows[0].get("gmt-offset", "") if clock is not None and clock.rows else ""
+    found = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
+    return 0.0 if found is None else (-1 if found[1] == "-" else 1) * (int(found[2]) * 3600.0 + int(found[3]) * 60.0)
+
+
+@dataclass(frozen=True, slots=True)
+class StreamGps:
+    """The receiver has a fresh fix in the right place, and keeps it."""
+
+    wanted: Wanted
+    place: Place
+    address: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = 0
+
+    def asks(self) -> tuple[Question, ...]:
+        """Listen to the stream: gpsd is asked to speak, all others do by themselves."""
+        speaks_json = self.wanted.driver is GpsDriver.GPSD
+        count = self.wanted.reports
+        return (
+            Listen(
+                name="positions",
+                place=self.place,
+                transport="serial" if self.device else "tcp",
+                address=self.address,
+                port=self.port,
+                device=self.device,
+                baud=self.baud,
+                say=(Say(gpsd.WATCH, gpsd.WATCHED),) if speaks_json else (),
+                listen_s=5.0 + 2 * count,
+                enough=gpsd.enough(count) if speaks_json else nmea.enough(count),
+            ),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the stream."""
+        answer = results["positions"]
+        assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
+        reception = (gpsd if self.wanted.driver is GpsDriver.GPSD else nmea).read(answer)
+        if answer.words and answer.trouble is None:
+            # The other end hung up in between.
+            reception = replace(reception, complaints=(*reception.complaints, answer.words))
+        if answer.trouble is not None and not reception.reports:
+            return Judged((troubled(answer.trouble, answer.words, self.wanted),), evidence(reception, self.wanted))
+        return _judged(reception, self.wanted)
+
+
+@dataclass(frozen=True, slots=True)
+class RouterosGps:
+    """The router's receiver has a fresh fix in the right place."""
+
+    wanted: Wanted
+    host: str
+
+    def asks(self) -> tuple[Question, ...]:
+        """Ask for the latest position, whether the receiver is switched on, and for the zone of its time."""
+        queries = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
+        return tuple(Ask(name, self.host, query) for name, query in queries.items())
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the one position."""
+        monitored, settings, clock = results["monitor"], results["settings"], results["clock"]
+        assert isinstance(monitored, Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
+        if monitored.trouble is not None:
+            return Judged((troubled(monitored.trouble, monitored.words, self.wanted),))
+        reception = read_monitor(monitored, clock)
+        unknown = settings.rows is None and settings.trouble is None
+        if unknown or enabled(settings) is False:
+            return Judged((self._off(settings),), evidence(reception, self.wanted))
+        return _judged(reception, self.wanted)
+
+    def _off(self, settings: Rows) -> Finding:
+        if settings.rows is None:
+            message = f"{self.host} does not know `/system gps`"
+            return Finding(
+                Verdict.FAIL, "driver-not-started", message, "install the package gps of its RouterOS version"
+            )
+        message = f"the receiver of {self.host} is not switched on"
+        return Finding(
+            Verdict.FAIL, "driver-not-started", message, "set `enabled=yes` and the receiver's `port` in `/system gps`"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Nowhere:
+    """Nobody has declared where the receiver is."""
+
+    name: str
+
+    def asks(self) -> tuple[Question, ...]:
+        """Ask nothing."""
+        return ()
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Say what is missing."""
+        del results
+        message = f"nobody has declared the address of {self.name}'s receiver"
+        hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
+        return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+
+
+def _judged(reception: Reception, expected: Wanted) -> Judged:
+    return Judged(judge(reception, expected), evidence(reception, expected))
+
 
 GPSD_PORT = 2947
 """IANA: gpsd."""

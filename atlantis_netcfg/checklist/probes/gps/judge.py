@@ -1,14 +1,14 @@
-"""Whether positions are good enough to begin a test: there, of now, in the right place, and measured."""
+"""Whether positions are good enough to begin a test: there, current, in the right place, measured; with evidence."""
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.gps.geodesy import distance_m, from_middle_m, meters, place
-from atlantis_netcfg.checklist.probes.gps.no_data import speechless
-from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day
+from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver
 
@@ -18,7 +18,35 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.gps.record import Reception, Report, Wanted
     from atlantis_netcfg.declaration.model import Geofence
 
-__all__ = ["clock_of", "clock_words", "judge"]
+__all__ = ["clock_of", "clock_words", "evidence", "judge"]
+
+
+RADIUS_M = 6_371_008.8
+"""Mean radius of WGS 84."""
+
+
+def distance_m(latitude: float, longitude: float, other_latitude: float, other_longitude: float) -> float:
+    """Along the great circle, by the haversine formula: within 0.5 % of the ellipsoid."""
+    north, east = math.radians(other_latitude - latitude), math.radians(other_longitude - longitude)
+    both = math.cos(math.radians(latitude)) * math.cos(math.radians(other_latitude))
+    half = math.sin(north / 2) ** 2 + both * math.sin(east / 2) ** 2
+    return 2 * RADIUS_M * math.asin(min(1.0, math.sqrt(half)))
+
+
+def from_middle_m(fence: Geofence, latitude: float, longitude: float) -> float:
+    """How far a position is from the middle of a geofence."""
+    return distance_m(fence.latitude, fence.longitude, latitude, longitude)
+
+
+def place(latitude: float | None, longitude: float | None) -> str:
+    """A position to five decimals: about a metre."""
+    return "nowhere" if latitude is None or longitude is None else f"{latitude:.5f}, {longitude:.5f}"
+
+
+def meters(value: float) -> str:
+    """A distance for people."""
+    return f"{value:.0f} m" if value < 10_000 else f"{value / 1000:.0f} km"  # noqa: PLR2004 - from 10 km on in km
+
 
 POOR_EPH_M = 50.0
 """gpsd makes it of the geometry, about 19 m for HDOP 1 without corrections: this is HDOP 3. Ours, not the report's."""
@@ -370,3 +398,61 @@ def _well(reception: Reception, expected: Wanted) -> Finding:
             f", {meters(from_middle_m(expected.fence, last.latitude, last.longitude))} from the middle of the geofence"
         )
     return Finding(Verdict.PASS, "fix", f"{expected.name} has a {last.mode}D fix{count} at {where}")
+
+
+_READ, _MEASURED, _DECLARED = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
+
+
+def evidence(reception: Reception, expected: Wanted) -> tuple[Evidence, ...]:
+    """Give source, position, fix, age, clock, number of reports, and the geofence."""
+    version = f" {reception.version}" if reception.version else ""
+    device = f", {reception.device}" if reception.device else ""
+    source = expected.source.replace("gpsd", f"gpsd{version}", 1) + device
+    seen = [Evidence(type=_READ, what="source", value=source)]
+    if reception.others:
+        seen.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
+    seen += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
+    if reception.reports:
+        seen += _heard(reception, expected)
+    return tuple(seen)
+
+
+def _heard(reception: Reception, expected: Wanted) -> Iterator[Evidence]:
+    last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
+    if last.fixed:
+        yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))
+    yield Evidence(type=_READ, what="fix", value=_fix(last, reception))
+    if last.fixed:
+        yield Evidence(type=_MEASURED, what="age of the last position", value=f"{reception.ended_s - last.at_s:.1f} s")
+    ahead_s = reception.clock_ahead_s
+    if ahead_s is not None:
+        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expected)}"
+        yield Evidence(type=_MEASURED, what="time of the receiver", value=value)
+    yield Evidence(type=_MEASURED, what="reports", value=_count(reception))
+    yield Evidence(type=_DECLARED, what="geofence", value=_fence(last, expected))
+
+
+def _fix(last: Report, reception: Reception) -> str:
+    words = [f"{last.mode}D" if last.fixed else "none"]
+    if reception.satellites is not None:
+        words.append(f"{reception.satellites} satellites")
+    if reception.hdop is not None:
+        words.append(f"HDOP {reception.hdop:.1f}")
+    return ", ".join(words)
+
+
+def _count(reception: Reception) -> str:
+    if reception.single:
+        return "1: a RouterOS device tells its latest position only"
+    total, text = len(reception.reports), f"in {reception.ended_s:.0f} s"
+    return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
+
+
+def _fence(last: Report, expected: Wanted) -> str:
+    fence = expected.fence
+    if fence is None:
+        return "none is declared"
+    words = f"{place(fence.latitude, fence.longitude)}, {meters(fence.radius_m)} around"
+    if last.fixed and last.possible and last.latitude is not None and last.longitude is not None:
+        words += f"; the position is {meters(from_middle_m(fence, last.latitude, last.longitude))} from its middle"
+    return words

@@ -1,26 +1,145 @@
 """RC RF: whether a pilot's remote control reaches the vehicle.
 
-Where the autopilot speaks MAVLink, its stream is listened to and nothing is ever sent: the heartbeat of the expected
+Where the autopilot speaks MAVLink, the probes listen to its stream and never send: the heartbeat of the expected
 system, channels that come and, when the pilot is asked to move the sticks, change; an armed vehicle ends it at once.
 What no stream can tell (the link fails safe, it reaches far enough) a person tries, for every vehicle.
+
 How it could be fooled, and what stops it, stands in docs/probes.md.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.rc_rf.probe import RcHeard, SticksMoved
-from atlantis_netcfg.checklist.probes.rc_rf.wanted import Wanted
-from atlantis_netcfg.checklist.probes.requests import Place
-from atlantis_netcfg.checklist.probes.step import Consent, Step
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.probes.rc_rf.judge import Wanted, armed, doubts, judge, judge_moved, ranges, unusable
+from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System, enough, read
+from atlantis_netcfg.checklist.probes.requests import Listen, Place, Question
+from atlantis_netcfg.checklist.probes.results import Transcript
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.cell import Cell
+    from collections.abc import Callable, Iterator, Mapping
+
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.checklist.probes.rc_rf.stream import Heard
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
 
 __all__ = ["RcHeard", "SticksMoved", "Wanted", "steps"]
+
+
+_READ, _MEASURED = EvidenceType.READ, EvidenceType.MEASURED
+
+
+def evidence(received: Heard, expected: Wanted) -> tuple[Evidence, ...]:
+    """Give the stream, the systems in it, and what the expected one says."""
+    return tuple(_seen(received, expected)) if received.heard_bytes else ()
+
+
+def _seen(received: Heard, expected: Wanted) -> Iterator[Evidence]:
+    versions = " and ".join(map(str, received.versions)) or "of no known version"
+    stream = f"MAVLink {versions}, {received.good} frames and {received.bad} damaged pieces in {received.ended_s:.0f} s"
+    yield Evidence(type=_MEASURED, what=f"stream at {expected.end}", value=stream)
+    listed = ", ".join(map(str, received.autopilots)) or "none"
+    yield Evidence(type=_READ, what="system ids with an autopilot", value=listed)
+    system = received.systems.get(expected.system_id, System())
+    if any(system.senders):
+        yield Evidence(type=_MEASURED, what="its stream comes from", value=", ".join(system.senders))
+    if system.beats:
+        state = "armed" if any(beat.armed for beat in system.beats) else "disarmed"
+        yield Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
+    if system.channels:
+        last = system.channels[-1]
+        yield Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
+        yield Evidence(type=_READ, what="rssi", value=_rssi([channel.rssi for channel in system.channels]))
+    if system.receiver:
+        receiver = system.receiver[-1]
+        words = (("present", receiver.present), ("enabled", receiver.enabled), ("healthy", receiver.healthy))
+        text = ", ".join(word if holds else f"not {word}" for word, holds in words)
+        yield Evidence(type=_READ, what="receiver", value=text)
+
+
+def movement(received: Heard, expected: Wanted) -> Iterator[Evidence]:
+    """Give the way of each channel that moved."""
+    for number, (low, high) in ranges(received.systems.get(expected.system_id, System()).channels).items():
+        yield Evidence(type=_MEASURED, what=f"channel {number}", value=f"{low} to {high} us")
+
+
+def _values(values: tuple[int | None, ...]) -> str:
+    return " ".join("-" if value is None else str(value) for value in values) or "no values"
+
+
+def _rssi(result: list[int]) -> str:
+    known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
+    if not known:
+        return "not known (255)"
+    return f"{min(known)} to {max(known)} in a scale of its own"
+
+
+LISTEN_S = 8.0
+STICKS_S = 12.0
+"""Time for both sticks to go round twice."""
+
+
+@dataclass(frozen=True, slots=True)
+class RcHeard:
+    """The autopilot hears its remote control, and is disarmed."""
+
+    wanted: Wanted
+    place: Place
+
+    def asks(self) -> tuple[Question, ...]:
+        """Listen until enough of the vehicle was heard."""
+        return (_listen("stream", self.wanted, self.place, LISTEN_S, enough(self.wanted.system_id)),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the stream."""
+        return _judged(results["stream"], self.wanted, judge)
+
+
+@dataclass(frozen=True, slots=True)
+class SticksMoved:
+    """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
+
+    wanted: Wanted
+    place: Place
+
+    def asks(self) -> tuple[Question, ...]:
+        """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
+        return (_listen("sticks", self.wanted, self.place, STICKS_S, b""),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the movement."""
+        return _judged(
+            results["sticks"], self.wanted, lambda stream, expected: (judge_moved(stream, expected),), moved=True
+        )
+
+
+def _listen(name: str, expected: Wanted, place: Place, listen_s: float, until: bytes) -> Listen:
+    return Listen(name=name, place=place, transport="udp", port=expected.port, listen_s=listen_s, enough=until)
+
+
+def _judged(
+    answer: Answer,
+    expected: Wanted,
+    judge_stream: Callable[[Heard, Wanted], tuple[Finding, ...]],
+    *,
+    moved: bool = False,
+) -> Judged:
+    assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
+    stream = read(answer, expected.address)
+    hot, silent = armed(stream, expected), unusable(answer, stream, expected)
+    first = () if hot is None else (hot,)
+    if silent is None:
+        first = (*first, *doubts(stream, expected))
+    found = (silent,) if silent is not None else judge_stream(stream, expected)
+    found = (*first, *(finding for finding in found if not first or finding.verdict is not Verdict.PASS))
+    seen = (*evidence(stream, expected), *(movement(stream, expected) if moved else ()))
+    return Judged(found, seen)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:

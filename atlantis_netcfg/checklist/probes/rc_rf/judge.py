@@ -1,20 +1,42 @@
-"""Whether the remote control reaches the autopilot, as far as the stream tells."""
+"""Whether the remote control reaches the autopilot, as far as the stream tells.
+
+Of every stream: it comes, now, from the right vehicle's autopilot, which is not armed. Of the remote control: channels
+come, and change while the pilot moves the sticks.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
+from statistics import correlation
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN
+from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System
+from atlantis_netcfg.checklist.probes.results import Trouble
 from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Heard, System
-    from atlantis_netcfg.checklist.probes.rc_rf.wanted import Wanted
+    from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Heard
+    from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = ["FRESH_S", "HIGH_US", "LOW_US", "judge", "no_channels", "odd"]
+__all__ = [
+    "FRESH_S",
+    "HIGH_US",
+    "LOW_US",
+    "Wanted",
+    "armed",
+    "doubts",
+    "judge",
+    "judge_moved",
+    "no_channels",
+    "odd",
+    "ranges",
+    "unusable",
+]
+
 
 FRESH_S = 3.0
 """Heartbeats come once a second, channels at least so."""
@@ -156,3 +178,207 @@ def _well(system: System, expected: Wanted) -> Finding:
     last = system.channels[-1]
     message = f"{expected.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
     return Finding(Verdict.PASS, "rc-heard", message)
+
+
+_INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
+APART_S = 60.0
+"""Clocks of an autopilot and of who listens: a live stream is not so far off."""
+
+
+def armed(received: Heard, expected: Wanted) -> Finding | None:
+    """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
+    hot = [number for number, system in received.systems.items() if system.armed]
+    if not hot:
+        return None
+    who = expected.name if expected.system_id in hot else f"system {hot[0]}"
+    message = f"STOP AT ONCE: {who} is armed, its propellers may start"
+    return Finding(
+        _FAIL, "armed", message, "keep clear, have the pilot disarm it and take the battery off; then begin again"
+    )
+
+
+def unusable(answer: Transcript, received: Heard, expected: Wanted) -> Finding | None:
+    """Say why the stream tells nothing of the vehicle; None: it does."""
+    if not received.heard_bytes:
+        return _unheard(answer, expected) if answer.trouble is not None else _silent(received, expected)
+    if not received.good:
+        message = (
+            f"what arrives at {expected.end} is not MAVLink: {received.heard_bytes} bytes, no whole frame among them"
+        )
+        return Finding(_FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded")
+    system = received.systems.get(expected.system_id, System())
+    return None if system.beats else _absent(received, system, expected)
+
+
+def doubts(received: Heard, expected: Wanted) -> Iterator[Finding]:
+    """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
+    system = received.systems[expected.system_id]
+    if expected.address is None:
+        result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
+        message = f"nobody has declared from which address the stream of {expected.name} comes; {result}"
+        hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
+        yield Finding(_INCONCLUSIVE, "sender-unknown", message, hint)
+    if system.overrides:
+        message = f"a ground station sends channels to {expected.name} in place of its remote control"
+        hint = "switch the joystick of the ground station off, then repeat this item"
+        yield Finding(_INCONCLUSIVE, "overridden", message, hint)
+    apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
+    if apart:
+        word = "ahead" if apart[0] > 0 else "old"
+        message = f"by its own clock the stream of {expected.name} is {abs(apart[0]) / 60:.0f} min {word}"
+        hint = f"is a recorded flight played at {expected.end}? If it is live, look at the clocks of both"
+        yield Finding(_INCONCLUSIVE, "of-another-time", message, hint)
+    yield from _flow(system, received, expected)
+
+
+def _flow(system: System, received: Heard, expected: Wanted) -> Iterator[Finding]:
+    """The autopilot counts the time, and that count goes on as fast as time does."""
+    result = system.channels
+    if not result:
+        return
+    if len(result) == 1:
+        message = (
+            f"{expected.name}'s channels came once within {received.ended_s:.0f} s: whether they are alive is not known"
+        )
+        yield Finding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
+        return
+    counts = [channels.boot_ms / 1000 for channels in result]
+    passed, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
+    back = any(after < before - 1 for before, after in pairwise(counts))
+    if len(set(counts)) == 1:
+        message = f"the same channels of {expected.name} came {len(result)} times: its autopilot's count stands still"
+        hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
+        yield Finding(_FAIL, "frozen", message, hint)
+    elif back or not passed / 2 - 1 <= went <= passed * 2 + 2:
+        message = f"{expected.name}'s autopilot has counted {went:.0f} s in {passed:.0f} s: what comes is not of now"
+        hint = f"is a recorded flight played at {expected.end}? Else the autopilot was restarted: repeat this item"
+        yield Finding(_INCONCLUSIVE, "not-live", message, hint)
+
+
+def _silent(received: Heard, expected: Wanted) -> Finding:
+    message = f"nothing arrived at {expected.end} in {received.ended_s:.0f} s"
+    hint = f"switch {expected.name} on, and let its companion computer forward the MAVLink stream to {expected.end}"
+    return Finding(_INCONCLUSIVE, "silent", message, hint)
+
+
+def _unheard(answer: Transcript, expected: Wanted) -> Finding:
+    text = f": {answer.words}" if answer.words else ""
+    if answer.trouble is Trouble.NO_PLACE:
+        message = f"nobody has listened to {expected.name}: {expected.place} was not reached{text}"
+        return Finding(
+            _INCONCLUSIVE, "place-not-reached", message, f"bring {expected.place} back first, then repeat this item"
+        )
+    if answer.trouble is Trouble.BUSY:
+        message = f"{expected.end} is in use by another program, which gets the stream{text}"
+        hint = "close the ground station there, or let the stream be forwarded to a second port and declare that"
+        return Finding(_INCONCLUSIVE, "in-use", message, hint)
+    if answer.trouble is Trouble.DENIED:
+        message = f"{expected.end} may not be opened{text}"
+        return Finding(
+            _INCONCLUSIVE, "not-allowed", message, "declare a port above 1023, and look at the firewall there"
+        )
+    message = f"nobody could listen at {expected.end}{text}"
+    return Finding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
+
+
+def _absent(received: Heard, system: System, expected: Wanted) -> Finding:
+    if system.senders:
+        result = ", ".join(system.senders)
+        message = f"system {expected.system_id} is heard from {result}, and {expected.name} has {expected.address}"
+        hint = (
+            "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
+        )
+        return Finding(_INCONCLUSIVE, "other-sender", message, hint)
+    if system.components:
+        found = ", ".join(map(str, system.components))
+        message = f"of system {expected.system_id} component {found} is heard, and not its autopilot, which is 1"
+        hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
+        return Finding(_INCONCLUSIVE, "other-component", message, hint)
+    if received.autopilots:
+        found = ", ".join(map(str, received.autopilots))
+        message = f"{expected.name} should be system {expected.system_id}, and what is heard is system {found}"
+        hint = "this is another vehicle, or `system_id:` differs from the autopilot's (SYSID_THISMAV, MAV_SYS_ID)"
+        return Finding(_FAIL, "other-system", message, hint)
+    message = f"MAVLink arrives at {expected.end}, and no autopilot's heartbeat in it within {received.ended_s:.0f} s"
+    return Finding(_FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot")
+
+
+MOVED_US = 100
+"""More than noise and trims: a tenth of a stick's way."""
+AXES = 4
+"""Of two sticks."""
+AS_ONE = 0.98
+"""From this correlation on two channels are one movement; a hand does not hold two axes so well together."""
+NEEDED = 3
+"""Fewer sets of channels say nothing of a movement."""
+
+
+def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
+    """Channel to the lowest and highest value, of those that moved."""
+    found = {}
+    for number in range(max((channel.count for channel in channels), default=0)):
+        values = [item.values[number] for item in channels if number < item.count]
+        known = [value for value in values if value is not None]
+        if known and max(known) - min(known) >= MOVED_US:
+            found[number + 1] = (min(known), max(known))
+    return found
+
+
+def judge_moved(received: Heard, expected: Wanted) -> Finding:
+    """Judge a stream in which the vehicle is heard, disarmed."""
+    channels = received.systems[expected.system_id].channels
+    if not channels:
+        return no_channels(received, expected)
+    if len(channels) < NEEDED:
+        message = f"{expected.name}'s channels came {len(channels)} times only while the sticks were moved"
+        return Finding(
+            Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
+        )
+    moved = ranges(channels)
+    if not moved:
+        message = f"none of {expected.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
+        hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
+        return Finding(Verdict.FAIL, "no-movement", message, hint)
+    listed = ", ".join(map(str, moved))
+    axes = [number for number in moved if number <= AXES]
+    if len(axes) < AXES:
+        message = f"channels that moved: {listed}; two sticks have {AXES} axes"
+        return Finding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
+    if _as_one(channels, axes):
+        message = (
+            f"channels {', '.join(map(str, axes))} of {expected.name} move as one, which two sticks in circles do not"
+        )
+        hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
+        return Finding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
+    return Finding(Verdict.PASS, "moved", f"{expected.name}'s channels follow the sticks: {listed}")
+
+
+def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
+    """Whether every axis follows the first, the same way or the other."""
+    rows = [[channel.values[axis - 1] for axis in axes] for channel in channels if channel.count >= max(axes)]
+    whole = [values for row in rows if len(values := tuple(item for item in row if item is not None)) == len(axes)]
+    ways = [*zip(*whole, strict=True)] if len(whole) >= NEEDED else []
+    if not ways or any(len({*way}) == 1 for way in ways):
+        return True  # they were never seen to move beside each other
+    first, *others = ways
+    return all(abs(correlation(first, other)) >= AS_ONE for other in others)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Of one vehicle."""
+
+    name: str
+    """`Stork`."""
+    place: str
+    """Who listens: `coastal-gateway`, `this computer`."""
+    port: int
+    system_id: int = 1
+    rssi_low: int | None = None
+    address: str | None = None
+    """Where its stream comes from; None: nobody has declared it."""
+
+    @property
+    def end(self) -> str:
+        """Where the stream arrives."""
+        return f"UDP port {self.port} of {self.place}"

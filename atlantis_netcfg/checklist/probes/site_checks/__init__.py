@@ -11,41 +11,39 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks import (
-    _certificates,
-    _clock,
-    _dds,
-    _default_route,
-    _duplicates,
-    _factory,
-    _one_subnet,
-    _poe,
-    _rogue_dhcp,
-    _satellite,
-    _static,
-    _vpn,
+from atlantis_netcfg.checklist.probes.site_checks.addresses import (
+    duplicate_addresses_check,
+    one_subnet_twice_check,
+    rogue_dhcp_check,
+    static_addresses_check,
 )
-from atlantis_netcfg.checklist.probes.site_checks._site import by_hand, own_site
+from atlantis_netcfg.checklist.probes.site_checks.certificates import certificates_check
+from atlantis_netcfg.checklist.probes.site_checks.clock import clock_check
+from atlantis_netcfg.checklist.probes.site_checks.dds import dds_check
+from atlantis_netcfg.checklist.probes.site_checks.factory import factory_defaults_check
+from atlantis_netcfg.checklist.probes.site_checks.parse import by_hand, own_site
+from atlantis_netcfg.checklist.probes.site_checks.poe import poe_check
+from atlantis_netcfg.checklist.probes.site_checks.uplinks import default_route_check, satellite_filter_check
+from atlantis_netcfg.checklist.probes.site_checks.vpn import vpn_check
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.cell import Cell
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Cell, Step
 
 __all__ = ["NAMES", "steps"]
 
 _CHECKS = {
-    "rogue-dhcp": _rogue_dhcp.of,
-    "duplicate-addresses": _duplicates.of,
-    "one-subnet-twice": _one_subnet.of,
-    "default-route": _default_route.of,
-    "static-addresses": _static.of,
-    "factory-defaults": _factory.of,
-    "clock": _clock.of,
-    "vpn": _vpn.of,
-    "dds": _dds.of,
-    "certificates": _certificates.of,
-    "poe": _poe.of,
-    "satellite-filter": _satellite.of,
+    "rogue-dhcp": rogue_dhcp_check,
+    "duplicate-addresses": duplicate_addresses_check,
+    "one-subnet-twice": one_subnet_twice_check,
+    "default-route": default_route_check,
+    "static-addresses": static_addresses_check,
+    "factory-defaults": factory_defaults_check,
+    "clock": clock_check,
+    "vpn": vpn_check,
+    "dds": dds_check,
+    "certificates": certificates_check,
+    "poe": poe_check,
+    "satellite-filter": satellite_filter_check,
 }
 NAMES = tuple(_CHECKS)
 """Of the checks, in the order in which a technician would look."""

@@ -1,22 +1,151 @@
-"""From answers to rows and addresses; whatever is no whole answer becomes the finding that says so."""
+"""What the site checks share: the site, their requests, the rows and addresses of results, and findings.
+
+A result that is not complete becomes the finding that says so.
+"""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import Looked, Offered, Ran, Rows
-from atlantis_netcfg.checklist.probes.site_checks.findings import silent, unknown, unreadable
+from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.checklist.probes.requests import Ask, Look, Place, Run
+from atlantis_netcfg.checklist.probes.results import Looked, Offered, Ran, Rows, Trouble
+from atlantis_netcfg.checklist.probes.step import Step
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router
+from atlantis_netcfg.render import router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.checklist.probes.results import Answer, Offer
+    from atlantis_netcfg.checklist.probes.step import Cell, Probe
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Site
+    from atlantis_netcfg.render import RouterView
 
-__all__ = ["Held", "Neighbour", "addresses", "is_address", "look", "neighbours", "offers", "printed", "rows", "yes"]
+__all__ = [
+    "Computer",
+    "Held",
+    "Neighbour",
+    "OwnSite",
+    "addresses",
+    "ask",
+    "bearer_requests",
+    "bearer_status",
+    "by_hand",
+    "declared",
+    "fail",
+    "good",
+    "is_address",
+    "listed",
+    "measured",
+    "neighbours",
+    "offers",
+    "own_site",
+    "parsed",
+    "printed",
+    "read",
+    "rows",
+    "run",
+    "silent",
+    "step",
+    "unknown",
+    "unreadable",
+    "warn",
+    "yes",
+]
+
+
+def good(code: str, message: str) -> Finding:
+    """It was seen to hold."""
+    return Finding(Verdict.PASS, code, message)
+
+
+def warn(code: str, message: str, hint: str) -> Finding:
+    """It works, and somebody should look at it."""
+    return Finding(Verdict.WARN, code, message, hint)
+
+
+def fail(code: str, message: str, hint: str) -> Finding:
+    """It was seen not to hold."""
+    return Finding(Verdict.FAIL, code, message, hint)
+
+
+def unknown(code: str, message: str, hint: str) -> Finding:
+    """It could not be seen."""
+    return Finding(Verdict.INCONCLUSIVE, code, message, hint)
+
+
+def silent(who: str, trouble: Trouble, words: str) -> Finding:
+    """Somebody was asked and gave no whole answer: nothing is known of it."""
+    code, message, hint = _SILENT.get(trouble, _SILENT[Trouble.SILENT])
+    text = f": {words}" if words else ""
+    return unknown(code, message.format(who=who) + text, hint.format(who=who))
+
+
+_SILENT = {
+    Trouble.NO_PLACE: (
+        "not-reached",
+        "{who} was not reached, so that nobody could look",
+        "is {who} switched on, and is this computer in the network by which it is managed?",
+    ),
+    Trouble.SILENT: (
+        "no-answer",
+        "{who} did not answer in time",
+        "repeat the check; if it stays so, restart {who}",
+    ),
+    Trouble.DENIED: (
+        "denied",
+        "{who} does not let us look",
+        "log in to {who} as root, or as an account that may use sudo without a password",
+    ),
+    Trouble.MISSING: (
+        "no-program",
+        "{who} lacks what it takes to look",
+        "run the site once, which installs what a gateway computer needs",
+    ),
+    Trouble.BUSY: (
+        "in-use",
+        "another program of {who} holds what it takes to look",
+        "end the other program, or repeat the check in a minute",
+    ),
+}
+
+
+def unreadable(who: str, what: str) -> Finding:
+    """It answered with something else than it should."""
+    return unknown(
+        "unreadable",
+        f"what {who} says of {what} makes no sense",
+        f"repeat the check; if it stays so, look at {who} itself",
+    )
+
+
+def read(what: str, value: str) -> Evidence:
+    """From the device, in its own words."""
+    return Evidence(type=EvidenceType.READ, what=what, value=value)
+
+
+def measured(what: str, value: str) -> Evidence:
+    """By this tool."""
+    return Evidence(type=EvidenceType.MEASURED, what=what, value=value)
+
+
+def declared(what: str, value: str) -> Evidence:
+    """In the inventory."""
+    return Evidence(type=EvidenceType.DECLARED, what=what, value=value)
+
+
+def listed(words: Iterable[str]) -> str:
+    """Read `a`, `a and b`, `a, b and c`."""
+    every = list(words)
+    return " and ".join(filter(None, (", ".join(every[:-1]), *every[-1:])))
 
 
 _TRUE = frozenset({"true", "yes"})
@@ -184,7 +313,7 @@ def offers(answer: Answer, who: str) -> tuple[Offer, ...] | Finding:
     return answer.offers
 
 
-def look(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
+def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
     """How a bearer is."""
     if not isinstance(answer, Looked):
         return unreadable(who, "its links")
@@ -193,3 +322,104 @@ def look(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
     if answer.bearer is None:
         return unreadable(who, "its links")
     return answer.bearer
+
+
+@dataclass(frozen=True, slots=True)
+class Computer:
+    """The gateway computer as it is declared."""
+
+    name: str
+    device: Gateway
+
+    @property
+    def interface(self) -> str:
+        """Of the LAN: its name where it is declared, else the address that it has."""
+        named = self.device.network.interface if self.device.network is not None else None
+        if named is None and self.device.image is not None:
+            named = self.device.image.interface
+        return named or str(self.device.address)
+
+    @property
+    def leased(self) -> bool:
+        """Whether a reservation of the LAN gives it its address."""
+        return self.device.image is not None and self.device.image.address_by is AddressBy.DHCP
+
+
+@dataclass(frozen=True, slots=True)
+class OwnSite:
+    """A site, with its router and its gateway computer."""
+
+    declaration: Declaration
+    name: str
+    declared: Site
+    router: Host | None
+    view: RouterView | None
+    """Of the router."""
+    gateway: Computer | None
+
+    @property
+    def device(self) -> Router:
+        """The router, where there is one."""
+        assert self.router is not None  # noqa: S101 - steps are made for sites with a router
+        return cast("Router", self.router.device)
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """Whom the checks speak of."""
+        return tuple(item.name for item in (self.router, self.gateway) if item is not None)
+
+
+def own_site(cell: Cell) -> OwnSite:
+    """Find router and gateway computer."""
+    router, gateway = cell.router, cell.gateway
+    return OwnSite(
+        declaration=cell.declaration,
+        name=cell.site,
+        declared=cell.declared,
+        router=router,
+        view=None if router is None else router_view(cell.declaration, router),
+        gateway=None if gateway is None else Computer(gateway.name, cast("Gateway", gateway.device)),
+    )
+
+
+def step(name: str, title: str, probe: Probe | None, concerns: tuple[str, ...] = (), unless: str = "") -> Step:
+    """Make the step of a check by the tool; `unless` says that there is nothing to check at this site."""
+    return Step(
+        name=name,
+        title=title,
+        kind=Kind.AUTOMATIC,
+        phase=Phase.BENCH,
+        probe=None if unless else probe,
+        unless=unless,
+        concerns=concerns,
+    )
+
+
+def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, ...]) -> Step:
+    """Make the step of a check that no program can make at this site: it applies, so a person looks."""
+    return Step(
+        name=name,
+        title=title,
+        kind=Kind.PERSON,
+        phase=Phase.BENCH,
+        do=do,
+        look_for=look_for,
+        concerns=concerns,
+    )
+
+
+def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[Ask, ...]:
+    """Ask the router for rows of a menu; nothing where the site has none."""
+    if site.router is None:
+        return ()
+    return (Ask(name, site.router.name, Query(menu, "print", proplist=properties)),)
+
+
+def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[Run, ...]:
+    """Run a program on the gateway computer; nothing where the site has none."""
+    return (Run(name, Place.GATEWAY, tuple(command.split()), within_s),) if site.gateway is not None else ()
+
+
+def bearer_requests(site: OwnSite) -> tuple[Look, ...]:
+    """How every bearer of the site is; `look` and its name are the question's."""
+    return tuple(Look(f"look {bearer.name}", bearer.name) for bearer in site.declared.bearers) if site.router else ()

@@ -6,16 +6,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say, allowed_messages
-from atlantis_netcfg.checklist.probes.acoustic import allowed, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.allowed import (
+from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say
+from atlantis_netcfg.checklist.probes import allowed as allowed_messages
+from atlantis_netcfg.checklist.probes.acoustic import seatrac
+from atlantis_netcfg.checklist.probes.acoustic.modem import (
+    SEATRAC,
     NeverSaid,
     Use,
     ask_at,
     ask_seatrac,
     message,
     ping,
-    refused,
+    refused_reason,
 )
 
 CONSENT = Consent("Sparus is in the water, and its modem may transmit")
@@ -45,9 +47,9 @@ def test_a_query_passes(query: str) -> None:
 def test_what_does_more_does_not(command: str) -> None:
     with pytest.raises(NeverSaid):
         ask_at(command, b"")
-    assert refused(f"+++{command}\n".encode(), active=False)
+    assert refused_reason(f"+++{command}\n".encode(), active=False)
     whole = command == "AT*SENDIM,5,2,ack,hello"
-    assert (refused(f"+++{command}\n".encode(), active=True) is None) == whole
+    assert (refused_reason(f"+++{command}\n".encode(), active=True) is None) == whole
 
 
 FORMS = [
@@ -59,18 +61,18 @@ FORMS = [
 @pytest.mark.parametrize("query", READS)
 def test_a_query_in_another_form_does_not(query: str) -> None:
     for form in FORMS:
-        assert refused(form.format(q=query).encode(), active=True), form
+        assert refused_reason(form.format(q=query).encode(), active=True), form
 
 
 @pytest.mark.parametrize("query", READS)
 def test_a_query_in_small_letters_does_not(query: str) -> None:
-    assert refused(f"+++{query.lower()}\n".encode(), active=True)
+    assert refused_reason(f"+++{query.lower()}\n".encode(), active=True)
 
 
 @pytest.mark.parametrize("number", SEATRAC_READS)
 def test_a_reading_command_passes(number: int) -> None:
-    assert refused(ask_seatrac(number, b"").data, active=False) is None
-    assert refused(seatrac.command(bytes([number, 1])), active=True), "a parameter"
+    assert refused_reason(ask_seatrac(number, b"").data, active=False) is None
+    assert refused_reason(seatrac.command(bytes([number, 1])), active=True), "a parameter"
 
 
 @pytest.mark.parametrize("number", [*SEATRAC_NEVER, *SEATRAC_ACTIVE])
@@ -88,12 +90,12 @@ def _passes_at_most_as_one_ping(number: int) -> None:
     with pytest.raises(NeverSaid):
         ask_seatrac(number, b"")
     for record in (b"", b"\x00", b"\x02", b"\x00\x04", b"\x10\x04", b"\x02\x02", b"\x02\x04\x00"):
-        assert refused(seatrac.command(bytes([number]) + record), active=True)
-    assert (refused(seatrac.command(bytes([number, 2, 4])), active=True) is None) == (number == 0x40)
+        assert refused_reason(seatrac.command(bytes([number]) + record), active=True)
+    assert (refused_reason(seatrac.command(bytes([number, 2, 4])), active=True) is None) == (number == 0x40)
 
 
 def test_the_tables_are_those_of_the_facts() -> None:
-    by_use = {use: [number for number, one in allowed.SEATRAC.items() if one.use is use] for use in Use}
+    by_use = {use: [number for number, one in SEATRAC.items() if one.use is use] for use in Use}
     assert by_use == {Use.READ: SEATRAC_READS, Use.NEVER: SEATRAC_NEVER, Use.ACTIVE: SEATRAC_ACTIVE}
 
 
@@ -103,11 +105,11 @@ def test_a_frame_must_be_whole_and_alone(payload: bytes) -> None:
     wrong = b"#" + payload.hex().upper().encode() + b"0000\n\r"
     whole = {data[:-1], data[:-2], data + data, b" " + data, data.lower(), wrong, data[:-2] + b"\r\n", b"$" + data[1:]}
     for other in whole - {data}:
-        assert refused(other, active=True), other
+        assert refused_reason(other, active=True), other
 
 
 def test_a_message_needs_consent_and_water() -> None:
-    assert refused(message("ATLANTIS", 2, CONSENT, b"", within_s=1).data, active=True) is None
+    assert refused_reason(message("ATLANTIS", 2, CONSENT, b"", within_s=1).data, active=True) is None
     for consent in (None, Consent("Sparus may transmit")):
         with pytest.raises(NeverSaid, match="nobody has consented"):
             message("ATLANTIS", 2, consent, b"", within_s=1)
@@ -125,7 +127,7 @@ def test_a_message_is_short_plain_and_to_one_modem(text: str, to: int) -> None:
 
 @pytest.mark.parametrize("data", [b"+++AT*SENDIM,4,2,ack,hello\n", b"+++AT*SENDIM,5,2,ack,he\n+++AT&W\n", b"hello\n"])
 def test_a_message_is_as_long_as_it_says(data: bytes) -> None:
-    assert refused(data, active=True)
+    assert refused_reason(data, active=True)
 
 
 @pytest.mark.parametrize("beacon", [0, 16, 255])
@@ -160,4 +162,4 @@ ANYTHING = st.one_of(
 def test_nothing_else_passes(data: bytes) -> None:
     passes = {f"+++{query}\n".encode() for query in [*READS, *(f"ATI{n}" for n in range(10))]}
     passes |= {seatrac.command(bytes([number])) for number in SEATRAC_READS}
-    assert (refused(data, active=False) is None) == (data in passes)
+    assert (refused_reason(data, active=False) is None) == (data in passes)

@@ -11,9 +11,14 @@ import trees
 from gps_said import FENCE
 
 from atlantis_netcfg.checklist.probes import Ask, Rows, Trouble
-from atlantis_netcfg.checklist.probes.gps import RouterosGps, Wanted
-from atlantis_netcfg.checklist.probes.gps.routeros import CLOCK as CLOCK_QUERY
-from atlantis_netcfg.checklist.probes.gps.routeros import MONITOR, SETTINGS, read
+from atlantis_netcfg.checklist.probes.gps import (
+    CLOCK_QUERY,
+    GPS_MONITOR,
+    GPS_SETTINGS,
+    RouterosGps,
+    Wanted,
+    read_monitor,
+)
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
@@ -55,7 +60,7 @@ def told(found: Judged) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in found.findings]
 
 
-@pytest.mark.parametrize("query", [MONITOR, SETTINGS, CLOCK_QUERY], ids=["monitor", "settings", "clock"])
+@pytest.mark.parametrize("query", [GPS_MONITOR, GPS_SETTINGS, CLOCK_QUERY], ids=["monitor", "settings", "clock"])
 @pytest.mark.parametrize("tree", trees.TREES, ids=trees.VERSIONS)
 def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> None:
     assert tree.has_command(query.menu, query.command)
@@ -63,7 +68,7 @@ def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> No
 
 
 def test_all_is_asked_of_the_router() -> None:
-    asked = {"monitor": MONITOR, "settings": SETTINGS, "clock": CLOCK_QUERY}
+    asked = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
     assert PROBE.asks() == tuple(Ask(name, "off-router", query) for name, query in asked.items())
 
 
@@ -223,7 +228,7 @@ def test_a_router_that_was_not_reached(trouble: Trouble, expected: str) -> None:
     ],
 )
 def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float | None) -> None:
-    (report,) = read(Rows(None, rows=({**ROW, "latitude": text},))).reports
+    (report,) = read_monitor(Rows(None, rows=({**ROW, "latitude": text},))).reports
     assert report.latitude == (None if value is None else pytest.approx(value, abs=1e-6))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step
-from atlantis_netcfg.checklist.probes.allowed_messages import refused
+from atlantis_netcfg.checklist.probes.allowed import refused
 from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict

@@ -11,8 +11,9 @@ from own_world import declaration, own_steps
 
 from atlantis_netcfg import cli
 from atlantis_netcfg.checklist.probes import Ask, Discover, Look, Probing, Run, site_checks
-from atlantis_netcfg.checklist.probes.allowed_commands import allowed
-from atlantis_netcfg.checklist.probes.site_checks import _certificates, _static
+from atlantis_netcfg.checklist.probes.allowed import allowed
+from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
+from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
 from atlantis_netcfg.emulator.routeros import schema
 from atlantis_netcfg.gateway import network
 from atlantis_netcfg.vpn import client
@@ -82,8 +83,8 @@ def test_what_is_not_on_the_list_is_refused(words: str) -> None:
 
 
 def test_paths_are_those_that_the_toolkit_writes() -> None:
-    assert _certificates.IDENTITY == client.IDENTITY
-    assert set(_static.FILES) == {tool.path for tool in network._TOOLS.values()}
+    assert IDENTITY == client.IDENTITY
+    assert set(FILES) == {tool.path for tool in network._TOOLS.values()}
 
 
 def test_pings_go_to_nobody_outside_the_site() -> None:

@@ -5,7 +5,7 @@ import trees
 from radio_cases import NOBODY, Case, check, codes, pings, printed, way
 
 from atlantis_netcfg.checklist.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
-from atlantis_netcfg.checklist.probes.allowed_commands import allowed
+from atlantis_netcfg.checklist.probes.allowed import allowed
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.declaration.model import EthernetEndpoint
 

@@ -18,9 +18,9 @@ from radio_cases import (
 )
 
 from atlantis_netcfg.checklist.probes import Answer, Place, Ran, Run, Trouble
-from atlantis_netcfg.checklist.probes.allowed_commands import allowed
+from atlantis_netcfg.checklist.probes.allowed import allowed
+from atlantis_netcfg.checklist.probes.iw import read_link, read_station
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe
-from atlantis_netcfg.checklist.probes.wifi._iw import read_link, read_station
 from atlantis_netcfg.declaration.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Place, Ran, _path, _ping
+from atlantis_netcfg.checklist.probes import Place, Ran
+from atlantis_netcfg.checklist.probes import ping as _ping
+from atlantis_netcfg.checklist.probes.ping import (
+    Card,
+    Route,
+    card_request,
+    neighbour_request,
+    read_card,
+    read_neighbour,
+    read_route,
+    route_request,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Run
@@ -20,29 +31,29 @@ def run(question: Run) -> Ran:
 
 def short(address: str) -> Run:
     """The same question with two packets, for time."""
-    asked = _ping.ask(Place.LAPTOP, address)
+    asked = _ping.ping_request(Place.LAPTOP, address)
     return type(asked)(asked.name, asked.place, tuple("2" if one == str(_ping.COUNT) else one for one in asked.argv))
 
 
 def test_ip_is_read_as_it_prints() -> None:
-    assert _path.read_way(run(_path.ask_way(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == _path.Way("lo")
-    assert _path.read_card(run(_path.ask_card(Place.LAPTOP, "lo"))) == _path.Card(up=True, carrier=True)
-    missing = run(_path.ask_card(Place.LAPTOP, "nosuchif0"))
+    assert read_route(run(route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == Route("lo")
+    assert read_card(run(card_request(Place.LAPTOP, "lo"))) == Card(up=True, carrier=True)
+    missing = run(card_request(Place.LAPTOP, "nosuchif0"))
     assert "does not exist" in missing.err
-    assert _path.read_card(missing) is None
-    assert _path.read_neighbour(run(_path.ask_neighbour(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
+    assert read_card(missing) is None
+    assert read_neighbour(run(neighbour_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") is None
 
 
 def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = _ping.Pinged("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
     ran = run(short("127.0.0.1"))
-    echoes = _ping.read(ran.out, "127.0.0.1")
+    echoes = _ping.read_ping(ran.out, "127.0.0.1")
     assert echoes is not None
     assert (echoes.sent, echoes.received, echoes.loss_percent) == (2, 2, 0)
     assert echoes.mean_ms is not None
-    assert [one.code for one in _ping.judge(wanted, ran).findings] == ["ping-cut-short"]
+    assert [one.code for one in _ping.judge_ping(wanted, ran).findings] == ["ping-cut-short"]
     monkeypatch.setattr(_ping, "COUNT", 2)
-    assert [one.code for one in _ping.judge(wanted, ran).findings] == ["answers"]
+    assert [one.code for one in _ping.judge_ping(wanted, ran).findings] == ["answers"]
 
 
 def iw(*words: str) -> Ran:

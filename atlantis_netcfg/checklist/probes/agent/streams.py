@@ -1,0 +1,377 @@
+"""Streams that the agent listens to: TCP, UDP datagrams and serial ports, and what all its requests share.
+
+UDP: nothing is sent, and no port is taken from anybody. A serial port that another program holds is never opened:
+opening alone may reset what hangs on the port, and two readers steal each other's bytes. /proc shows who holds it;
+where that may not be read, and the port is not our own, nothing is opened either.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import select
+import socket
+import stat
+import termios
+import time
+from base64 import b64encode
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Callable, Iterator
+
+_BY_NUMBER = {
+    errno.ECONNREFUSED: "refused",
+    errno.ETIMEDOUT: "silent",
+    errno.EHOSTUNREACH: "unreachable",
+    errno.ENETUNREACH: "unreachable",
+    errno.ENETDOWN: "unreachable",
+    errno.EADDRNOTAVAIL: "unreachable",
+    errno.EADDRINUSE: "busy",
+    errno.EBUSY: "busy",
+    errno.ENOENT: "missing",
+    errno.ENODEV: "missing",
+    errno.ENXIO: "missing",
+    errno.ENOTTY: "missing",
+    errno.ENOEXEC: "missing",
+    errno.EACCES: "denied",
+    errno.EPERM: "denied",
+}
+"""The system's error to the value of `Trouble`."""
+_PLAIN = frozenset(range(0x20, 0x7F)) - {*b'"\\'}
+"""What JSON writes as one byte."""
+
+
+class NoAnswer(Exception):
+    """There is no answer; `trouble` is a value of `Trouble`."""
+
+    def __init__(self, trouble: str, words: str) -> None:
+        super().__init__(words)
+        self.trouble = trouble
+        self.words = words
+
+
+def no_answer(error: OSError, what: str) -> NoAnswer:
+    """Put the system's error into a trouble; what nobody foresaw proves nothing: unreachable."""
+    words = error.strerror or str(error) or type(error).__name__
+    return NoAnswer(_BY_NUMBER.get(error.errno or 0, "unreachable"), f"{what}: {words}")
+
+
+def packed(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
+    """Bytes for JSON in the shorter of two ways: text in Latin-1, which SSH compresses best, or `[base64]`."""
+    text = data.decode("latin-1")
+    escaped = sum(byte not in _PLAIN for byte in data)
+    return text if escaped * 4 <= len(data) else [b64encode(data).decode()]
+
+
+class Sound:
+    """What was heard on a stream, also by whoever has to stop before its end."""
+
+    def __init__(self, max_bytes: int) -> None:
+        self.began = time.time()
+        self.chunks: list[tuple[float, bytes]] = []
+        self.senders: list[str] = []
+        self.data = bytearray()
+        self.closed = False
+        self.words = ""
+        self.trouble: str | None = None
+        self._zero = time.monotonic()
+        self._left = max_bytes
+
+    @property
+    def seconds(self) -> float:
+        """Since it began."""
+        return time.monotonic() - self._zero
+
+    @property
+    def full(self) -> bool:
+        """Whether no more is kept."""
+        return self._left <= 0
+
+    def add(self, data: bytes, sender: str = "") -> None:
+        """Keep what came now, as far as there is room; `sender`: address that a datagram came from."""
+        kept = data[: self._left]
+        self._left -= len(kept)
+        if kept:
+            self.chunks.append((round(self.seconds, 3), kept))
+            self.senders += [sender] if sender else []
+            self.data += kept
+        if self.full:
+            self.words = f"cut after {len(self.data)} bytes"
+
+    def as_answer(self) -> dict[str, Any]:
+        """The fields of `Transcript`."""
+        return {
+            "trouble": self.trouble,
+            "words": self.words,
+            "chunks": [[at, packed(data)] for at, data in self.chunks],
+            **({"senders": self.senders} if self.senders else {}),
+            "began": self.began,
+            "ended_s": round(self.seconds, 3),
+        }
+
+
+_AT_MOST = 65536
+
+
+class _Line:
+    """A stream with two ends, by what reads and writes it; it is closed by whoever opened it."""
+
+    def __init__(self, number: int, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
+        self._number, self._read, self._write = number, read, write
+
+    def receive(self, wait_s: float) -> bytes | None:
+        """What comes within the time: None is nothing, b"" that the other end has hung up."""
+        if not select.select([self._number], [], [], max(wait_s, 0.0))[0]:
+            return None
+        try:
+            return self._read(_AT_MOST)
+        except BlockingIOError:
+            return None
+        except OSError:
+            return b""
+
+    def send(self, data: bytes, wait_s: float) -> None:
+        """Send all of it; OSError where that takes longer than the time."""
+        ends, rest = time.monotonic() + wait_s, data
+        while rest:
+            if not select.select([], [self._number], [], max(ends - time.monotonic(), 0.0))[1]:
+                raise TimeoutError
+            rest = rest[self._write(rest) :]
+
+
+def tcp(question: dict[str, Any], sound: Sound) -> None:
+    """Speak over TCP with a server. Raises NoAnswer."""
+    where = f"{question['address']} port {question['port']}"
+    try:
+        wire = socket.create_connection((question["address"], question["port"]), timeout=question["connect_s"])
+    except socket.timeout:
+        raise NoAnswer("silent", f"{where}: no answer within {question['connect_s']:g} s") from None
+    except socket.gaierror as error:
+        raise NoAnswer("unreachable", f"{where}: {error.strerror}") from None
+    except OSError as error:
+        raise no_answer(error, where) from None
+    with wire:
+        wire.setblocking(False)
+        converse(question, sound, wire.fileno(), wire.recv, wire.send)
+
+
+def converse(
+    question: dict[str, Any],
+    sound: Sound,
+    number: int,
+    read: Callable[[int], bytes],
+    write: Callable[[bytes], int],
+) -> None:
+    """Say what there is to be said, then listen; what is heard, and how it ended, is in `sound`."""
+    line = _Line(number, read, write)
+    answered = _say(question["say"], line, sound)
+    ends = time.monotonic() + question["listen_s"]
+    enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
+    _listen(line, sound, ends, lambda: enough is not None and enough.search(sound.data) is not None)
+    if sound.closed and not answered and (question["say"] or not sound.data):
+        sound.trouble, sound.words = "closed", f"the other end hung up after {sound.seconds:.1f} s"
+    elif sound.closed:
+        sound.words = f"the other end hung up after {sound.seconds:.1f} s"
+
+
+def _say(says: list[list[Any]], line: _Line, sound: Sound) -> bool:
+    """Say one thing after the other until one is not answered; whether any was."""
+    answered = False
+    for reply, until, within_s in says:
+        mark, pattern = len(sound.data), re.compile(until.encode("latin-1"))
+        ends = time.monotonic() + within_s
+        try:
+            line.send(reply.encode("latin-1"), within_s)
+        except OSError:
+            sound.closed = sound.closed or line.receive(0.0) == b""
+            break
+        if not _listen(line, sound, ends, lambda at=mark, seek=pattern: seek.search(sound.data[at:]) is not None):  # type: ignore[misc]
+            break
+        answered = True
+    return answered
+
+
+def _listen(line: _Line, sound: Sound, ends: float, enough: Callable[[], bool]) -> bool:
+    """Listen until it is enough; False if the time, the room or the stream ended before."""
+    while not sound.closed and not sound.full:
+        if enough():
+            return True
+        left = ends - time.monotonic()
+        if left <= 0:
+            return False
+        received = line.receive(left)
+        if received:
+            sound.add(received)
+        sound.closed = received == b""
+    return enough()
+
+
+_LONGEST = 65535
+
+
+def udp(question: dict[str, Any], sound: Sound) -> None:
+    """Take what arrives at a port. Raises NoAnswer, busy where another program has the port."""
+    ends = time.monotonic() + question["listen_s"]
+    enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        try:
+            # Without SO_REUSEADDR: beside a program that has it, either of the two would lose datagrams.
+            port.bind((question["address"], question["port"]))
+        except OSError as error:
+            raise no_answer(error, f"UDP port {question['port']}") from None
+        while not sound.full and (enough is None or not enough.search(sound.data)):
+            left = ends - time.monotonic()
+            if left <= 0:
+                return
+            port.settimeout(left)
+            try:
+                data, source = port.recvfrom(_LONGEST)
+                sound.add(data, source[0])
+            except socket.timeout:
+                return
+
+
+_PTMX = os.makedev(5, 2)
+_PTS = range(136, 144)
+"""Major numbers of pseudo-terminals (Documentation/admin-guide/devices.txt)."""
+_LOCKS = ("/run/lock", "/var/lock", "/var/spool/lock")
+"""Where programs leave LCK..ttyUSB0 with their number (Filesystem Hierarchy Standard, 5.9)."""
+
+
+def serial(question: dict[str, Any], sound: Sound) -> None:
+    """Speak over a serial port, 8N1. Raises NoAnswer: busy, missing, denied."""
+    path = question["device"]
+    speed = getattr(termios, f"B{question['baud']}", None)
+    if speed is None:
+        raise NoAnswer("missing", f"{path}: no serial port does {question['baud']} baud")
+    port = _opened(path)
+    try:
+        before = termios.tcgetattr(port)
+        termios.tcsetattr(port, termios.TCSANOW, _raw(before, speed))
+        try:
+            converse(question, sound, port, lambda most: os.read(port, most), lambda data: os.write(port, data))
+        finally:
+            _put_back(port, before)
+            with suppress(OSError):  # it has been pulled out
+                fcntl.ioctl(port, termios.TIOCNXCL)  # else it stays as long as anybody has the port open
+    except termios.error as error:
+        raise no_answer(OSError(*error.args), path) from None
+    finally:
+        os.close(port)
+
+
+def _opened(path: str) -> int:
+    try:
+        there = os.stat(path)  # noqa: PTH116 - the number of the device, under any name
+    except OSError as error:
+        raise no_answer(error, path) from None
+    if not stat.S_ISCHR(there.st_mode):
+        raise NoAnswer("missing", f"{path} is no serial port")
+    _refuse_held(path, there)
+    try:
+        port = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as error:
+        raise no_answer(error, path) from None
+    try:
+        fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.ioctl(port, termios.TIOCEXCL)
+        _refuse_held(path, there)  # whoever came in meanwhile was first
+    except BlockingIOError:
+        os.close(port)
+        raise NoAnswer("busy", f"{path} is locked by another program") from None
+    except (NoAnswer, OSError) as error:
+        os.close(port)
+        raise error if isinstance(error, NoAnswer) else no_answer(error, path) from None
+    return port
+
+
+def _refuse_held(path: str, there: os.stat_result) -> None:
+    """Raise NoAnswer if another process has it, or if nobody can tell."""
+    for holder in (*_lock_files(path), *_kernel_locks(there)):
+        raise NoAnswer("busy", f"{path} is locked by process {holder}")
+    hidden = False
+    for process in Path("/proc").iterdir():
+        if not process.name.isdigit() or int(process.name) == os.getpid():
+            continue
+        try:
+            if _holds(process, there):
+                raise NoAnswer("busy", f"{path} is held by {_named(process)}")
+        except PermissionError:
+            hidden = True
+        except OSError:  # it has ended
+            continue
+    if hidden and there.st_uid != os.getuid():
+        raise NoAnswer("denied", f"only root sees whether another program holds {path}, so it was not opened")
+
+
+def _holds(process: Path, there: os.stat_result) -> bool:
+    """Whether a process has the device open; who has the other end of a pseudo-terminal is the device itself."""
+    opened = dict(_devices(process))
+    if not any(_same(item, there) for item in opened.values()):
+        return False
+    masters = [name for name, entry in opened.items() if entry.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
+    return not any(_leads_to(process / "fdinfo" / name, os.minor(there.st_rdev)) for name in masters)
+
+
+def _same(item: os.stat_result, there: os.stat_result) -> bool:
+    """A pseudo-terminal's number says which it is in its own instance of devpts only: containers have others."""
+    pseudo = os.major(there.st_rdev) in _PTS
+    return item.st_rdev == there.st_rdev and (item.st_dev == there.st_dev or not pseudo)
+
+
+def _devices(process: Path) -> Iterator[tuple[str, os.stat_result]]:
+    for item in (process / "fd").iterdir():
+        with suppress(FileNotFoundError):
+            yield item.name, item.stat()
+
+
+def _leads_to(master: Path, number: int) -> bool:
+    """Whether this end of a pseudo-terminal is that of /dev/pts/<number> (proc(5), fdinfo: `tty-index`)."""
+    with suppress(FileNotFoundError):
+        return re.search(rf"^tty-index:\s*{number}$", master.read_text(), re.MULTILINE) is not None
+    return False
+
+
+def _named(process: Path) -> str:
+    try:
+        return f"{(process / 'comm').read_text().strip()} (process {process.name})"
+    except OSError:
+        return f"process {process.name}"
+
+
+def _lock_files(path: str) -> Iterator[str]:
+    names = {Path(path).name, Path(os.path.realpath(path)).name}
+    for file in (Path(folder, f"LCK..{name}") for folder in _LOCKS for name in names):
+        try:
+            holder = file.read_text(errors="replace").split()
+        except OSError:
+            continue
+        if holder and holder[0].isdigit() and Path("/proc", holder[0]).exists():
+            yield holder[0]
+
+
+def _kernel_locks(there: os.stat_result) -> Iterator[str]:
+    file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
+    try:
+        lines = Path("/proc/locks").read_text().splitlines()
+    except OSError:
+        return
+    for words in map(str.split, lines):
+        if file in words and str(os.getpid()) not in words:
+            yield words[words.index(file) - 1]
+
+
+def _raw(before: list[Any], speed: int) -> list[Any]:
+    """Eight bits, no parity, nothing translated, no line but the data needed (termios(3), cfmakeraw)."""
+    cc = list(before[6])
+    cc[termios.VMIN], cc[termios.VTIME] = b"\x01", b"\x00"
+    return [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, speed, speed, cc]
+
+
+def _put_back(port: int, before: list[Any]) -> None:
+    try:
+        termios.tcsetattr(port, termios.TCSANOW, before)
+    except termios.error:  # it was unplugged meanwhile
+        return

@@ -1,0 +1,244 @@
+"""Ethernet: a vehicle or its operator's computer on the site's cable, and a location's cables; our own column.
+
+The ROV joins through its HMI computer, by cable (report 2.2.2). Hosts measure loss and round trip between them, the
+network card that answers is compared with the declared one, and the router's port tells link, rate and errors.
+
+Menus: `/interface/ethernet/monitor` (`status: link-ok`, `rate: 1Gbps`, `full-duplex: yes`) and the counters of
+`/interface/print` (`rx-error`, `tx-error`, since the router was started). Manual, Ethernet and Interface.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
+from atlantis_netcfg.checklist.probes.ping import (
+    Pinged,
+    Route,
+    judge_ping,
+    neighbour_request,
+    own_address,
+    ping_request,
+    read_neighbour,
+    read_route,
+    route_request,
+)
+from atlantis_netcfg.checklist.probes.requests import Ask, Place
+from atlantis_netcfg.checklist.probes.results import Rows
+from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, not_run, read, rows_of, unasked
+from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import BearerKind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model import EthernetEndpoint
+
+__all__ = ["CabledProbe", "steps"]
+
+
+_COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-error", "link-downs")
+_TRUE = frozenset({"true", "yes"})
+_SLOW = frozenset({"10Mbps"})
+"""What a cable with a broken pair, or an end set by hand, falls back to."""
+_SHOWN = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames received broken"))
+_MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
+
+
+def port_requests(router: str, port: str) -> tuple[Ask, ...]:
+    """Give the questions about a port."""
+    return (
+        Ask("monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))),
+        Ask("interfaces", router, Query("/interface", "print", (), _COUNTERS)),
+    )
+
+
+def judge_port(router: str, port: str, results: Mapping[str, Answer]) -> Judged:
+    """Judge the port; a menu that the router does not have is left out."""
+    answers = [results.get(name) for name in ("monitor", "interfaces")]
+    if all(not isinstance(answer, Rows) or answer.trouble is not None for answer in answers):
+        return Judged((unasked(router, answers[0]),))
+    monitor, interfaces = (rows_of(result) for result in answers)
+    counted = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
+    socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
+    if (socket or {}).get("name", port) != port or (counted or {}).get("default-name", port) != port:
+        called = f"is called {socket['name']} there" if socket is not None else "is another socket there"
+        message = f"port {port} of {router} {called}, so that what is told under that name is not about it"
+        hint = "run the site, which gives ports their names back"
+        return Judged((Finding(Verdict.FAIL, "port-renamed", message, hint),))
+    if interfaces is not None and counted is None:
+        message = f"{router} has no port {port}"
+        hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
+        return Judged((Finding(Verdict.FAIL, "no-port", message, hint),))
+    local = [row for row in monitor or () if row.get("name", port) == port]
+    values = {**(counted or {}), **(local[0] if local else {})}
+    return Judged(tuple(_findings(router, port, values)), _evidence(router, port, values))
+
+
+def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
+    if values.get("disabled") in _TRUE:
+        hint = "run the site to enable it, or look who has disabled it"
+        yield Finding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
+        return
+    status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
+    if status == "no-link":
+        hint = "is the cable plugged in at both ends, and is the other end switched on?"
+        yield Finding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
+        return
+    if status != "link-ok":
+        text = f"`{status}`" if status else "nothing"
+        message = f"{router} says {text} of the link of port {port}"
+        yield Finding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
+        return
+    rate = values.get("rate")
+    yield Finding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
+    yield from _quality(router, port, values)
+
+
+def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
+    hint = "change the cable, and set both ends to negotiate the rate themselves"
+    if values.get("rate") in _SLOW:
+        yield Finding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
+    if values.get("full-duplex") in {"false", "no"}:
+        yield Finding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
+    for name, words in (("rx-error", "received broken"), ("tx-error", "not sent")):
+        count = values.get(name, "")
+        if count.isdecimal() and int(count):
+            message = f"port {port} of {router} has counted {count} frames {words} since it was started"
+            yield Finding(Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows")
+
+
+def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[Evidence, ...]:
+    where = f"at port {port} of {router}"
+    return tuple(read(f"{words} {where}", values[name]) for name, words in (*_SHOWN, *_MORE) if values.get(name))
+
+
+FAIL_LOSS_PERCENT = 10.0
+"""A cable loses nothing; what loses so much is broken: our own judgement. In between it warns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CabledProbe:
+    """The vehicle answers on the cable, from the network card that is declared, and its port counts no errors.
+
+    Asked on the gateway (or the laptop): `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`, and after it
+    `ip -j neigh show to ADDRESS`. Asked of the router, where a port is declared: `/interface/ethernet/monitor
+    numbers=PORT once=`, `/interface/print`.
+    """
+
+    name: str
+    place: Place
+    endpoint: EthernetEndpoint
+    address: str | None
+    mac: str | None
+    """Upper case; None: nobody has declared it."""
+    router: str | None
+    """Whose port is looked at; None: no port is declared."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """Give the ping with the way and the card behind it, and the router's port."""
+        port = self.endpoint.router_port
+        ports = () if self.router is None or port is None else port_requests(self.router, port)
+        if self.address is None:
+            return ports
+        way, ping = route_request(self.place, self.address), ping_request(self.place, self.address)
+        return (way, ping, neighbour_request(self.place, self.address), *ports)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the port, the ping and the card, in this order: a port without a link explains the rest."""
+        port = self.endpoint.router_port
+        seen = Judged(()) if self.router is None or port is None else judge_port(self.router, port, results)
+        reached = self._reached(results)
+        return Judged((*seen.findings, *reached.findings), (*reached.evidence, *seen.evidence))
+
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+        if self.address is None:
+            message = f"no address of {self.name} is known here: it was not asked whether it answers"
+            hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
+            return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+        way = read_route(results.get("route"), self.address)
+        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
+            message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
+            hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
+            return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
+        if local := tuple(own_address(self.place, self.name, self.address, way)):
+            return Judged(local)
+        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        pinged = judge_ping(expected, results.get("ping"))
+        card = read_neighbour(results.get("neigh"), self.address)
+        shown = () if way is None else (read(f"way from {PLACES[self.place]}", way.interface),)
+        known = () if card is None else (read(f"network card that answers for {self.address}", card),)
+        whose = tuple(self._cards(card, way)) if pinged.verdict in {Verdict.PASS, Verdict.WARN} else ()
+        return Judged((*pinged.findings, *whose), (*pinged.evidence, *shown, *known))
+
+    def _cards(self, card: str | None, way: Route | None) -> Iterator[Finding]:
+        """Say whose card has answered; on the segment somebody has, and behind a router nobody can see it."""
+        if self.place is Place.GATEWAY and way is not None and way.by is not None:
+            message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
+            hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
+            yield Finding(Verdict.FAIL, "not-on-the-cable", message, hint)
+        elif self.mac is None:
+            message = f"nothing tells whether it is {self.name} that answers at {self.address}"
+            hint = "declare `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
+            yield Finding(Verdict.WARN, "whose-unknown", message, hint)
+        elif card is None:
+            message = f"{PLACES[self.place]} does not tell which network card answers for {self.address}"
+            hint = "ask from a computer in the site's LAN, or unplug the cable and see that the pings end"
+            yield Finding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
+        elif card != self.mac:
+            message = f"{card} answers for {self.address}, and the network card of {self.name} is {self.mac}"
+            hint = "two devices have this address, or the card was exchanged: unplug it and ping again"
+            yield Finding(Verdict.FAIL, "other-card", message, hint)
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Give the cables that lead away from a location, and the row's own cable where it is declared."""
+    links = link_steps(
+        cell,
+        BearerKind.ETHERNET,
+        lambda bearer: f"Cable {bearer.name} of {cell.name} carries traffic",
+    )
+    endpoint = cell.endpoints.ethernet
+    if endpoint is not None:
+        return (*links, _own(cell, endpoint, "own" if links else ""))
+    return links or (_by_a_person(cell),)
+
+
+def _own(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
+    router = cell.router
+    seen_by = endpoint.seen_by or (router.name if router is not None else None)
+    probe = CabledProbe(
+        name=cell.name,
+        place=cell.place(endpoint.seen_from),
+        endpoint=endpoint,
+        address=cell.address(endpoint.address),
+        mac=reserved_mac(cell, endpoint.mac),
+        router=seen_by if endpoint.router_port is not None else None,
+    )
+    return Step(
+        name=name,
+        title=f"{cell.name} answers on the site's cable without loss",
+        kind=Kind.AUTOMATIC,
+        phase=Phase.BENCH,
+        probe=probe,
+        concerns=() if seen_by is None else (seen_by,),
+    )
+
+
+def _by_a_person(cell: Cell) -> Step:
+    return Step(
+        name="",
+        title=f"Ethernet of {cell.name} works",
+        kind=Kind.PERSON,
+        phase=Phase.BENCH,
+        do=f"Plug {cell.name} into a LAN port of the site, and ping the gateway from it twenty times.",
+        look_for="The lamps of both ends are lit, and all pings are answered.",
+    )

@@ -1,0 +1,258 @@
+"""The path to a neighbour (`ip -j`) and its echo replies (`ping`), read and judged.
+
+`ip -j route get ADDRESS`, `ip -j addr show dev INTERFACE` and `ip -j neigh show to ADDRESS` (iproute2) give the
+interface and the network card that answers. `ping` is iputils' (Debian, Ubuntu), run as
+`ping -n -c 20 -i 0.2 -W 2 ADDRESS`: 20 packets in 4 s, so that one lost packet is 5 %. Shorter intervals than 0.2 s are
+for root only (ping(8)).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.requests import Run
+from atlantis_netcfg.checklist.probes.results import Ran
+from atlantis_netcfg.checklist.probes.step import PLACES, Judged, measured, not_run
+from atlantis_netcfg.core.verdicts import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.checklist.probes.requests import Place
+    from atlantis_netcfg.checklist.probes.results import Answer
+
+
+_LOOPBACK = "lo"
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """How packets to an address leave."""
+
+    interface: str
+    by: str | None = None
+    """The next hop; None: the address is in a network of that interface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """An interface."""
+
+    up: bool
+    """Switched on."""
+    carrier: bool
+    """Whether it has a link; of Wi-Fi: whether it is associated."""
+    master: str | None = None
+    """The bridge that it is a port of."""
+
+
+def route_request(place: Place, address: str) -> Run:
+    """Give the question; its answer's name is `route`."""
+    return Run("route", place, ("ip", "-j", "route", "get", address))
+
+
+def card_request(place: Place, interface: str) -> Run:
+    """Give the question; its answer's name is `addr`."""
+    return Run("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
+
+
+def neighbour_request(place: Place, address: str) -> Run:
+    """Give the question; its answer's name is `neigh`, and it is asked after a ping that stands before it."""
+    return Run("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
+
+
+def read_route(answer: Answer | None, address: str) -> Route | None:
+    """Read a route; None: there is none, or it is not understood."""
+    for row in _rows(answer):
+        if isinstance(row.get("dev"), str) and row.get("dst") == address:
+            by = row.get("gateway")
+            return Route(row["dev"], by if isinstance(by, str) else None)
+    return None
+
+
+def read_card(answer: Answer | None) -> Card | None:
+    """Read an interface; None: there is none, or it is not understood."""
+    for row in _rows(answer):
+        flags = row.get("flags")
+        if isinstance(flags, list):
+            master = row.get("master")
+            return Card("UP" in flags, "LOWER_UP" in flags, master if isinstance(master, str) else None)
+    return None
+
+
+def read_neighbour(answer: Answer | None, address: str) -> str | None:
+    """Read which card has answered for an address, in upper case; None: none of late, which proves nothing."""
+    for row in _rows(answer):
+        known = isinstance(row.get("lladdr"), str) and row.get("dst") == address
+        if known and "FAILED" not in (row.get("state") or ()):
+            return str(row["lladdr"]).upper()
+    return None
+
+
+def own_address(place: Place, name: str, address: str, way: Route | None) -> Iterator[Finding]:
+    """Say that an address is that of the computer that asks, whose own answers tell nothing of anybody else."""
+    if way is not None and way.interface == _LOOPBACK:
+        message = f"{PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
+        hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
+        yield Finding(Verdict.FAIL, "own-address", message, hint)
+
+
+def _rows(answer: Answer | None) -> list[dict[str, Any]]:
+    if not isinstance(answer, Ran) or answer.trouble is not None or answer.rc:
+        return []
+    try:
+        result = json.loads(answer.out or "[]")
+    except (ValueError, RecursionError):
+        return []
+    return [row for row in result if isinstance(row, dict)] if isinstance(result, list) else []
+
+
+COUNT = 20
+SLOW_MS = 100.0
+"""One hop in a local network takes some milliseconds; from here on something holds packets back. Our own judgement."""
+_SUMS = re.compile(
+    r"(\d+) packets transmitted, (\d+) (?:packets )?received(?:, \+?(\d+) duplicates)?.*?([\d.]+)% packet loss"
+)
+_TIMES = re.compile(r"(?:rtt|round-trip) min/avg/max(?:/mdev)? = ([\d.]+)/([\d.]+)/([\d.]+)")
+_REFUSAL = re.compile(r"^From (\S+) icmp_seq=\d+ (.+)$", re.MULTILINE)
+_HEAD = re.compile(r"^PING (\S+) ")
+_ANSWER = re.compile(r"^\d+ bytes from ([\d.]+).*?\b(?:icmp_)?seq=(\d+)", re.MULTILINE)
+_DAMAGED = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
+MANY_TWICE = 0.1
+"""Share of answers that come twice: a radio repeats one now and then, two devices or a loop most. Our judgement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """How an address answered."""
+
+    sent: int
+    received: int
+    """By the address itself, each question once."""
+    twice: int = 0
+    """Answers to a question that had its answer."""
+    others: tuple[str, ...] = ()
+    """Addresses that answered in place of the one that was asked."""
+    damaged: bool = False
+    mean_ms: float | None = None
+    worst_ms: float | None = None
+    refusal: str | None = None
+    """Who turned the packets away on the way, and with which words."""
+
+    @property
+    def loss_percent(self) -> float:
+        """Of what was sent."""
+        return 100 * (self.sent - self.received) / self.sent
+
+
+@dataclass(frozen=True, slots=True)
+class Pinged:
+    """The neighbour, and what it is held to."""
+
+    name: str
+    address: str
+    place: Place
+    loss_percent: float
+    """Up to here it is well."""
+    fail_percent: float
+    """From here it does not serve."""
+
+
+def ping_request(place: Place, address: str) -> Run:
+    """Give the question; its answer's name is `ping`."""
+    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
+
+
+def read_ping(out: str, address: str) -> Echoes | None:
+    """Read what `ping` printed; None: it has sent nothing, was asked of another address, or speaks otherwise."""
+    sums, times, refusal = _SUMS.search(out), _TIMES.search(out), _REFUSAL.search(out)
+    head = _HEAD.match(out)
+    if sums is None or not int(sums[1]) or head is None or head[1] != address:
+        return None
+    answers = _ANSWER.findall(out)
+    local = {number for who, number in answers if who == address}
+    repeated = sum(who == address for who, _ in answers) - len(local)
+    return Echoes(
+        sent=int(sums[1]),
+        received=min(int(sums[2]), int(sums[1]), len(local)),
+        twice=max(int(sums[3] or 0), repeated),
+        others=tuple(dict.fromkeys(who for who, _ in answers if who != address)),
+        damaged=any(word in out for word in _DAMAGED),
+        mean_ms=float(times[2]) if times else None,
+        worst_ms=float(times[3]) if times else None,
+        refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
+    )
+
+
+def judge_ping(expected: Pinged, answer: Answer | None) -> Judged:
+    """Judge loss and time; what was not carried out proves nothing."""
+    if troubles := tuple(not_run(expected.place, "ping", answer)):
+        return Judged(troubles)
+    assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
+    echoes = read_ping(answer.out, expected.address)
+    if echoes is None:
+        lines = (answer.err or answer.out).strip().splitlines()
+        why = f": {lines[0][:120]}" if lines else ""
+        message = f"no ping was sent to {expected.name} ({expected.address}) from {PLACES[expected.place]}{why}"
+        hint = f"type it by hand there: ping {expected.address}"
+        return Judged((Finding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+    where = f"{expected.name} from {PLACES[expected.place]}"
+    evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
+    if echoes.mean_ms is not None and echoes.worst_ms is not None:
+        evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
+        evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+    who = f"{expected.name} ({expected.address})"
+    strange = tuple(odd_answers(who, echoes))
+    if echoes.sent < COUNT:
+        message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[expected.place]}"
+        cut = Finding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
+        return Judged((cut, *strange), tuple(evidence))
+    found = (_loss(expected, echoes), *_times(expected, echoes))
+    kept = tuple(finding for finding in found if not strange or finding.verdict is not Verdict.PASS)
+    return Judged((*strange, *kept), tuple(evidence))
+
+
+def odd_answers(who: str, echoes: Echoes) -> Iterator[Finding]:
+    """Say what is strange about answers, however many they are."""
+    if echoes.others:
+        message = f"{echoes.others[0]} answers in place of {who}"
+        hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
+        yield Finding(Verdict.FAIL, "another-answers", message, hint)
+    if echoes.damaged:
+        message = f"answers of {who} came back damaged"
+        hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
+        yield Finding(Verdict.FAIL, "answers-damaged", message, hint)
+    if echoes.twice:
+        many = echoes.twice > MANY_TWICE * max(echoes.received, 1)
+        message = f"{who} answers {echoes.received} of {echoes.sent} pings, and {echoes.twice} answers came twice"
+        hint = "two devices have this address, or the network has a loop: unplug it and ping again"
+        yield Finding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
+
+
+def _loss(expected: Pinged, echoes: Echoes) -> Finding:
+    who = f"{expected.name} ({expected.address})"
+    if not echoes.received:
+        refused = f"; {echoes.refusal}" if echoes.refusal else ""
+        hint = "is it switched on, with this address, and does it answer pings at all?"
+        return Finding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
+    message = f"{who} answers {echoes.received} of {echoes.sent} pings"
+    loss = echoes.loss_percent
+    if loss <= expected.loss_percent:
+        after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
+        return Finding(Verdict.PASS, "answers", message + after)
+    verdict = Verdict.FAIL if loss >= expected.fail_percent else Verdict.WARN
+    hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
+    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {expected.loss_percent:g} %", hint)
+
+
+def _times(expected: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
+    if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
+        return ()
+    message = f"{expected.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
+    hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
+    return (Finding(Verdict.WARN, "slow", message, hint),)

@@ -1,0 +1,203 @@
+"""Satellite: what the router shows without sending, what may be sent with consent, and what only a person sees.
+
+A Thales VesseLINK has no documented interface, so the check speaks to none. It reads the router: the port's link,
+whether the terminal has answered ARP, what the filter has dropped, what is declared of the terminal; nothing goes over
+airtime. `provision prove` proves the allow-list, costs money and asks first; its result stands here in the words of the
+checklist. A person reads the terminal's own pages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
+from atlantis_netcfg.checklist.probes.requests import Prove
+from atlantis_netcfg.checklist.probes.results import Proved
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, measured, unasked
+from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.declaration.satellite_allow_list import allowed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
+
+__all__ = ["AllowListProbe", "steps"]
+
+
+_NOT_TRIED = "not-tried"
+_SEEN = (Verdict.PASS, Verdict.WARN)
+_AIMED = frozenset(
+    {
+        "reached",
+        "refused",
+        "refused-beyond",
+        "only-the-router-enforces",
+        "leak",
+        "not-reached",
+        "silent",
+        "link-not-seen",
+        "refused-by-the-router",
+        _NOT_TRIED,
+    }
+)
+"""Codes of `bearers.satellite.proof` that speak of a target; any other is of the terminal or of names."""
+
+
+@dataclass(frozen=True, slots=True)
+class AllowListProbe:
+    """The satellite lets through what is declared, and refuses targets of ours that are not.
+
+    Targets are those of the declaration and no others; silence counts after 90 s; at most 20 kB go over the air.
+    """
+
+    bearer: str
+    site: str
+
+    def asks(self) -> tuple[Prove, ...]:
+        """One proof."""
+        return (Prove("prove", self.bearer),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Take over what was found; what could not be tried only warns where something else was proved."""
+        answer = results.get("prove")
+        if not isinstance(answer, Proved) or answer.trouble is not None:
+            return Judged((unasked("the satellite's router", answer),))
+        return Judged(tuple(self._findings(answer)), tuple(self._evidence(answer)))
+
+    def _findings(self, proved: Proved) -> Iterator[Finding]:
+        aimed = [entry for entry in proved.findings if entry.code in _AIMED]
+        seen = [item for item in aimed if item.verdict in _SEEN]
+        if not aimed:
+            message = f"nothing was tried over {self.bearer}"
+            hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
+            yield Finding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
+        elif not seen:
+            message = f"none of {len(aimed)} targets could be proved over {self.bearer}"
+            hint = "try again while the satellite carries the traffic: unplug the other links"
+            yield Finding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
+        else:
+            yield self._proved(len(seen), len(aimed), sum(finding.code == _NOT_TRIED for finding in aimed))
+        for one in proved.findings:
+            weaker = Verdict.WARN if seen and one.code == _NOT_TRIED else one.verdict
+            yield replace(one, verdict=weaker, hint=one.hint or self._hints.get(one.code))
+
+    def _proved(self, seen: int, aimed: int, untried: int) -> Finding:
+        message = f"{seen} of {aimed} targets were proved over {self.bearer}"
+        if not untried:
+            return Finding(Verdict.PASS, "proved", message)
+        message = f"{message}, {untried} could not be tried"
+        return Finding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
+
+    @property
+    def _hints(self) -> Mapping[str, str]:
+        """Where a proof gives none of its own."""
+        try_all = f"`provision prove site={self.site} --try-all`"
+        return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
+
+    def _evidence(self, proved: Proved) -> Iterator[Evidence]:
+        yield measured(f"proof over {self.bearer} took", round(proved.seconds, 1), "s")
+        if proved.bill:
+            yield measured(f"cost over {self.bearer}", proved.bill)
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Give the four items of each satellite link of a location, else something for a person."""
+    links = bearers(cell, BearerKind.SATELLITE)
+    found = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
+    return tuple(found) or (_by_a_person(cell),)
+
+
+def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
+    """Name the items of a second link after it."""
+    before = f"{bearer.name}-" if number else ""
+    concerns = tuple(item for item in (bearer.device,) if item is not None)
+    yield Step(
+        name=bearer.name if number else "",
+        title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
+        kind=Kind.AUTOMATIC,
+        phase=Phase.BENCH,
+        probe=BearerProbe(bearer.name, _there),
+        concerns=concerns,
+    )
+    yield Step(
+        name=f"{before}allow-list",
+        title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
+        kind=Kind.ACTIVE,
+        phase=Phase.QUAY,
+        probe=AllowListProbe(bearer.name, cell.site),
+        consent=Consent(
+            question=f"the terminal of {cell.name} sees the sky, and up to 20 kB may go over its airtime",
+            prompt="wait: what is silent is asked for 90 s, because gaps of 70 s are ordinary on this link",
+            cost=True,
+        ),
+        concerns=concerns,
+    )
+    yield _firewall(cell, bearer, before, concerns)
+    yield _terminal(cell, bearer, before, concerns)
+
+
+def _firewall(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
+    listed = ", ".join(_target(allowed_target) for allowed_target in allowed(cell.declaration.pilot, bearer))
+    return Step(
+        name=f"{before}firewall",
+        title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
+        kind=Kind.PERSON,
+        phase=Phase.BENCH,
+        do=f"Open the pages of {bearer.device} and look at its firewall; attach a screenshot of it.",
+        look_for=f"It is on, admits these and nothing else: {listed}. Its password is not the factory's.",
+        concerns=concerns,
+    )
+
+
+def _terminal(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
+    box = cell.declaration.hosts.get(bearer.device or "")
+    evidence = getattr(box.device, "evidence", None) if box is not None else None
+    firmware = f"the firmware is {evidence.firmware}, as declared" if evidence is not None else "note its firmware"
+    return Step(
+        name=f"{before}terminal",
+        title=f"The terminal's own pages show signal, position and a data session ({bearer.device})",
+        kind=Kind.PERSON,
+        phase=Phase.QUAY,
+        do=f"Open the pages of {bearer.device} under a clear sky; attach a screenshot of its status.",
+        look_for=f"It shows a signal, its position and a data session, and no alarm; {firmware}.",
+        concerns=concerns,
+    )
+
+
+def _target(target: AllowedTarget) -> str:
+    port = "" if target.port is None else f" {target.transport} {target.port}"
+    return f"{target.name} ({target.address}{port})"
+
+
+def _there(values: Mapping[str, Any]) -> Finding | None:
+    """Say what of the terminal can be seen from the router; that its ARP entry has aged proves nothing."""
+    quality = values.get("quality") or {}
+    if quality.get("port_link") != "up":
+        return None
+    port = quality.get("port") or "its port"
+    if quality.get("next_hop_seen") == "yes":
+        message = f"port {port} has a link, and the terminal has answered on it; over the air nothing was sent"
+        return Finding(Verdict.PASS, "terminal-there", message)
+    message = f"port {port} has a link, but the terminal has not answered on it of late"
+    hint = "that alone proves nothing: the router asks for it when it sends; the allow-list's item shows more"
+    return Finding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
+
+
+def _by_a_person(cell: Cell) -> Step:
+    return Step(
+        name="",
+        title=f"Satellite of {cell.name} works",
+        kind=Kind.PERSON,
+        phase=Phase.QUAY,
+        do=f"Open the pages of the satellite terminal of {cell.name} under a clear sky, then send one small message."
+        " Each byte may cost.",
+        look_for="It shows a signal and a data session, and the message arrives within 90 s: gaps of 70 s happen.",
+    )

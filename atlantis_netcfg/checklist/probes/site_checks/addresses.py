@@ -1,0 +1,445 @@
+"""Addresses of the LAN: they are as declared, no two hosts share one, and nobody else hands them out.
+
+Static addresses are there, have the declared mask, and will be there after a restart (BlueOS 3370, 3432). No interface
+has two addresses of one subnet: a lease that ends takes the shared route along (BlueOS 4054). One card answers for an
+address, and the reserved card for a reserved one. Nobody but the router runs a DHCP server (a vehicle's own server
+stole leases: BlueOS 3143, 4328).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from ipaddress import IPv4Address, IPv4Interface
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.requests import Place, Probing
+from atlantis_netcfg.checklist.probes.results import Ran, Trouble
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    Computer,
+    Held,
+    Neighbour,
+    OwnSite,
+    addresses,
+    ask,
+    by_hand,
+    declared,
+    fail,
+    good,
+    listed,
+    measured,
+    neighbours,
+    offers,
+    read,
+    rows,
+    run,
+    silent,
+    step,
+    unknown,
+    warn,
+    yes,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.gateway.network import gateway_network
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer, Offer
+    from atlantis_netcfg.checklist.probes.step import Step
+
+
+FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
+"""Where `provision` says how a gateway computer gets its address, one for each tool that configures networks."""
+_LOOPBACK = "lo"
+_RUN = "run the site, which puts the declared address back"
+
+
+def static_addresses_check(site: OwnSite) -> Step:
+    """The addresses that run beside the files that are read at the next start."""
+    return step("static-addresses", "Static addresses survive a restart", _Static(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Static:
+    """Static addresses survive a restart."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        return (
+            *ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
+            *ask("sockets", self.site, "/interface/ethernet", "name", "default-name"),
+            *run("gateway", self.site, "ip -j addr show"),
+            *(question for path in FILES for question in run(path, self.site, f"cat {path}")),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        current = _on_sockets(results, self.site.router.name)
+        found = [current] if isinstance(current, Finding) else list(self._of_router(self.site.router.name, current))
+        evidence = [declared(f"address of {name}", address) for name, address in self._wanted()]
+        gateway = self.site.gateway
+        if gateway is not None:
+            local = addresses(results["gateway"], gateway.name)
+            found += [local] if isinstance(local, Finding) else self._of_gateway(gateway, local, results)
+            if not isinstance(local, Finding):
+                evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
+        return Judged(tuple(found), tuple(evidence))
+
+    def _wanted(self) -> Iterator[tuple[str, str]]:
+        """Interface and address of everything that the router has by declaration."""
+        view = self.site.view
+        assert view is not None  # noqa: S101 - the check is made for sites with a router
+        yield view.bridge, view.lan.address
+        yield view.management.port, view.management.address
+        for link in (*view.uplinks, *view.served):
+            yield link.port, link.interface_address
+
+    def _of_router(self, name: str, current: tuple[Held, ...]) -> Iterator[Finding]:
+        wrong = list(_wrong(name, tuple(self._wanted()), current))
+        yield from wrong
+        if not wrong:
+            count = len(tuple(self._wanted()))
+            yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
+
+    def _of_gateway(self, gateway: Computer, local: tuple[Held, ...], received: Mapping[str, Answer]) -> list[Finding]:
+        interface = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
+        there = next((item for item in local if item.address.ip == interface.ip), None)
+        wrong = _as_it_runs(gateway, interface, there)
+        if wrong is not None:
+            return [wrong]
+        kept = self._in_files(gateway, interface, received)
+        fine = good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
+        return [kept or fine]
+
+    def _in_files(self, gateway: Computer, interface: IPv4Interface, received: Mapping[str, Answer]) -> Finding | None:
+        """What is wrong with the files that the next start reads; None: they say what runs."""
+        texts = {path: received[path] for path in FILES}
+        trouble = next(
+            (result for result in texts.values() if not isinstance(result, Ran) or result.trouble is not None), None
+        )
+        if trouble is not None:
+            return silent(gateway.name, getattr(trouble, "trouble", None) or Trouble.SILENT, trouble.words)
+        files = {path: answer.out for path, answer in texts.items() if isinstance(answer, Ran) and answer.rc == 0}
+        host = self.site.declaration.hosts[gateway.name]
+        promised = gateway_network(self.site.declaration, host)
+        if promised is not None:
+            return _promised(gateway.name, promised.path, files.get(promised.path), promised.content, interface)
+        if gateway.leased or any(_says(text, interface) for text in files.values()):
+            return None
+        message = (
+            f"{gateway.name} has {interface}, but no file of ours says so: nobody knows whether it survives a restart"
+        )
+        hint = f"declare `network:` of {gateway.name} and run the site, or restart it once and repeat the check"
+        return unknown("no-file", message, hint)
+
+
+def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[Held, ...] | Finding:
+    """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
+    current = addresses(results["router"], router)
+    ports = rows(results["sockets"], router, "the names of its ports", "default-name")
+    if isinstance(current, Finding):
+        return current
+    if isinstance(ports, Finding):
+        return ports
+    socket = {row.get("name", ""): row.get("default-name", "") for row in ports}
+    return tuple(replace(item, interface=socket.get(item.interface, item.interface)) for item in current)
+
+
+def _says(text: str, interface: IPv4Interface) -> bool:
+    """A comment does not configure anything."""
+    lines = (line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    return any(str(interface) in line for line in lines)
+
+
+def _promised(name: str, path: str, text: str | None, content: str, interface: IPv4Interface) -> Finding | None:
+    hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
+    if text is None:
+        return fail(
+            "no-file", f"{name} has {interface}, but {path} is not there: it will be gone after a restart", hint
+        )
+    if text.strip() != content.strip():
+        return fail(
+            "file-differs", f"{path} of {name} does not say what is declared: a restart changes its address", hint
+        )
+    return None
+
+
+def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: Held | None) -> Finding | None:
+    if there is None:
+        return fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
+    if there.interface == _LOOPBACK:
+        message = f"{gateway.name} has its declared address {interface} on {there.interface}, where nobody reaches it"
+        return fail("wrong-interface", message, _RUN)
+    if there.address != interface:
+        message = f"{gateway.name} has {there.address}, and the declared mask is /{interface.network.prefixlen}"
+        return fail("wrong-mask", message, _RUN)
+    if there.leased and not gateway.leased:
+        message = f"{gateway.name} has leased {interface}, which is declared static: it goes when the lease ends"
+        return fail("address-leased", message, _RUN)
+    if gateway.leased and not there.leased:
+        message = f"{gateway.name} has {interface} by hand, while it is declared to get it by DHCP"
+        return warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
+    return None
+
+
+def _wrong(name: str, expected: tuple[tuple[str, str], ...], current: tuple[Held, ...]) -> Iterator[Finding]:
+    for interface, text in expected:
+        address = IPv4Interface(text)
+        there = next((item for item in current if item.address.ip == address.ip), None)
+        if there is None:
+            yield fail("address-missing", f"{name} does not have its declared address {text} on {interface}", _RUN)
+        elif there.address != address:
+            message = f"{name} has {there.address} on {there.interface}, and the declared mask is"
+            yield fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
+        elif there.interface != interface:
+            message = f"{name} has its declared address {text} on {there.interface}, and not on {interface}"
+            yield fail("wrong-interface", message, _RUN)
+        elif there.flags:
+            yield fail(
+                "address-flagged", f"{text} of {name} is {listed(there.flags)}, and no declared address is", _RUN
+            )
+
+
+_SUBNET_HINT = "take one of them away: when a lease ends, it takes the route of both along, and contact is lost"
+
+
+def one_subnet_twice_check(site: OwnSite) -> Step:
+    """The router's and the gateway computer's own addresses."""
+    return step("one-subnet-twice", "No two addresses of one subnet on one interface", _OneSubnet(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _OneSubnet:
+    """No two addresses of one subnet on one interface."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        return (
+            *ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
+            *run("gateway", self.site, "ip -j addr show"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        names = {"router": self.site.router.name}
+        if self.site.gateway is not None:
+            names["gateway"] = self.site.gateway.name
+        values = {name: addresses(results[question], name) for question, name in names.items()}
+        current = {name: found for name, found in values.items() if not isinstance(found, Finding)}
+        silence = tuple(found for found in values.values() if isinstance(found, Finding))
+        wrong = tuple(finding for name, found in current.items() for finding in _twice(name, found))
+        evidence = tuple(
+            read(f"{item.interface} of {name}", _worded(item)) for name, found in current.items() for item in found
+        )
+        fine = good("each-subnet-once", f"no interface of {listed(names.values())} has two addresses of one subnet")
+        return Judged((*wrong, *silence) or (fine,), evidence)
+
+
+def _twice(name: str, found: tuple[Held, ...]) -> Iterator[Finding]:
+    for item, other in combinations([current for current in found if not current.dead], 2):
+        if item.interface == other.interface and item.address.network.overlaps(other.address.network):
+            message = f"{item.interface} of {name} has {_worded(item)} and {_worded(other)}, which are in one subnet"
+            yield fail("subnet-twice", message, _SUBNET_HINT)
+
+
+def _worded(item: Held) -> str:
+    return f"{item.address} ({'leased' if item.leased else 'static'})"
+
+
+_DUPLICATE_HINT = "switch one of them off, and give it another address or a reservation of its own"
+
+
+def duplicate_addresses_check(site: OwnSite) -> Step:
+    """The router's ARP and leases, and what the gateway computer has seen."""
+    return step("duplicate-addresses", "No address of the LAN twice", _Duplicates(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Duplicates:
+    """No address of the LAN twice."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        arp = ("address", "mac-address", "interface", "complete", "status", "disabled", "invalid")
+        return (
+            *ask("arp", self.site, "/ip/arp", *arp),
+            *ask("leases", self.site, "/ip/dhcp-server/lease", "address", "mac-address", "status", "disabled"),
+            *run("neighbours", self.site, "ip -j neigh show"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        router = self.site.router.name
+        result = [neighbours(results["arp"], router)]
+        if self.site.gateway is not None:
+            result.append(neighbours(results["neighbours"], self.site.gateway.name))
+        leases = rows(results["leases"], router, "its leases", "address")
+        seen = [item for part in result if not isinstance(part, Finding) for item in part if self._in_lan(item)]
+        silence = [part for part in (*result, leases) if isinstance(part, Finding)]
+        wrong = [*self._twice(seen), *self._wrong(seen), *self._busy(() if isinstance(leases, Finding) else leases)]
+        evidence = tuple(read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in seen)
+        return Judged(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(seen),), evidence)
+
+    def _in_lan(self, neighbour: Neighbour) -> bool:
+        return IPv4Address(neighbour.address) in self.site.declared.lan.network
+
+    def _twice(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
+        cards: dict[str, dict[str, Neighbour]] = {}
+        for one in sorted(seen, key=lambda entry: not entry.fresh):
+            cards.setdefault(one.address, {}).setdefault(one.mac, one)
+        for address, macs in cards.items():
+            text = listed(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
+            if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
+                yield fail("address-twice", f"{address} is answered by two cards: {text}", _DUPLICATE_HINT)
+            elif len(macs) > 1:
+                message = f"{address} was answered by another card some time ago: {text}"
+                yield warn(
+                    "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
+                )
+
+    def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
+        lan = self.site.declared.lan
+        by_address = {str(one.address): one for one in lan.reservations}
+        by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
+        now = {entry.address for entry in seen if entry.fresh}
+        current = [item for item in seen if item.fresh or item.address not in now]
+        for one in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
+            reserved, owner = by_address.get(one.address), by_card.get(one.mac)
+            if reserved is not None and reserved.mac.lower() != one.mac:
+                there = f"{one.mac}{f', the card of {owner.name},' if owner else ''}"
+                message = f"{one.address} is reserved for {reserved.name}, but {there} answers there"
+                hint = f"correct `mac:` of {reserved.name} if its card is a new one; else find who took its address"
+                yield fail("wrong-card", message, hint)
+            elif reserved is None and owner is not None:
+                message = f"{owner.name} has the address {one.address}, not its reserved {owner.address}"
+                hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
+                yield fail("wrong-address", message, hint)
+
+    def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+        """RouterOS' `busy`: somebody answered at an address that was to be handed out (Manual, DHCP)."""
+        for row in leases:
+            if row.get("status") == "busy":
+                message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
+                yield warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
+
+    def _fine(self, seen: Sequence[Neighbour]) -> Finding:
+        count = len({neighbour.address for neighbour in seen})
+        if not count:
+            hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
+            return unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)
+        are = "1 address of the LAN is" if count == 1 else f"{count} addresses of the LAN are each"
+        return good("each-once", f"{are} answered by one card, as reserved")
+
+
+_DHCP_HINT = "unplug it, or switch its DHCP server off: a robot that takes its lease is lost to the site"
+
+
+def rogue_dhcp_check(site: OwnSite) -> Step:
+    """The router is asked for alerts, and the LAN for offers."""
+    title = "No other DHCP server on the LAN"
+    if site.gateway is None:
+        return by_hand(
+            "rogue-dhcp",
+            title,
+            f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
+            " computer in it: the site has no gateway computer that a program could ask from.",
+            f"Only the router offers an address: {site.declared.lan.gateway}.",
+            site.hosts,
+        )
+    return step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _RogueDhcp:
+    """No other DHCP server on the LAN."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        cards = tuple(reservation.mac for reservation in self.site.declared.lan.reservations)
+        return (
+            Probing("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
+            *run("router", self.site, f"ip -j neigh show to {self.site.declared.lan.gateway}"),
+            *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
+        found = offers(results["offers"], self.site.gateway.name)
+        alerts = tuple(self._alerts(results))
+        if isinstance(found, Finding):
+            return Judged((*alerts, found))
+        each = {(offer.server, offer.mac): offer for offer in found}.values()
+        evidence = tuple(measured(f"DHCP offer of {item.server}", _told(item)) for item in each)
+        judged = tuple(
+            finding
+            for finding in self._judged(found, self._card(results))
+            if not alerts or finding.verdict is not Verdict.PASS
+        )
+        return Judged((*alerts, *judged), evidence)
+
+    def _alerts(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
+        if self.site.router is None or "alerts" not in results:
+            return
+        result = rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
+        for row in () if isinstance(result, Finding) else result:
+            server = row.get("unknown-server", "")
+            if server and not yes(row, "disabled"):
+                place = row.get("interface", "its LAN")
+                yield fail("dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _DHCP_HINT)
+
+    def _card(self, results: Mapping[str, Answer]) -> str | None:
+        """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
+        result = neighbours(results["router"], "")
+        local = str(self.site.declared.lan.gateway)
+        return (
+            None
+            if isinstance(result, Finding)
+            else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
+        )
+
+    def _judged(self, found: tuple[Offer, ...], known: str | None) -> Iterator[Finding]:
+        local = str(self.site.declared.lan.gateway)
+        strangers = {(item.server, item.mac): item for item in found if item.server != local}
+        cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})
+        strange = [card for card in cards if known not in {None, card}]
+        for stranger in strangers.values():
+            yield fail(
+                "rogue-dhcp",
+                f"{self._named(stranger)} hands out addresses on the LAN, too: {_told(stranger)}",
+                _DHCP_HINT,
+            )
+        if len(cards) > 1:
+            message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
+            yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
+        elif strange:
+            message = f"{strange[0]} hands out addresses as the router {local}, whose card is {known}"
+            yield fail("not-the-router", message, "find it by its card, and unplug it")
+        if not found:
+            hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
+            yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
+        elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
+            requested = 2 + len(self.site.declared.lan.reservations)
+            yield good(
+                "only-the-router", f"the router {local} alone offers an address, to whichever of {requested} cards asks"
+            )
+
+    def _named(self, offer: Offer) -> str:
+        cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}
+        whose = cards.get((offer.mac or "").lower())
+        card = offer.mac or "card unknown"
+        return f"{offer.server} ({card}{f', the card of {whose}' if whose else ''})"
+
+
+def _told(offer: Offer) -> str:
+    gateway = f" with gateway {offer.router}" if offer.router else ""
+    return f"it offered {offer.address}{gateway}"

@@ -1,0 +1,253 @@
+"""Certificates of the site are valid, and will be for some weeks."""
+
+from __future__ import annotations
+
+import re
+import time
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    ask,
+    fail,
+    good,
+    listed,
+    read,
+    rows,
+    run,
+    silent,
+    step,
+    unknown,
+    unreadable,
+    warn,
+    yes,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.render import prerequisites
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+
+__all__ = ["IDENTITY", "SOON", "certificates_check"]
+
+IDENTITY = "/etc/openvpn/client/atlantis.identity"
+"""Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""
+SOON = timedelta(days=30)
+_MENU = ("name", "common-name", "invalid-before", "invalid-after", "expired", "revoked", "private-key", "authority")
+_SUBJECT = re.compile(r"^ {8}Subject:.*?CN ?= ?([^,\n]+)", re.MULTILINE)
+_DATES = re.compile(r"Not Before *: (.+?)\n\s*Not After *: (.+?)\n")
+_API = "make another one on the router under the same name (docs/adopt.md), and confirm it at the next contact"
+_ROUTER = (
+    "`provision vpn renew name={name}` makes another one, and `provision vpn install host={name}` brings it to the "
+    "router"
+)
+_COMPUTER = (
+    "`provision vpn renew name={name}` makes another one, `provision vpn accept file=FILE` takes it on another laptop, "
+    "and `provision site={site} only={name}` brings it"
+)
+_STAMP = "%b %d %H:%M:%S %Y GMT"
+
+
+@dataclass(frozen=True, slots=True)
+class _Certificate:
+    holder: str
+    """The device."""
+    name: str
+    since: datetime | None
+    until: datetime | None
+    used: bool = True
+    """The declaration says what for; an authority is always used."""
+    expired: bool = False
+    """The device itself says so."""
+    unfit: str = ""
+    """Why it serves nobody, however long it is valid."""
+    renew: str = ""
+    """How another one gets there."""
+
+    @property
+    def called(self) -> str:
+        return f"certificate `{self.name}` of {self.holder}"
+
+
+def certificates_check(site: OwnSite) -> Step:
+    """Those on the router, and those in the gateway computer's identity; keys are not read."""
+    return step("certificates", "Certificates are valid", _Certificates(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Certificates:
+    """Certificates are valid."""
+
+    site: OwnSite
+
+    @property
+    def _gateway_is_in(self) -> bool:
+        return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
+
+    def asks(self) -> tuple[Question, ...]:
+        local = run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
+        return (*ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        result = rows(results["router"], self.site.router.name, "its certificates", "name")
+        missing: list[Finding] = []
+        certificates: list[_Certificate] = []
+        if isinstance(result, Finding):
+            missing.append(result)
+        else:
+            missing += self._missing(result)
+            certificates += self._of_router(result)
+        if self._gateway_is_in:
+            assert self.site.gateway is not None  # noqa: S101 - just looked
+            local = _of_identity(self.site.gateway.name, self.site.name, results["identity"])
+            missing += [local] if isinstance(local, Finding) else []
+            certificates += [] if isinstance(local, Finding) else local
+        now = _now(results)
+        wrong = [finding for item in certificates for finding in _judged(item, now)]
+        evidence = tuple(
+            read(f"{certificate.called}: valid until", f"{certificate.until:%Y-%m-%d}")
+            for certificate in certificates
+            if certificate.until
+        )
+        return Judged((*wrong, *missing) or (_fine(certificates),), evidence)
+
+    @property
+    def _wanted(self) -> Mapping[str, str]:
+        """Name to what it is for."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        all_of_it = prerequisites(self.site.declaration, self.site.router)
+        return {
+            prerequisite.name: prerequisite.reason for prerequisite in all_of_it if prerequisite.menu == "/certificate"
+        }
+
+    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        there = {row.get("name") for row in result}
+        for name, reason in self._wanted.items():
+            if name not in there:
+                message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
+                yield fail("certificate-missing", message, self._renewal(name))
+
+    def _renewal(self, name: str) -> str:
+        """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
+        tunnel = self.site.view.tunnel if self.site.view is not None else None
+        of_the_vpn = name not in self._wanted or (tunnel is not None and name == tunnel.certificate)
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
+
+    def _of_router(self, result: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        for row in result:
+            since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
+            name = row.get("name", "?")
+            used = name in self._wanted or yes(row, "authority")
+            if until is not None or name in self._wanted:
+                renew, expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
+                host = self.site.router.name
+                yield _Certificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
+
+    def _unfit(self, name: str, row: Mapping[str, str]) -> str:
+        """Why a certificate is no use to the router, though it may be valid; empty: it is, as far as can be told."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        tunnel = self.site.view.tunnel if self.site.view is not None else None
+        host, subject = self.site.router.name, row.get("common-name")
+        if yes(row, "revoked"):
+            return "is revoked"
+        if name in self._wanted and row.get("private-key") in {"false", "no"}:
+            return "has no private key there, so that nobody can use it"
+        if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
+            return f"is that of {subject}, not of {host}"
+        return ""
+
+
+def _now(results: Mapping[str, Answer]) -> datetime:
+    """When this computer had the answers."""
+    stamps = [answer.heard for answer in results.values() if isinstance(answer, Ran | Rows)]
+    return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
+
+
+def _router_stamp(text: str) -> datetime | None:
+    date, _, clock = text.partition(" ")
+    return router_time({"date": date, "time": clock})
+
+
+def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | Finding:
+    """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
+    if not isinstance(answer, Ran):
+        return unreadable(name, "its identity in the VPN")
+    if answer.trouble is not None:
+        return silent(name, answer.trouble, answer.words)
+    names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
+    if not dates or len(names) != len(dates):
+        hint = f"`provision site={site} only={name}` brings it there; only root may read it"
+        return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
+    renew = _COMPUTER.format(name=name, site=site)
+    if name not in [subject.strip() for subject in names]:
+        there = listed(subject.strip() for subject in names)
+        return fail("other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew)
+    return [
+        _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
+        for subject, (since, until) in zip(names, dates, strict=True)
+    ]
+
+
+def _stamp(text: str) -> datetime | None:
+    try:
+        return datetime.strptime(text, _STAMP).replace(tzinfo=UTC)
+    except ValueError:
+        return None
+
+
+def _judged(certificate: _Certificate, now: datetime) -> Iterator[Finding]:
+    if certificate.until is None:
+        yield unknown(
+            "no-date",
+            f"nobody can tell until when the {certificate.called} is valid",
+            f"look at {certificate.holder} by hand",
+        )
+    elif not certificate.used:
+        if certificate.until < now or certificate.expired:
+            expired = f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}"
+            message = f"{expired}, and nothing that is declared uses it"
+            yield warn("old-certificate", message, f"remove it from {certificate.holder}")
+    elif certificate.unfit:
+        yield fail("unfit", f"the {certificate.called} {certificate.unfit}", certificate.renew)
+    elif certificate.until < now:
+        yield fail("expired", f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}", certificate.renew)
+    elif certificate.expired:
+        message = (
+            f"{certificate.holder} takes its certificate `{certificate.name}` for expired, though it is valid until"
+        )
+        yield fail(
+            "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
+        )
+    elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
+        message = f"the {certificate.called} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
+        yield fail(
+            "not-yet-valid", message, "look at the clocks of this computer and of the device: one of them is wrong"
+        )
+    elif certificate.until < now + SOON:
+        days = (certificate.until - now).days
+        yield warn(
+            "expires-soon",
+            f"the {certificate.called} expires in {days} days, on {certificate.until:%Y-%m-%d}",
+            certificate.renew,
+        )
+
+
+def _fine(certificates: Sequence[_Certificate]) -> Finding:
+    """Of those that are used: a declared one that is not there has been told of."""
+    until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
+    if len(until) == 1:
+        return good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
+    return good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")

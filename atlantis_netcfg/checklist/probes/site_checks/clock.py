@@ -1,0 +1,256 @@
+"""All clocks of the site agree: certificates, leases of DDS and the reports of a test are only good while they do."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    ask,
+    fail,
+    good,
+    listed,
+    measured,
+    printed,
+    read,
+    rows,
+    run,
+    step,
+    unknown,
+    unreadable,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.report import Evidence
+
+__all__ = ["APART_S", "COARSE_S", "Offset", "clock_check", "router_time"]
+
+APART_S = 2.0
+"""Farther apart than this is wrong: time servers hold a few milliseconds."""
+COARSE_S = 30.0
+"""An answer that took longer proves too little: a clock may be wrong by so much and not show it."""
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_DATE = re.compile(r"(?:(\d{4})-(\d\d)-(\d\d)|([a-z]{3})/(\d\d)/(\d{4}))")
+_TIME = re.compile(r"(\d\d):(\d\d):(\d\d)")
+_ZONE = re.compile(r"([+-])(\d\d):(\d\d)")
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """How far a clock is ahead of this computer's, as closely as the waiting for its answer lets us know."""
+
+    least_s: float
+    most_s: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it is surely too far apart."""
+        return self.least_s > APART_S or self.most_s < -APART_S
+
+    @property
+    def coarse(self) -> bool:
+        """Whether it may be too far apart as well as not."""
+        return not self.wrong and max(self.most_s, -self.least_s) > COARSE_S
+
+    @property
+    def words(self) -> str:
+        """`60 min behind`."""
+        middle = (self.least_s + self.most_s) / 2
+        if self.least_s <= 0 <= self.most_s:
+            return f"the same within {max(self.most_s, -self.least_s):.1f} s"
+        return f"{_span(abs(middle))} {'ahead of' if middle > 0 else 'behind'}"
+
+
+def _span(seconds: float) -> str:
+    """In the unit that a person would say: 45 s, 60 min, 30 h, 690 days."""
+    units = ((86_400, "days", 172_800), (3_600, "h", 7_200), (60, "min", 300), (1, "s", 0))
+    length, name = next((length, name) for length, name, least in units if seconds >= least)
+    return f"{seconds / length:.0f} {name}"
+
+
+def clock_check(site: OwnSite) -> Step:
+    """The clocks of router, gateway computer and this computer, beside each other, and what sets them."""
+    return step("clock", "Clocks agree, and are set by time servers", _Clock(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Clock:
+    """Clocks agree, and are set by time servers."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        return (
+            *ask("clock", self.site, "/system/clock"),
+            *ask("ntp", self.site, "/system/ntp/client"),
+            *run("timedatectl", self.site, "timedatectl show"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        router = self.site.router.name
+        offsets: dict[str, Offset | Finding] = {router: _of_router(router, results["clock"])}
+        if self.site.gateway is not None:
+            offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
+        known = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
+        wrong = [
+            *(offset for offset in offsets.values() if isinstance(offset, Finding)),
+            *_judged(known),
+            *self._set(results, known),
+        ]
+        evidence = [measured(f"clock of {name}, to this computer's", item.words) for name, item in known.items()]
+        agree = f"the clocks of {listed((*known, 'this computer'))} agree"
+        fine = good("clocks-agree", f"{agree}, and time servers set them")
+        return Judged(tuple(wrong) or (fine,), (*evidence, *self._told(results)))
+
+    def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
+        """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
+        clock, ntp = _row(results["clock"]), rows(results["ntp"], name, "what sets its clock", "enabled")
+        if name in known:
+            yield from _zone(name, clock.get("time-zone-name", ""), zone)
+            yield from (ntp,) if isinstance(ntp, Finding) else self._of_client(name, ntp[0] if ntp else {})
+        gateway = self.site.gateway
+        if gateway is not None and gateway.name in known:
+            reply, result = printed(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
+            if isinstance(reply, Finding):
+                yield reply
+            elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
+                yield unreadable(gateway.name, "the service that sets its clock")
+            elif result["NTP"] == "no":
+                yield _unset(gateway.name)
+            elif result["NTPSynchronized"] == "no":
+                yield _waiting(gateway.name, self.site.name)
+            yield from _zone(gateway.name, result.get("Timezone", ""), zone)
+
+    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[Finding]:
+        """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
+        status, server = ntp.get("status", ""), ntp.get("synced-server", "")
+        declared = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
+        if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
+            yield _unset(name)
+        elif status in {"waiting", "started"}:
+            yield _waiting(name, self.site.name)
+        elif status != "synchronized":
+            text = f"`{status}`" if status else "nothing"
+            message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
+            yield unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
+        elif server and server not in declared:
+            message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
+            hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
+            yield unknown("other-time-server", message, hint)
+
+    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        ntp, values = _row(results["ntp"]), _pairs(results["timedatectl"]) if self.site.gateway is not None else {}
+        if "status" in ntp:
+            server = f" with {ntp['synced-server']}" if ntp.get("synced-server") else ""
+            yield read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
+        if self.site.gateway is not None and "NTPSynchronized" in values:
+            yield read(f"NTPSynchronized of {self.site.gateway.name}", values["NTPSynchronized"])
+
+
+_YES_NO = frozenset({"yes", "no"})
+
+
+def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
+    """Where two clocks agree with each other and not with ours, it is ours that is wrong."""
+    wrong = {name: offset for name, offset in known.items() if offset.wrong}
+    if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
+        turned = next(iter(wrong.values()))
+        behind = "behind" if turned.least_s > 0 else "ahead"
+        span = _span(abs(turned.least_s + turned.most_s) / 2)
+        message = f"this computer's clock is {span} {behind} those of {listed(wrong)}"
+        yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
+        return
+    for name, entry in wrong.items():
+        hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
+        yield fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
+    for name, item in known.items():
+        if item.coarse:
+            message = f"{name} took so long to answer that its clock may be {max(item.most_s, -item.least_s):.0f} s off"
+            yield unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
+
+
+def _together(offsets: list[Offset]) -> bool:
+    return max(item.least_s for item in offsets) - min(offset.most_s for offset in offsets) <= APART_S
+
+
+def _zone(name: str, text: str, zone: str) -> Iterator[Finding]:
+    if text and text != zone:
+        message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
+        yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
+
+
+def _waiting(name: str, site: str) -> Finding:
+    hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
+    return warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
+
+
+def _unset(name: str) -> Finding:
+    return fail("no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on")
+
+
+def _of_router(name: str, answer: Answer) -> Offset | Finding:
+    result = rows(answer, name, "its clock", "time")
+    if isinstance(result, Finding):
+        return result
+    moment = router_time(result[0]) if result else None
+    if moment is None or not isinstance(answer, Rows):
+        return unreadable(name, "its clock")
+    if not answer.heard:
+        return _uncompared(name)
+    return Offset(moment.timestamp() - answer.heard, moment.timestamp() + 1 - answer.asked)
+
+
+def router_time(row: Mapping[str, str]) -> datetime | None:
+    """Read `/system/clock`: dates before 7.10 are written `nov/22/2026`. None: it makes no sense."""
+    date, time = _DATE.fullmatch(row.get("date", "")), _TIME.fullmatch(row.get("time", ""))
+    zone = _ZONE.fullmatch(row.get("gmt-offset", "+00:00"))
+    if date is None or time is None or zone is None:
+        return None
+    year, month, day, name, old_day, old_year = date.groups()
+    if name is not None and name not in _MONTHS:
+        return None
+    whole = f"{year or old_year}-{month or f'{_MONTHS.index(name) + 1:02}'}-{day or old_day} {row['time']}"
+    ahead = timedelta(hours=int(zone[2]), minutes=int(zone[3])) * (-1 if zone[1] == "-" else 1)
+    try:
+        return datetime.fromisoformat(whole).replace(tzinfo=UTC) - ahead
+    except ValueError:
+        return None
+
+
+def _of_computer(name: str, answer: Answer) -> Offset | Finding:
+    """Whatever the program says: when it was started, its clock was read."""
+    if not isinstance(answer, Ran) or answer.trouble is not None or not answer.began:
+        result = printed(answer, name)
+        return result if isinstance(result, Finding) else unreadable(name, "its clock")
+    if not answer.heard:
+        return _uncompared(name)
+    return Offset(answer.began - answer.heard, answer.began - answer.asked)
+
+
+def _uncompared(name: str) -> Finding:
+    return unknown("not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check")
+
+
+def _row(answer: Answer) -> Mapping[str, str]:
+    return answer.rows[0] if isinstance(answer, Rows) and answer.trouble is None and answer.rows else {}
+
+
+def _pairs(answer: Answer) -> Mapping[str, str]:
+    text = answer.out if isinstance(answer, Ran) and answer.trouble is None else ""
+    return {name: value for name, _, value in (line.partition("=") for line in text.splitlines())}

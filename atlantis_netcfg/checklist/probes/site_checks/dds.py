@@ -1,0 +1,353 @@
+"""A participant of the declared DDS domain answers on the gateway computer, at the address where others look for it.
+
+One without topics announces itself there from this very computer, by unicast, and leaves again (`agent/queries.py`):
+who takes it in announces itself in turn, and says at which addresses it is reached. Nobody else receives it. Beside it
+stands which ports are bound. A participant hears announcements at 7410 + 250 d + 2 i, i below the declared number, and
+data one port above (DDSI-RTPS 9.6.2.3). With the site's profile it does not listen at the ports for multicast, 7400 +
+250 d and one above. Without it Fast DDS listens at the first of them besides, is found by who has the profile, and by
+nobody else; Cyclone DDS listens at both, at no port that peers know, and is found by nobody (seen of 2.9.1 and 11.0.1,
+between two networks).
+
+What stops a false answer stands in docs/probes.md. What it does not see is whether the way from a robot to that address
+is open: the gateway's firewall is for `pytest checks/`, the tunnel for the item `vpn`.
+"""
+
+from __future__ import annotations
+
+import re
+import socket
+import struct
+from dataclasses import dataclass
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.requests import Discover, Place
+from atlantis_netcfg.checklist.probes.results import Discovered, Trouble
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    by_hand,
+    declared,
+    fail,
+    good,
+    listed,
+    measured,
+    printed,
+    read,
+    run,
+    silent,
+    step,
+    unknown,
+    unreadable,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import ControlCentre
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.declaration.model import Dds
+
+__all__ = ["TABLE", "dds_check"]
+
+TABLE = "/proc/net/udp"
+_BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2
+_HANDED_OUT = 32768
+"""From here on Linux gives ports to programs that ask for none (ip-sysctl, ip_local_port_range)."""
+_MULTICAST = 0
+_ROW = re.compile(r"^\s*\d+: ([0-9A-F]{8}):([0-9A-F]{4}) .* (\d+)\s*$")
+_HEADER = 20
+"""Bytes of a message before its first submessage: `RTPS`, version, vendor, GUID prefix (9.4.4)."""
+_INFO_DST, _DATA = 0x0E, 0x15
+_SPEAK = frozenset({0x06, 0x07, 0x08, _DATA, 0x16})
+"""Submessages that are addressed to somebody: ACKNACK, HEARTBEAT, GAP, DATA, DATA_FRAG."""
+_ANNOUNCER = b"\x00\x01\x00\xc2"
+"""Writer of announcements (9.3.1.5)."""
+_LOCATOR = 24
+"""Bytes of one: kind (1 is UDP over IPv4), port, address (9.3.2.3)."""
+_DOMAIN_ID, _REACHED_AT = 0x0F, 0x32
+"""Parameters of an announcement (9.6.2.2): domain, and metatraffic unicast locator."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Participant:
+    """One that has announced itself to the question, and spoken to it."""
+
+    domain: int | None
+    """None: it does not say; the port that it was asked at does."""
+    addresses: frozenset[str]
+    """Where it says that it is reached."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Socket:
+    port: int
+    drops: int
+    """Datagrams that nobody took in time."""
+
+    @property
+    def offset(self) -> int:
+        return (self.port - _BASE) % _DOMAIN
+
+    @property
+    def participant(self) -> int | None:
+        """Its number, if this is the port on which it hears announcements."""
+        offset = self.offset - _UNICAST
+        return offset // _EACH if offset >= 0 and offset % _EACH == 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    """What is bound of the ports of one domain. Other programs have ports in that range, too."""
+
+    domain: int
+    sockets: tuple[_Socket, ...]
+    """Those at one port can be many: everybody's ports for multicast are the same."""
+
+    @property
+    def participants(self) -> tuple[_Socket, ...]:
+        """Where announcements are heard."""
+        return tuple({item.port: item for item in self.sockets if item.participant is not None}.values())
+
+    @property
+    def strangers(self) -> int:
+        """How many participants run without the profile."""
+        return self._bound(_MULTICAST)
+
+    @property
+    def is_dds(self) -> bool:
+        """Whether two ports are bound that belong to each other; one alone may be anybody's."""
+        return any(self._bound(item) and self._bound(item + 1) for item in (_MULTICAST, _UNICAST))
+
+    @property
+    def ports(self) -> str:
+        """Where it listens for announcements."""
+        known = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
+        return ", ".join(map(str, sorted(known)))
+
+    def _bound(self, offset: int) -> int:
+        return sum(item.offset == offset for item in self.sockets)
+
+
+def dds_check(site: OwnSite) -> Step:
+    """The gateway computer's participants; a person looks where no program can, for it applies at every site."""
+    title = "DDS answers on the gateway computer"
+    dds = site.declaration.pilot.dds
+    if dds is None:
+        do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
+        return by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
+    if site.gateway is not None:
+        return step("dds", title, _Seen(site), site.hosts[1:])
+    hosts = site.declaration.site_hosts(site.name)
+    centres = tuple(host.name for host in hosts if isinstance(host.device, ControlCentre))
+    where = f"On {' and '.join(centres)}" if centres else f"On a computer at {site.name}"
+    return by_hand(
+        "dds",
+        "DDS of another site is seen",
+        f"{where}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
+        " has no gateway computer that a program could ask.",
+        "Topics of a robot or a gateway at another site are there.",
+        centres or site.hosts,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """DDS answers on the gateway computer."""
+
+    site: OwnSite
+
+    @property
+    def _wanted(self) -> Dds:
+        assert self.site.declaration.pilot.dds is not None  # noqa: S101 - the step is a person's without it
+        return self.site.declaration.pilot.dds
+
+    @property
+    def _address(self) -> str:
+        """Where the others of the pilot look for it."""
+        assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
+        return self._wanted.address_of(self.site.gateway.device)
+
+    def asks(self) -> tuple[Question, ...]:
+        first = _BASE + _DOMAIN * self._wanted.domain + _UNICAST
+        ports = tuple(first + _EACH * number for number in range(self._wanted.participants))
+        discover = Discover("participants", Place.GATEWAY, self._address, self._wanted.domain, ports)
+        return (*run("sockets", self.site, f"cat {TABLE}"), discover)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        gateway, dds = self.site.gateway, self._wanted
+        assert gateway is not None  # noqa: S101 - the step is a person's without one
+        result, answered = (
+            printed(results["sockets"], gateway.name),
+            _answered(results["participants"], gateway.name, self._address),
+        )
+        if isinstance(result, Finding):
+            return Judged((result,))
+        if "local_address" not in result:
+            return Judged((unreadable(gateway.name, "its UDP sockets"),))
+        if isinstance(answered, Finding):
+            return Judged((answered,))
+        found = tuple(_heard(result))
+        ours = next((entry for entry in found if entry.domain == dds.domain), _Heard(dds.domain, ()))
+        near = [one for one in found if one is not ours and one.is_dds]
+        shown = [one.ports for one in (ours, *near) if one.ports]
+        there = [participant for participant in answered if participant.domain in {None, dds.domain}]
+        evidence = (
+            declared("domain of DDS", str(dds.domain)),
+            read(f"UDP ports of DDS on {gateway.name}", ", ".join(shown) or "none"),
+            measured(f"DDS participants that answer at {self._address}", _named(there)),
+        )
+        if not there and not ours.participants and not ours.is_dds:
+            return Judged((_nobody(gateway.name, dds, near),), evidence)
+        wrong = tuple(_judged(gateway.name, dds, ours))
+        lost = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
+        reached = () if lost else (self._reached(gateway.name, there, ours),)
+        fine = tuple(finding for finding in reached if not wrong or finding.verdict is not Verdict.PASS)
+        return Judged((*wrong, *fine), evidence)
+
+    def _reached(self, name: str, there: Sequence[_Participant], bound: _Heard) -> Finding:
+        address, domain = self._address, self._wanted.domain
+        if not there:
+            message = (
+                f"no DDS participant answers at {address} of {name} in domain {domain}, though its ports are bound"
+            )
+            hint = f"on {name}: `sudo ss -ulpn` tells who has UDP port {bound.ports}; start the data gateway anew"
+            return unknown("nobody-answers", message, hint)
+        reached = [participant for participant in there if address in participant.addresses]
+        if not reached:
+            message = f"DDS on {name} says that it is reached at {_named(there)}, and others look for it at {address}"
+            hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
+            return unknown("not-reachable", message, hint)
+        many = "1 DDS participant" if len(reached) == 1 else f"{len(reached)} DDS participants"
+        return good("answers", f"{many} on {name} {_ANSWER[len(reached) == 1]} at {address}, in domain {domain}")
+
+
+_ANSWER = {True: "answers", False: "answer"}
+
+
+def _named(there: Sequence[_Participant]) -> str:
+    """Where they say that they are reached."""
+    return listed(sorted({address for participant in there for address in participant.addresses})) or "none"
+
+
+def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | Finding:
+    """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
+    if not isinstance(answer, Discovered):
+        return unreadable(name, "its DDS participants")
+    if answer.trouble is Trouble.UNREACHABLE:
+        message = f"{name} does not have the address {address}, at which others look for its DDS"
+        return unknown("no-such-address", message, f"bring its network or its tunnel up first: `ip -br addr` on {name}")
+    if answer.trouble is not None:
+        return silent(name, answer.trouble, answer.words)
+    found: dict[bytes, _Participant] = {}
+    spoke: set[bytes] = set()
+    for _, datagram in answer.datagrams:
+        prefix = datagram[8:_HEADER]
+        if datagram[:4] != b"RTPS" or len(prefix) != len(answer.prefix) or prefix == answer.prefix:
+            continue
+        try:
+            aimed, announced = _message(datagram, answer.prefix)
+        except (struct.error, ValueError, IndexError):
+            continue
+        spoke |= {prefix} if aimed else set()
+        if announced is not None:
+            found[prefix] = announced
+    return tuple(participant for prefix, participant in found.items() if prefix in spoke)
+
+
+def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None]:
+    """Whether a message speaks to who asked, and whom it announces. Raises struct.error, ValueError, IndexError."""
+    at, to_us, aimed, announced = _HEADER, False, False, None
+    while at + 4 <= len(message):
+        kind, flags = message[at], message[at + 1]
+        order = "<" if flags & 1 else ">"
+        (length,) = struct.unpack_from(f"{order}H", message, at + 2)
+        body = message[at + 4 : at + 4 + length] if length else message[at + 4 :]
+        if len(body) < length:
+            raise ValueError
+        if kind == _INFO_DST:
+            to_us = body[:12] == asked_by
+        aimed = aimed or (to_us and kind in _SPEAK)
+        if kind == _DATA and body[8:12] == _ANNOUNCER:
+            announced = _announced(body, flags, order) or announced
+        at = at + 4 + length if length else len(message)
+    return aimed, announced
+
+
+def _announced(body: bytes, flags: int, order: str) -> _Participant | None:
+    """Read SPDP's DATA (9.4.5.4): None for one that leaves, which has a key and a status, and no data."""
+    if not flags & 4:
+        return None
+    (ahead,) = struct.unpack_from(f"{order}H", body, 2)
+    at = 4 + ahead
+    if flags & 2:
+        at = _parameters(body, at, order)[1]
+    result, _ = _parameters(body, at + 4, "<" if body[at + 1] & 1 else ">")
+    domains = [struct.unpack(f"{item}I", value[:4])[0] for item, name, value in result if name == _DOMAIN_ID]
+    places = [value for _, name, value in result if name == _REACHED_AT]
+    over_udp = [value for value in places if len(value) == _LOCATOR and value[:4] in {b"\1\0\0\0", b"\0\0\0\1"}]
+    addresses = frozenset(socket.inet_ntoa(value[20:]) for value in over_udp)
+    return _Participant(domains[0] if domains else None, addresses)
+
+
+def _parameters(data: bytes, at: int, order: str) -> tuple[list[tuple[str, int, bytes]], int]:
+    """Byte order, name and value of each, and where they end (9.4.2.11). Raises struct.error without an end."""
+    found: list[tuple[str, int, bytes]] = []
+    while True:
+        name, length = struct.unpack_from(f"{order}HH", data, at)
+        if name == 1:
+            return found, at + 4
+        found.append((order, name, data[at + 4 : at + 4 + length]))
+        at += 4 + length
+
+
+def _heard(text: str) -> Iterator[_Heard]:
+    rows = filter(None, map(_ROW.match, text.splitlines()))
+    sockets = sorted((int(row[2], 16), int(row[3])) for row in rows)
+    known = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
+    for domain, those in groupby(known, lambda item: (item.port - _BASE) // _DOMAIN):
+        yield _Heard(domain, tuple(those))
+
+
+def _nobody(name: str, dds: Dds, near: Sequence[_Heard]) -> Finding:
+    if near:
+        message = (
+            f"DDS on {name} runs in domain {listed(str(item.domain) for item in near)}, and {dds.domain} is declared"
+        )
+        return fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
+    hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
+    message = f"nobody speaks DDS on {name} in domain {dds.domain}, so nothing is announced"
+    return unknown("nobody-announces", message, hint)
+
+
+def _judged(name: str, dds: Dds, received: _Heard) -> Iterator[Finding]:
+    ours = received.participants
+    yield from _profile(name, received)
+    late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
+    if late:
+        message = (
+            f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {dds.participants}"
+        )
+        yield warn("too-many-participants", message, "no peer finds those: stop some, or declare more `participants`")
+    dropped = sum(our.drops for our in ours)
+    if dropped:
+        message = f"{name} has dropped {dropped} announcements of DDS that no program took in time"
+        yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
+
+
+def _profile(name: str, received: _Heard) -> Iterator[Finding]:
+    hint = "end what runs, source the site's ros.env of the link in use, and start it again"
+    if received.strangers and not received.participants:
+        message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"
+        yield fail("without-profile", message, hint)
+    elif received.strangers:
+        many, runs, it = f"{received.strangers} DDS participants", "run", "them"
+        if received.strangers == 1:
+            many, runs, it = "1 DDS participant", "runs", "it"
+        message = f"{many} on {name} {runs} without the site's profile: other sites may not find {it}, or lose {it}"
+        yield warn("without-profile", message, hint)

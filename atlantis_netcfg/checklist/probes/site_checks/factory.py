@@ -1,0 +1,146 @@
+"""Nobody answers at an address, or under a name, that only a factory gives (BlueBoats all ship with 192.168.2.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.checklist.probes.requests import Ask
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    ask,
+    fail,
+    good,
+    listed,
+    measured,
+    neighbours,
+    read,
+    rows,
+    run,
+    step,
+    unreadable,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+
+__all__ = ["FACTORY", "factory_defaults_check"]
+
+FACTORY: Mapping[str, str] = {
+    "192.168.88.1": "MikroTik's factory address",
+    "192.168.1.1": "the factory address of satellite terminals, Teltonika and many others",
+    "192.168.2.2": "the factory address of Blue Robotics vehicles",
+    "192.168.2.1": "the factory address of Blue Robotics top sides and many routers",
+    "192.168.0.1": "the factory address of many routers and access points",
+}
+_NAME = "MikroTik"
+"""What `/system/identity` of a RouterOS device says until somebody names it."""
+
+
+def factory_defaults_check(site: OwnSite) -> Step:
+    """Who has answered for such an address, and who answers one question by ARP, which stays on the LAN's segment."""
+    return step("factory-defaults", "Nobody is left on factory settings", _Factory(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _Factory:
+    """Nobody is left on factory settings."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        arp = ("address", "mac-address", "interface", "complete", "disabled", "invalid")
+        return (
+            *ask("arp", self.site, "/ip/arp", *arp),
+            *ask("names", self.site, "/ip/neighbor", "address", "mac-address", "identity", "interface", "platform"),
+            *run("neighbours", self.site, "ip -j neigh show"),
+            *(self._ping(address) for address in self._addresses),
+        )
+
+    def _ping(self, address: str) -> Ask:
+        """ARP needs no route: it finds who sits on the LAN with an address of another network, and disturbs nobody."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        assert self.site.view is not None  # noqa: S101 - the same
+        words = (("address", address), ("arp-ping", "yes"), ("interface", self.site.view.bridge), ("count", "2"))
+        return Ask(f"ping {address}", self.site.router.name, Query("/tool", "ping", words))
+
+    @property
+    def _addresses(self) -> tuple[str, ...]:
+        """Those that the declaration gives to nobody, and that lie in no declared network."""
+        site = self.site.declared
+        networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
+        return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        router = self.site.router.name
+        result = [neighbours(results["arp"], router)]
+        if self.site.gateway is not None:
+            result.append(neighbours(results["neighbours"], self.site.gateway.name))
+        names = rows(results["names"], router, "its neighbours", "mac-address")
+        seen = {
+            (neighbour.address, neighbour.mac): neighbour.interface
+            for part in result
+            if not isinstance(part, Finding)
+            for neighbour in part
+        }
+        pings = {
+            one: rows(results[f"ping {one}"], router, "who answers its ARP questions", "sent")
+            for one in self._addresses
+        }
+        answered = [
+            entry for entry, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)
+        ]
+        wrong = [
+            *self._at_addresses(seen, answered),
+            *_called(self.site.name, () if isinstance(names, Finding) else names),
+        ]
+        unasked = [] if all(map(_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
+        silence = [part for part in (*result, names, *pings.values(), *unasked) if isinstance(part, Finding)]
+        evidence = (
+            *(measured(f"{item}, asked by ARP", "answers") for item in answered),
+            *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
+        )
+        told_of = f"nobody in the LAN answers at {listed(self._addresses)}"
+        return Judged(
+            tuple(dict.fromkeys((*wrong, *silence))) or (good("nobody-on-factory-settings", told_of),), evidence
+        )
+
+    def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[Finding]:
+        for address in self._addresses:
+            there = next(((mac, place) for (item, mac), place in seen.items() if item == address), None)
+            if there is None and address not in answered:
+                continue
+            who = f"{there[0]} on {there[1]}" if there else "somebody in the LAN"
+            message = f"{who} answers at {address}, {FACTORY[address]}"
+            yield fail("factory-address", message, "give that device its declared address, or unplug it")
+
+
+def _received(result: Sequence[Mapping[str, str]]) -> bool:
+    return any(row.get("received", "0") not in {"", "0"} for row in result)
+
+
+def _sent(result: Sequence[Mapping[str, str]] | Finding) -> bool:
+    """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
+    return isinstance(result, Finding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
+
+
+def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:
+    for row in names:
+        if row.get("identity") == _NAME:
+            where = row.get("address") or row.get("mac-address", "?")
+            message = f"the RouterOS device {where} on {row.get('interface', '?')} still has its factory name"
+            yield warn(
+                "factory-name",
+                message,
+                f"`provision adopt site={site} device=NAME` gives a new device its name, user and certificate",
+            )

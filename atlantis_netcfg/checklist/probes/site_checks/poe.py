@@ -1,0 +1,177 @@
+"""The router feeds by PoE whom it is declared to feed, and they draw power."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.checklist.probes.requests import Ask
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    fail,
+    good,
+    listed,
+    read,
+    rows,
+    step,
+    unknown,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.declaration.model import PoeMode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+
+__all__ = ["poe_check"]
+
+_NAMES = "names"
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_FAULTS: Mapping[str, str] = {
+    "short-circuit": "a short circuit: take the cable off and look for water in the plug",
+    "short_circuit": "a short circuit: take the cable off and look for water in the plug",
+    "overload": "an overload: the box draws more than the port gives",
+    "voltage-too-low": "too low a voltage: look at the router's own power supply",
+    "voltage-too-high": "too high a voltage: look at the router's own power supply",
+    "current-too-low": "too low a current, as with a broken cable",
+    "controller-error": "an error of its PoE controller: restart the router",
+}
+"""RouterOS' words that are faults (Manual, PoE-Out), and what they mean."""
+
+
+def poe_check(site: OwnSite) -> Step:
+    """One look at all ports that feed."""
+    ports = _ports(site)
+    unless = "" if ports else "no port of the router is declared to feed power"
+    fed = tuple(_fed(site).values())
+    return step("poe", "Boxes are fed by PoE", _Poe(site), (*site.hosts[:1], *fed), unless)
+
+
+def _ports(site: OwnSite) -> tuple[str, ...]:
+    feeding = (port for port in site.device.ports if port.poe is not None and port.poe.out is not PoeMode.OFF)
+    return tuple(port.name for port in feeding)
+
+
+def _fed(site: OwnSite) -> dict[str, str]:
+    """Port to the box that says it is fed by it."""
+    found = {}
+    for host in site.declaration.site_hosts(site.name):
+        source = host.device.powered_by
+        if source is not None and site.router is not None and source.device == site.router.name:
+            found[source.port] = host.name
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Poe:
+    """Boxes are fed by PoE."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        """Each port by itself: one that cannot feed would take the answer for all others along."""
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        name = self.site.router.name
+        names = Ask(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
+        return (*(self._monitor(name, port) for port in _ports(self.site)), names)
+
+    @staticmethod
+    def _monitor(host: str, port: str) -> Ask:
+        return Ask(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        name, fed = self.site.router.name, _fed(self.site)
+        values = {port: rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
+        silence = [entry for entry in values.values() if isinstance(entry, Finding)]
+        if len(silence) == len(values):
+            return Judged((_board(name, values) or silence[0],))
+        names = rows(results[_NAMES], name, "the names of its ports", "default-name")
+        if isinstance(names, Finding):
+            return Judged((names,))
+        if renamed := tuple(_renamed(name, values, names)):
+            return Judged(renamed)
+        ports = {port: row for port, found in values.items() if (row := _row_of(port, found)) is not None}
+        modes = {item.name: item.poe.out for item in self.site.device.ports if item.poe is not None}
+        wrong = [
+            finding for port in values for finding in _judged(name, port, fed.get(port), ports.get(port), modes[port])
+        ]
+        evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
+        return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
+
+    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> Finding:
+        drawn = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
+        if not drawn:
+            return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
+        return good("powered", f"{listed(drawn)} {'draws' if len(drawn) == 1 else 'draw'} power from the router")
+
+
+def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[Finding]:
+    """What was told under the name of a port is about another socket, or none."""
+    called = {row.get("default-name", ""): row.get("name", "") for row in names}
+    for port in ports:
+        if called.get(port, port) != port:
+            message = f"{port} of {name} is called {called[port]} there, so that its power was not told"
+            yield fail("port-renamed", message, "run the site, which gives ports their names back")
+
+
+def _board(name: str, values: Mapping[str, object]) -> Finding | None:
+    """A board without PoE knows neither the menu nor the ports."""
+    if any(not isinstance(item, Finding) or item.code != "refused" for item in values.values()):
+        return None
+    message = f"{name} tells nothing of PoE: it seems to have none, though {listed(values)} are declared to feed"
+    hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
+    return unknown("no-poe", message, hint)
+
+
+def _row_of(port: str, result: tuple[Mapping[str, str], ...] | Finding) -> Mapping[str, str] | None:
+    return None if isinstance(result, Finding) else next((row for row in result if row.get("name") == port), None)
+
+
+def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode) -> Iterator[Finding]:
+    where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
+    if row is None or "poe-out-status" not in row:
+        hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"
+        yield unknown("port-untold", f"the router does not tell the power on {where}", hint)
+        return
+    status = row["poe-out-status"]
+    if status in _FAULTS:
+        yield fail("poe-fault", f"{where}, reports {status}", f"that is {_FAULTS[status]}")
+    elif box is None:
+        return
+    elif status in {"waiting-for-load", "waiting_for_load"}:
+        message = f"nobody draws power on {where}: it waits for a load"
+        yield fail("nobody-draws", message, f"is {box} plugged in at {port}, with a cable that has all eight wires?")
+    elif status in {"off", "disabled"}:
+        yield fail(
+            "poe-off", f"the power on {where}, is switched off", "run the site, which switches it on as declared"
+        )
+    elif status not in {"powered-on", "powered_on"}:
+        yield unknown("status-unknown", f"{where}, reports `{status}`", "look up that word in the manual of the router")
+    elif _value(row, "poe-out-current") == 0 or _value(row, "poe-out-power") == 0:
+        yield warn("draws-nothing", f"{where}, is powered and draws nothing", f"is {box} fed from elsewhere as well?")
+    elif mode is PoeMode.FORCED_ON and _value(row, "poe-out-current") is None and _value(row, "poe-out-power") is None:
+        message = f"{where}, is powered whether or not anybody is there, and the router does not tell what it draws"
+        yield unknown("draw-untold", message, f"look at the lamps of {box}, or set the port to `auto-on`")
+
+
+def _value(row: Mapping[str, str], name: str) -> float | None:
+    """`2.8W`, `120mA`; None: not told."""
+    found = _NUMBER.match(row.get(name, ""))
+    return None if found is None else float(found[0])
+
+
+def _draw(row: Mapping[str, str]) -> str:
+    return row.get("poe-out-power") or row.get("poe-out-current") or "figure not told"
+
+
+def _worded(row: Mapping[str, str]) -> str:
+    figures = (row.get(f"poe-out-{what}") for what in ("status", "voltage", "current", "power"))
+    return ", ".join(filter(None, figures))

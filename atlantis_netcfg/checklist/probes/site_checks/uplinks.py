@@ -1,0 +1,370 @@
+"""Traffic leaves the site by the declared bearer, and over the satellite only what is allowed.
+
+The default route never uses a paid bearer by mistake (BlueOS 1539, 4387). The router's own allow-list for the satellite
+is complete: declared targets are allowed, and the rest is dropped. Whether it also works is proved by sending
+(`satellite/allow-list`), which costs; this only reads the rules.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Network
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import Finding, LinkState
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Route, active_bearer, active_bearers
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    ask,
+    bearer_requests,
+    bearer_status,
+    declared,
+    fail,
+    good,
+    listed,
+    parsed,
+    read,
+    rows,
+    run,
+    step,
+    unknown,
+    warn,
+    yes,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.routeros.menus import MENUS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.render.view import Uplink
+
+
+_DEFAULT = "0.0.0.0/0"
+_DEAD = frozenset({"dead", "linkdown"})
+_BROAD = 8
+"""Shorter prefixes are no network of anybody's."""
+
+
+def default_route_check(site: OwnSite) -> Step:
+    """The router's routes beside the state of the bearers, and the gateway computer's own default route."""
+    return step("default-route", "Traffic leaves by the bearer that is meant", _DefaultRoute(site), site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _DefaultRoute:
+    """Traffic leaves by the bearer that is meant."""
+
+    site: OwnSite
+
+    def asks(self) -> tuple[Question, ...]:
+        return (
+            *ask("routes", self.site, "/ip/route", *ROUTE_PROPERTIES),
+            *bearer_requests(self.site),
+            *run("gateway", self.site, "ip -j route show"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        name = self.site.router.name
+        result = rows(results["routes"], name, "its routes", "dst-address")
+        local = self._of_gateway(results)
+        if isinstance(result, Finding):
+            return Judged((result, *local))
+        routes = [row for row in result if row.get("dst-address") == _DEFAULT]
+        found = tuple(_broad(result)) or tuple(self._of_router(routes, results))
+        evidence = tuple(read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
+        return Judged((*found, *local), evidence)
+
+    @property
+    def _ways(self) -> tuple[Route, ...]:
+        assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
+        return tuple(
+            Route(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
+        )
+
+    def _of_router(self, routes: Sequence[Mapping[str, str]], results: Mapping[str, Answer]) -> Iterator[Finding]:
+        active = active_bearers(routes, self._ways)
+        if not active:
+            yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
+        elif len(active) > 1:
+            hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
+            yield fail("two-ways", f"the site's traffic is split between {listed(active)}", hint)
+        elif active_bearer(routes, self._ways) is None:
+            yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
+        else:
+            yield self._judged(active[0], results)
+
+    def _judged(self, active: str, results: Mapping[str, Answer]) -> Finding:
+        bearers = self.site.declared.bearers
+        place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
+        better = {item.name: bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
+        up = [
+            name for name, found in better.items() if not isinstance(found, Finding) and _state(found) is LinkState.UP
+        ]
+        unseen = [name for name, found in better.items() if isinstance(found, Finding) or _state(found) is None]
+        paid = ", which costs by the byte" if bearers[place].metered else ""
+        if up:
+            return self._passed_by(active, paid, up)
+        if unseen:
+            message = (
+                f"traffic leaves by {active}{paid}; whether {listed(unseen)}, which is better, works, is not known"
+            )
+            return unknown(
+                "better-unknown",
+                message,
+                f"look at `provision links site={self.site.name}` when the boxes answer again",
+            )
+        why = f", because {listed(better)} is not up" if better else ""
+        return good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
+
+    def _passed_by(self, active: str, paid: str, up: list[str]) -> Finding:
+        message = f"traffic leaves by {active}{paid}, though {up[0]} is up and better"
+        wait = self.site.declared.failover.fail_back_s
+        hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
+        return fail("metered-by-mistake", message, hint) if paid else warn("not-the-best", message, hint)
+
+    def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[Finding, ...]:
+        gateway = self.site.gateway
+        if gateway is None:
+            return ()
+        result = parsed(results["gateway"], gateway.name, "its default route")
+        if isinstance(result, Finding):
+            return (result,)
+        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), result))
+
+
+def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
+    if foreign:
+        message = (
+            f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
+        )
+        return fail(
+            "foreign-route", message, "remove that route on the router, or run the site, which puts its own back"
+        )
+    hint = f"look at `provision links site={site}`: is any bearer up? then run the site, which puts its routes back"
+    return fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
+
+
+def _is_broad(text: str) -> bool:
+    """Whether it is half of a default route, as VPN clients set two to go before it (openvpn(8), redirect-gateway)."""
+    try:
+        return 0 < IPv4Network(text).prefixlen < _BROAD
+    except ValueError:
+        return False
+
+
+def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
+    if there is not None:
+        message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
+        yield fail("broader-route", message, "remove that route on the router, then run the site")
+
+
+def _in_force(row: Mapping[str, str]) -> bool:
+    """Of the main table: those of the bearers' own tables are there at all times."""
+    return row.get("active") in {"true", "yes"} and row.get("routing-table", "main") == "main"
+
+
+def _route_text(row: Mapping[str, str]) -> str:
+    return f"{row.get('gateway', '?')}, distance {row.get('distance', '?')}"
+
+
+def _state(found: Mapping[str, Any]) -> LinkState | None:
+    """None: nobody can tell."""
+    state = found.get("state")
+    return None if state in {None, LinkState.UNKNOWN.value} else LinkState(state) if state in set(LinkState) else None
+
+
+def _metric(row: Mapping[str, Any]) -> int:
+    value = row.get("metric", 0)
+    return value if isinstance(value, int) else 0
+
+
+def _is_dead(row: Mapping[str, Any]) -> bool:
+    """Words of the kernel for a route whose interface has no link."""
+    flags = row.get("flags")
+    return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
+
+
+def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
+    hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
+    ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
+    broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
+    if broad is not None:
+        message = (
+            f"{name} sends {broad['dst']} to {broad.get('gateway', broad.get('dev', '?'))}, before its default route"
+        )
+        yield fail("gateway-broader-route", message, hint)
+        return
+    if not ways:
+        yield fail("gateway-no-route", f"{name} has no default route", hint)
+        return
+    via, first = ways[0].get("gateway", "nobody"), _metric(ways[0])
+    others = [item.get("gateway", "nobody") for item in ways[1:] if item.get("gateway") != router]
+    if via != router:
+        yield fail(
+            "gateway-wrong-route", f"the default route of {name} leads to {via}, not to the router {router}", hint
+        )
+    elif others and any(_metric(way) == first for way in ways[1:]):
+        yield fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
+    elif others:
+        yield warn(
+            "gateway-spare-route", f"{name} has a second default route, to {others[0]}, behind the right one", hint
+        )
+    else:
+        yield good("gateway-by-the-router", f"the default route of {name} leads to the router {router}")
+
+
+_TARGET = ("dst-address", "dst-port", "protocol", "dst-address-list")
+"""By these a declared rule says where it lets packets through."""
+_NO_MATCHERS = frozenset(
+    {"chain", "action", "comment", "disabled", "jump-target", "log", "log-prefix", "reject-with", "hw-offload"}
+    | {"address-list", "address-list-timeout"}
+)
+_MATCHERS = tuple(field.name for field in MENUS["/ip/firewall/filter"].fields if field.name not in _NO_MATCHERS)
+"""Every property by which a rule catches some packets and not others: one that is not read may be a hole."""
+_RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
+_RUN = "run the site before anything else: every byte that slips through is paid"
+
+
+def satellite_filter_check(site: OwnSite) -> Step:
+    """The rules of the router, and how many packets they have kept off."""
+    satellites = site.view.satellites if site.view is not None else ()
+    unless = "" if satellites else "the site has no satellite"
+    boxes = tuple(
+        bearer.device
+        for bearer in site.declared.bearers
+        if bearer.device and bearer.name in {up.name for up in satellites}
+    )
+    return step(
+        "satellite-filter",
+        "The satellite's allow-list stands in the router",
+        _Filter(site),
+        (*site.hosts[:1], *boxes),
+        unless,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Filter:
+    """The satellite's allow-list stands in the router."""
+
+    site: OwnSite
+
+    @property
+    def _satellites(self) -> tuple[Uplink, ...]:
+        assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
+        return self.site.view.satellites
+
+    def asks(self) -> tuple[Question, ...]:
+        names = {satellite.name for satellite in self._satellites}
+        looks = (question for question in bearer_requests(self.site) if question.bearer in names)
+        return (*ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
+        result = rows(results["rules"], self.site.router.name, "its firewall", "chain")
+        if isinstance(result, Finding):
+            return Judged((result,))
+        rules = [row for row in result if not yes(row, "disabled") and not yes(row, "invalid")]
+        wrong = [finding for entry in self._satellites for finding in _judged(entry, rules)]
+        fine = [self._counted(item, results) for item in self._satellites]
+        evidence = [
+            declared(
+                f"allowed over {uplink.name}", listed(f"{target.name} ({_where(target)})" for target in uplink.targets)
+            )
+            for uplink in self._satellites
+        ]
+        evidence += [
+            read(f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules)))
+            for satellite in self._satellites
+        ]
+        return Judged(tuple(wrong or fine), tuple(evidence))
+
+    def _counted(self, satellite: Uplink, results: Mapping[str, Answer]) -> Finding:
+        """Counters that cannot be read take nothing away: the rules were seen."""
+        values = bearer_status(results[f"look {satellite.name}"], satellite.name)
+        quality = {} if isinstance(values, Finding) else values.get("quality") or {}
+        count = quality.get("kept_off_packets")
+        kept = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
+        allowed = listed(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
+        return good("stands", f"the allow-list of {satellite.name} lets through {allowed} and nothing else{kept}")
+
+
+def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
+    return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
+
+
+def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    for chain in ("forward", "output"):
+        yield from _asked(satellite, [row for row in rules if row.get("chain") == chain], chain)
+    local = [row for row in rules if row.get("chain") == satellite.chain]
+    if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
+        yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
+    expected = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
+    letting = [row for row in local if row.get("action") not in _HOLDS]
+    there = {_target(row) for row in letting}
+    whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
+    for target in sorted(there - expected):
+        message = f"the allow-list of {satellite.name} also lets through {_target_text(target)}"
+        hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
+        yield fail("too-wide", message, hint)
+    for target in sorted(expected - whole):
+        message = f"the allow-list of {satellite.name} does not let through {_target_text(target)}"
+        yield fail("too-narrow", message, "run the site, which puts the declared rule back")
+
+
+def _asked(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[Finding]:
+    """Whether everything that leaves comes to the list, before anybody else accepts it."""
+    place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
+    if place is None:
+        message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
+        yield fail("not-asked", f"{message} {satellite.chain}", _RUN)
+    elif any(_accepts(row, satellite) for row in rules[:place]):
+        message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is asked"
+        yield fail("bypassed", message, _RUN)
+
+
+def _accepts(row: Mapping[str, str], satellite: Uplink) -> bool:
+    """A rule for another port, or for the terminal itself, which costs no airtime, takes nothing past the list."""
+    elsewhere = row.get("out-interface", satellite.port) != satellite.port
+    terminal = _inside(row.get("dst-address", ""), satellite.network)
+    return row.get("action") in {"accept", "fasttrack-connection"} and not elsewhere and not terminal
+
+
+def _inside(text: str, network: str) -> bool:
+    try:
+        return IPv4Network(text).subnet_of(IPv4Network(network))
+    except ValueError:
+        return False
+
+
+def _target(row: Mapping[str, str]) -> tuple[str, str, str]:
+    leads = row.get("action") == "jump"
+    anywhere = f"what chain {row.get('jump-target', '?')} lets through" if leads else "any address"
+    return row.get("dst-address", anywhere), row.get("dst-port", ""), row.get("protocol", "")
+
+
+def _target_text(target: tuple[str, str, str]) -> str:
+    address, port, protocol = target
+    return address + (f" port {port}" if port else "") + (f" ({protocol})" if protocol else "")
+
+
+_HOLDS = frozenset(
+    {"drop", "reject", "tarpit", "log", "passthrough", "add-src-to-address-list", "add-dst-to-address-list"}
+)
+"""Actions that let nothing through by themselves."""
+
+
+def _jumps(row: Mapping[str, str], satellite: Uplink) -> bool:
+    leads = row.get("action") == "jump" and row.get("jump-target") == satellite.chain
+    return leads and row.get("out-interface") == satellite.port and not _narrow(row, ("out-interface",))
+
+
+def _narrow(row: Mapping[str, str], but: tuple[str, ...] = ()) -> bool:
+    """Whether a rule catches only some of what comes to it, by anything `but` these."""
+    return any(row.get(name) for name in _MATCHERS if name not in but)

@@ -1,0 +1,223 @@
+"""The site is in the VPN: its router and its gateway computer have their tunnels, and the server answers in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
+from atlantis_netcfg.checklist.probes.results import Looked, Ran
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    addresses,
+    ask,
+    bearer_requests,
+    by_hand,
+    fail,
+    good,
+    measured,
+    read,
+    rows,
+    run,
+    silent,
+    step,
+    unknown,
+    unreadable,
+    warn,
+    yes,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, VpnServer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.requests import Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.report import Evidence
+
+__all__ = ["TUNNEL", "vpn_check"]
+
+TUNNEL = "tun0"
+"""Of the gateway computer (`templates/openvpn/client.conf.j2`)."""
+_PINGS = 5
+_REVOKED = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
+
+
+def vpn_check(site: OwnSite) -> Step:
+    """Both tunnels, and five pings of the server from the gateway computer."""
+    router = site.router is not None and site.device.vpn_client is not None
+    gateway = site.gateway is not None and site.gateway.device.vpn_address is not None
+    title = "The VPN is up"
+    if router or gateway:
+        return step("vpn", title, _Vpn(site), site.hosts)
+    members = {
+        host.name: str(host.device.vpn_address)
+        for host in site.declaration.site_hosts(site.name)
+        if isinstance(host.device, VpnServer | ControlCentre) and host.device.vpn_address is not None
+    }
+    if not members:
+        do = f"No host of {site.name} is declared in the VPN: see by which way it reaches the other sites."
+        return by_hand("vpn", title, do, "Another site answers, and by no way that is open to everybody.", site.hosts)
+    return by_hand(
+        "vpn",
+        title,
+        f"On {' and '.join(members)}, look at the tunnel's address, and ping a member at another site through the"
+        " tunnel: neither router nor gateway computer of this site is in the VPN, so no program can.",
+        f"{' and '.join(f'{name} has {address}' for name, address in members.items())}, and the other site answers.",
+        tuple(members),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Vpn:
+    """The VPN is up."""
+
+    site: OwnSite
+
+    @property
+    def _server(self) -> str | None:
+        """Address of the server in the tunnel."""
+        host = self.site.declaration.hosts.get(self.site.declaration.pilot.vpn.server)
+        address = getattr(host.device, "vpn_address", None) if host is not None else None
+        return None if address is None else str(address)
+
+    @property
+    def _gateway_is_in(self) -> bool:
+        return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
+
+    def asks(self) -> tuple[Question, ...]:
+        request: tuple[Question, ...] = ()
+        if self.site.router is not None and self.site.device.vpn_client is not None:
+            request += ask("clients", self.site, "/interface/ovpn-client", "name", "running", "disabled")
+            request += ask(
+                "addresses", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"
+            )
+        if self._gateway_is_in:
+            request += run("gateway", self.site, "ip -j addr show")
+            if self._server is not None:
+                request += run(
+                    "ping", self.site, f"ping -n -c {_PINGS} -i 1 -W 10 -I {TUNNEL} {self._server}", within_s=40.0
+                )
+        return (*request, *bearer_requests(self.site))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        found = list(self._of_router(results))
+        if self._gateway_is_in:
+            found += self._of_gateway(results)
+        return Judged(tuple(found), tuple(self._told(results)))
+
+    def _of_router(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        if "clients" not in results or self.site.router is None or self.site.view is None:
+            return
+        name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
+        assert client is not None  # noqa: S101 - the question is asked for routers with one
+        assert tunnel is not None  # noqa: S101 - the same
+        result = rows(results["clients"], name, "its tunnels", "name")
+        if isinstance(result, Finding):
+            yield result
+            return
+        row = next((row for row in result if row.get("name") == tunnel.interface), None)
+        if row is None:
+            hint = f"`provision vpn install host={name}`, and after it `provision site={self.site.name}`"
+            yield fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
+        elif yes(row, "disabled"):
+            yield fail(
+                "router-tunnel-off", f"{tunnel.interface} of {name} is switched off", "run the site to enable it"
+            )
+        elif not yes(row, "running"):
+            yield fail(
+                "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED
+            )
+        else:
+            yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
+
+    def _address(self, name: str, interface: str, expected: str, answer: Answer) -> Finding:
+        current = addresses(answer, name)
+        if isinstance(current, Finding):
+            return current
+        there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
+        return _compared("router", f"{interface} of {name}", expected, there)
+
+    def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        gateway = self.site.gateway
+        assert gateway is not None  # noqa: S101 - the caller has looked
+        current = addresses(results["gateway"], gateway.name)
+        if isinstance(current, Finding):
+            yield current
+            return
+        there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
+        if not there:
+            hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
+            yield fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
+            return
+        yield _compared("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
+        if "ping" in results:
+            yield from self._pinged(gateway.name, results)
+        else:
+            hint = "declare `vpn_address` of the VPN server, so that it can be asked"
+            yield unknown(
+                "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
+            )
+
+    def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        answer, server = results["ping"], self._server or ""
+        if isinstance(answer, Ran) and answer.trouble is not None:
+            yield silent(name, answer.trouble, answer.words)
+            return
+        echoes = read_ping(answer.out, server) if isinstance(answer, Ran) else None
+        if echoes is None or echoes.sent < _PINGS:
+            yield unreadable(name, "a ping")
+            return
+        strange = tuple(odd_answers(f"the VPN server {server}", echoes))
+        yield from strange or (self._counted(echoes, server, results),)
+
+    def _counted(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> Finding:
+        sent, received = echoes.sent, echoes.received
+        if not received and self._over_satellite(results):
+            message = f"the VPN server {server} answered none of {sent} pings, over a satellite that may pause for 70 s"
+            return unknown("server-silent", message, "repeat the check; three silent rounds are more than a pause")
+        if not received:
+            hint = "is the VPN server running? `provision vpn status` asks it"
+            return fail(
+                "server-silent", f"the VPN server {server} answered none of {sent} pings through the tunnel", hint
+            )
+        took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
+        text = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
+        return (
+            good("server-answers", text)
+            if received == sent
+            else warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
+        )
+
+    def _over_satellite(self, results: Mapping[str, Answer]) -> bool:
+        satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind is BearerKind.SATELLITE]
+        answer = [results.get(f"look {name}") for name in satellites]
+        return any(
+            isinstance(result, Looked) and result.bearer is not None and result.bearer.get("active")
+            for result in answer
+        )
+
+    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+        ping = results.get("ping")
+        line = (
+            next((line for line in ping.out.splitlines() if " transmitted" in line), "")
+            if isinstance(ping, Ran)
+            else ""
+        )
+        if line:
+            yield measured(f"pings of {self._server} through the tunnel", line)
+        clients = results.get("clients")
+        result = rows(clients, "", "", "name") if clients is not None else ()
+        for row in () if isinstance(result, Finding) else result:
+            yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
+
+
+def _compared(code: str, what: str, expected: str, there: list[str]) -> Finding:
+    if expected in there:
+        return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected}")
+    has = there[0] if there else "no address"
+    message = f"{what} is up with {has}, and {expected} is declared"
+    return fail(f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address")

@@ -1,0 +1,241 @@
+"""USBL: positions by sound. The probe listens for them, and asks for one only where a person agrees.
+
+Whether a USBL works shows in the fixes that it sends while somebody pings; no fix proves nothing, so silence is never a
+failure. Our own ping is for SeaTrac beacons only, in the water. A beacon reports no source level, but it has a depth
+gauge: the script sends the ping only after an answer that shows the beacon below the surface. So a consent that was
+given too early, or for another vehicle, makes nothing sound in air.
+
+How it could be fooled, and what stops it, stands in docs/probes.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.acoustic import seatrac
+from atlantis_netcfg.checklist.probes.acoustic.modem import (
+    WATER,
+    ask_seatrac,
+    declared_address,
+    modem_of,
+    not_understood,
+    ping,
+    question,
+    said,
+)
+from atlantis_netcfg.checklist.probes.acoustic.status import damage
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, told
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import AcousticDriver
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
+    from atlantis_netcfg.checklist.probes.requests import Listen, Question
+    from atlantis_netcfg.checklist.probes.results import Answer, Transcript
+    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.declaration.model import UsblEndpoint
+
+__all__ = ["steps"]
+
+
+_IDLE = rb"(?i)\$3A3B[0-9A-F]{4}[\r\n]"
+_DEPTH_M = 0.3
+_BELOW = (
+    rb"(?i)\$10[0-9A-F][13579BDF][0-9A-F]{16}"  # flags with the environment, clock
+    rb"[0-9A-F]{16}"  # supply, temperature, pressure
+    rb"(?:(?:0[3-9A-F]|[1-9A-F][0-9A-F])[0-9A-F]{2}|[0-9A-F]{2}(?!00)[0-9A-F]{2})0000"  # 3 dm and deeper
+)
+_ANSWERED_S = 10.0
+_BUSY, _TIMEOUT = 0x30, 0x34
+
+
+def ping_consent(name: str, beacon: int) -> Consent:
+    """What a person has to agree to."""
+    return Consent(
+        question=f"{name} and the vehicle with the beacon {beacon} are in the water, nobody dives near them, "
+        "and they may transmit one ping"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """The other beacon answers a ping, and its range is measured."""
+
+    modem: Modem
+    name: str
+    """The row in words."""
+    beacon: int
+    consent: Consent | None
+    """What the step asks a person; without it there is no ping to be sent."""
+    own: int | None = None
+    """Number of the beacon that pings, as declared."""
+    width_m: float | None = None
+    """Of the site's waters: the geofence from one side to the other."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """Transceiver, depth, and behind them the ping. Raises NeverSaid where no person is asked."""
+        return (self._question(),)
+
+    def _question(self) -> Listen:
+        ended = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
+        say = (
+            ask_seatrac(seatrac.TRANSCEIVER, _IDLE),
+            ask_seatrac(seatrac.STATUS, _BELOW),
+            # Twice: a script cannot work out the checksum of an answer, and a damaged one rarely shows a depth again.
+            ask_seatrac(seatrac.STATUS, _BELOW),
+            ping(self.beacon, self.consent, ended, within_s=_ANSWERED_S),
+        )
+        return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge whether it was sent, and who answered."""
+        transcript = said(self.modem, self.name, results[self._question().name])
+        if isinstance(transcript, Judged):
+            return transcript
+        answers = seatrac.answers(transcript.data)
+        if not answers:
+            return Judged((damage(self.name, transcript) or not_understood(self.modem, self.name),))
+        # The vehicle's own software may ping as well: only what follows our own ping is its answer.
+        pings = [
+            answer for answer in answers if answer.number == seatrac.PING and answer.record[1:2] == bytes([self.beacon])
+        ]
+        finding = self._sent(pings[-1], answers, transcript) if pings else self._kept(answers)
+        return Judged((finding,), tuple(_evidence(answers)))
+
+    def _sent(self, sent: seatrac.Answer, answers: tuple[seatrac.Answer, ...], transcript: Transcript) -> Finding:
+        other = f"the beacon {self.beacon}"
+        response = f"{seatrac.PING_RESPONSE:02X}"
+        fixes = (
+            entry for entry in told(self.modem.driver, transcript) if entry.form == response and entry.end > sent.end
+        )
+        fix = next((item for item in fixes if item.remote == self.beacon), None)
+        later = tuple(
+            answer for answer in answers if answer.end > sent.end and answer.record[1:2] == bytes([self.beacon])
+        )
+        error = seatrac.last(later, seatrac.PING_ERROR)
+        if fix is not None and error is None and sent.record[:1] == b"\x00":
+            wrong = impossible(f"the beacon of {self.name}", fix, self.own, self.width_m, self.modem.driver)
+            if wrong is not None:
+                return wrong
+            if fix.range_m is None:
+                message = f"{other} has answered the ping of {self.name}, and its range was not measured"
+                return Finding(Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free")
+            far = f"{fix.range_m:.1f} m away"
+            return Finding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
+        if error is not None and error[:1] == bytes([_TIMEOUT]):
+            hint = "look whether both beacons are in the water and within reach, and which number the other one has"
+            return Finding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
+        status = (error or sent.record)[:1]
+        if status not in {b"", b"\x00"}:
+            why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
+            message = f"the beacon of {self.name} has not carried out the ping: {why}"
+            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it")
+        message = f"the beacon of {self.name} has sent a ping and does not tell what became of it"
+        return Finding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+
+    def _kept(self, answers: tuple[seatrac.Answer, ...]) -> Finding:
+        record = seatrac.last(answers, seatrac.STATUS)
+        if record is None:
+            message = f"no ping was sent: the transceiver of {self.name} is not idle"
+            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it")
+        status = seatrac.status(record)
+        if status is None or status.depth_m is None:
+            message = f"no ping was sent: the beacon of {self.name} does not tell its depth"
+            hint = "have its crew let the status tell the environment; without a depth nothing is sent"
+            return Finding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
+        if status.depth_m >= _DEPTH_M:
+            message = f"the beacon of {self.name} has not answered the ping command"
+            return Finding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+        message = f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as in air"
+        hint = f"put the vehicle into the water: from {_DEPTH_M} m on the ping is sent"
+        return Finding(Verdict.INCONCLUSIVE, "in-air", message, hint)
+
+
+def _evidence(answers: tuple[seatrac.Answer, ...]) -> Iterator[Evidence]:
+    status = seatrac.status(seatrac.last(answers, seatrac.STATUS) or b"")
+    if status is not None and status.depth_m is not None:
+        yield Evidence(type=EvidenceType.READ, what="depth before the ping", value=f"{status.depth_m:.1f} m")
+    for answer in answers:
+        fix = seatrac.fix(answer.record) if answer.number == seatrac.PING_RESPONSE else None
+        if fix is not None and fix.range_m is not None:
+            yield Evidence(
+                type=EvidenceType.MEASURED, what=f"range to the beacon {fix.beacon}", value=f"{fix.range_m} m"
+            )
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Fixes that are told, and a ping where a beacon for it is declared."""
+    modem, endpoint = modem_of(cell), cell.endpoints.usbl
+    if modem is None or endpoint is None:
+        return (_by_a_person(cell),)
+    passive = Step(
+        name="",
+        title=f"The USBL of {cell.name} tells fresh fixes",
+        kind=Kind.AUTOMATIC,
+        phase=Phase.WATER,
+        probe=Fixes(
+            modem,
+            cell.name,
+            endpoint.hears,
+            endpoint.max_age_s,
+            question(cell, modem),
+            declared_address(cell, modem),
+            _width_m(cell),
+        ),
+    )
+    return (passive, *_ping(cell, modem, endpoint))
+
+
+def _width_m(cell: Cell) -> float | None:
+    fence = cell.declared.checklist.geofence
+    return None if fence is None else 2 * fence.radius_m
+
+
+def _ping(cell: Cell, modem: Modem, endpoint: UsblEndpoint) -> Iterator[Step]:
+    if endpoint.ping is None:
+        return
+    if modem.driver is not AcousticDriver.SEATRAC:
+        yield _pinged_by_a_person(cell, endpoint.ping)
+        return
+    consent = ping_consent(cell.name, endpoint.ping)
+    yield Step(
+        name="ping",
+        title=f"The beacon {endpoint.ping} answers a ping of {cell.name}",
+        kind=Kind.ACTIVE,
+        phase=Phase.WATER,
+        probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _width_m(cell)),
+        consent=consent,
+    )
+
+
+def _pinged_by_a_person(cell: Cell, beacon: int) -> Step:
+    """A modem that is no SeaTrac beacon measures ranges with its messages; this tool pings by SeaTrac only."""
+    return Step(
+        name="ping",
+        title=f"The modem with the address {beacon} answers {cell.name}",
+        kind=Kind.PERSON,
+        phase=Phase.WATER,
+        do=f"With both in the water, let the software of {cell.name} locate the modem with the address {beacon}.",
+        look_for="A position comes, and its range is about that on the chart.",
+    )
+
+
+def _by_a_person(cell: Cell) -> Step:
+    declared = cell.endpoints.usbl is not None
+    why = "has no address at this site" if declared else "is not declared"
+    return Step(
+        name="",
+        title=f"The USBL of {cell.name} gives its position",
+        kind=Kind.PERSON,
+        phase=Phase.WATER,
+        do=f"The USBL of {cell.name} {why}, so nobody can listen to it. With both transducers in the water, and never "
+        "in air, let the vehicle be located from its base, some metres away and in a known direction.",
+        look_for="A new position comes every few seconds, in the right direction, and its range is about that which is "
+        "seen; it follows when the vehicle moves.",
+    )

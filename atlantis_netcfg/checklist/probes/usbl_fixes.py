@@ -1,0 +1,469 @@
+"""Fixes that a modem sends by itself, of either driver, in one form: the probe listens and makes nobody ping."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
+from atlantis_netcfg.checklist.probes.acoustic.modem import not_understood, said
+from atlantis_netcfg.checklist.probes.acoustic.status import (
+    INTEGRITY_LOW,
+    RSSI_DB,
+    SOUND_SPEED_MPS,
+    Beacon,
+    Reading,
+    damage,
+)
+from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import AcousticDriver
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
+    from atlantis_netcfg.checklist.probes.requests import Listen, Question
+    from atlantis_netcfg.checklist.probes.results import Answer, Transcript
+
+
+_USUAL_MPS = 1500.0
+"""Sound speed for ranges, where the modem's own is not known or makes no sense."""
+_REACH_M = {AcousticDriver.EVOLOGICS: 10_000.0, AcousticDriver.SEATRAC: 2_000.0}
+"""No modem of the maker hears farther."""
+_UNDECLARED_M = 2_000.0
+"""Farther than this is believed only where the geofence says that the site is that wide."""
+_NEAREST_M = 0.1
+_OFF_SHARE, _OFF_M = 0.05, 0.5
+"""Range and position may differ by so much: a share of the range, and at least some metres."""
+_GROSS_SHARE, _GROSS_M = 0.35, 2.0
+"""By more than this no sound speed of water explains it."""
+_FIT_POOR = 3.0
+_ACCURACY_POOR, _ACCURACY_NONE = 0.5, math.pi / 2
+"""In radians; from a right angle on the fix does not even tell the side."""
+_SIGNAL_NONE_DB = -200.0
+_FUTURE_S = 0.5
+_SINCE_1970_S = 1e9
+"""A clock that shows more was set to the time of day; others count from when the modem was switched on."""
+_NOBODY = "let the other modem ping or send, with both in the water, and listen again; silence proves nothing"
+_OUTPUT = "AT?ZU"
+_ECHOES = "look for echoes and noise, and whether the beacon's head is free on all sides"
+_REPLAY = "look whether a recorded log is fed to this end in place of the modem, then restart the modem's software"
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """One fix of a remote modem; None: it does not tell."""
+
+    remote: int
+    end: int
+    """Offset in the stream behind it."""
+    waited_s: float
+    """From when it came to the end of the listening."""
+    came: float
+    """When it came, seconds since 1970 by the listening clock."""
+    stamp: object
+    """What tells one measurement from another: its time, else all that was measured."""
+    form: str
+    """A modem may tell one measurement in two forms."""
+    range_m: float | None
+    """By the sound's time on the way."""
+    distance_m: float | None
+    """By the position."""
+    directed: bool
+    """Whether it tells a direction."""
+    clock_s: float | None = None
+    """What the modem's clock showed when it told the fix."""
+    delay_s: float = 0.0
+    """From the measurement to the telling, by the modem's clock."""
+    to: int | None = None
+    """Of a SeaTrac beacon: for which beacon the answer was meant."""
+    rssi_db: float | None = None
+    """Of an EvoLogics modem: those of others have another scale."""
+    integrity: float | None = None
+    accuracy: float | None = None
+    fit_error: float | None = None
+    """Of a SeaTrac beacon: 0 is best, above 3 poor."""
+    suspect: bool = False
+    """The modem itself does not trust it."""
+
+    @property
+    def age_s(self) -> float:
+        """From the measurement to the end of the listening."""
+        return self.waited_s + max(0.0, self.delay_s)
+
+
+def told(driver: AcousticDriver, transcript: Transcript) -> tuple[Told, ...]:
+    """Every fix in a transcript, in its order."""
+    made = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
+    return tuple(made)
+
+
+def _evologics(transcript: Transcript) -> Iterator[Told]:
+    received = evologics.pieces(transcript.data)
+    settings = evologics.settings(received)
+    declared = settings.values.get("Sound Speed") if settings else None
+    low, high = SOUND_SPEED_MPS
+    speed = declared if declared is not None and low <= declared <= high else _USUAL_MPS
+    arrivals = _Arrivals(transcript)
+    for fix in evologics.fixes(received):
+        yield Told(
+            remote=fix.remote,
+            end=fix.end,
+            waited_s=transcript.ended_s - arrivals.at_s(fix.end),
+            came=transcript.began + arrivals.at_s(fix.end),
+            stamp=fix.measured_s,
+            form="direction" if fix.position_m is None else "position",
+            range_m=None if fix.propagation_us is None else fix.propagation_us * 1e-6 * speed,
+            distance_m=None if fix.position_m is None else math.hypot(*fix.position_m),
+            directed=True,
+            clock_s=fix.clock_s,
+            delay_s=fix.clock_s - fix.measured_s,
+            rssi_db=fix.rssi_db,
+            integrity=fix.integrity,
+            accuracy=fix.accuracy,
+        )
+
+
+def _seatrac(transcript: Transcript) -> Iterator[Told]:
+    arrivals = _Arrivals(transcript)
+    for answer in seatrac.answers(transcript.data):
+        if answer.number not in {seatrac.PING_RESPONSE, seatrac.NAV_QUERY_RESPONSE}:
+            continue
+        fix = seatrac.fix(answer.record)
+        if fix is None or (fix.range_m is None and fix.azimuth_deg is None):
+            continue
+        yield Told(
+            remote=fix.beacon,
+            end=answer.end,
+            waited_s=transcript.ended_s - arrivals.at_s(answer.end),
+            came=transcript.began + arrivals.at_s(answer.end),
+            stamp=answer.record,
+            form=f"{answer.number:02X}",
+            range_m=fix.range_m,
+            distance_m=None if fix.position_m is None else math.hypot(*fix.position_m),
+            directed=fix.azimuth_deg is not None,
+            to=fix.to,
+            fit_error=fix.fit_error,
+            suspect=fix.suspect,
+        )
+
+
+class _Arrivals:
+    """When each byte of a stream came."""
+
+    def __init__(self, transcript: Transcript) -> None:
+        self._ended_s = transcript.ended_s
+        self._at = [at for at, _ in transcript.chunks]
+        self._upto = list(accumulate(len(data) for _, data in transcript.chunks))
+
+    def at_s(self, end: int) -> float:
+        """When the byte before `end` came, seconds since the listening began."""
+        chunk = bisect_left(self._upto, end)
+        return min(self._ended_s, self._at[chunk]) if chunk < len(self._at) else self._ended_s
+
+
+def impossible(who: str, fix: Told, local: int | None, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+    """Say what is wrong with a fix beyond doubt; None: it may be true.
+
+    `own`: address of the modem that tells it; `width_m`: of the site's waters, where they are declared.
+    """
+    whose = f"the address {fix.remote}"
+    if fix.delay_s < -_FUTURE_S:
+        message = f"{who} tells a fix of {whose} that is measured {-fix.delay_s:.0f} s from now by its own clock"
+        return Finding(Verdict.FAIL, "time-impossible", message, _REPLAY)
+    if fix.remote == local:
+        message = f"{who} tells fixes of {whose}, which is its own"
+        return Finding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
+    if local is not None and fix.to not in {None, 0, local}:
+        message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
+        hint = "look which beacon is connected here: another one's answers are not its own fixes"
+        return Finding(Verdict.FAIL, "other-beacon", message, hint)
+    return _misplaced(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
+
+
+def _misplaced(who: str, whose: str, fix: Told, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+    far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
+    if far_m and min(far_m) <= _NEAREST_M:
+        message = f"{who} puts {whose} at {min(far_m):.1f} m, where it is itself: zeros in place of what was measured"
+        hint = "restart the modem, and the program that passes its fixes on"
+        return Finding(Verdict.FAIL, "position-null", message, hint)
+    if far_m and (away := _too_far(who, whose, max(far_m), width_m, driver)) is not None:
+        return away
+    if _apart(fix, _GROSS_SHARE, _GROSS_M):
+        return Finding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
+    return None
+
+
+def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+    widest = min(_REACH_M[driver], width_m if width_m is not None else _REACH_M[driver])
+    if far_m > widest:
+        limit = "no such modem hears that far" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
+        hint = "compare it with what is seen; correct `checklist.geofence` of the site if the test is wider"
+        return Finding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
+    if width_m is None and far_m > _UNDECLARED_M:
+        message = f"{who} puts {whose} {far_m:.0f} m away, and nobody has declared how wide the site is"
+        return Finding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
+    return None
+
+
+def _apart(fix: Told, share: float, metres: float) -> bool:
+    known = fix.range_m is not None and fix.distance_m is not None
+    return known and abs((fix.range_m or 0.0) - (fix.distance_m or 0.0)) > max(metres, share * (fix.range_m or 0.0))
+
+
+def _mismatch(who: str, whose: str, fix: Told) -> str:
+    return f"{who} puts {whose} at {fix.distance_m:.1f} m, and the sound's time says {fix.range_m:.1f} m"
+
+
+_MISMATCH = "compare the sound speed that is set with the water's; echoes of a wall make such fixes, too"
+
+
+def _absurd(who: str, whose: str, fix: Told) -> Finding | None:
+    """Say that a value is one that no reception has."""
+    values = (
+        ("an accuracy", fix.accuracy, "rad", fix.accuracy is not None and not 0 <= fix.accuracy <= _ACCURACY_NONE),
+        ("a signal", fix.rssi_db, "dB", fix.rssi_db is not None and not _SIGNAL_NONE_DB < fix.rssi_db < 0),
+        ("an integrity", fix.integrity, "", fix.integrity is not None and fix.integrity <= 0),
+        ("a fit error", fix.fit_error, "", fix.fit_error is not None and fix.fit_error < 0),
+    )
+    odd = next((f"{what} of {value:g} {unit}".rstrip() for what, value, unit, wrong in values if wrong), None)
+    if odd is None:
+        return None
+    message = f"{who} tells a fix of {whose} with {odd}, which says nothing of a direction or is none"
+    return Finding(Verdict.FAIL, "values-impossible", message, f"look whether something is received at all; {_ECHOES}")
+
+
+@dataclass(frozen=True, slots=True)
+class Fixes:
+    """The USBL tells fresh fixes of the modems that it should hear."""
+
+    modem: Modem
+    name: str
+    """The row in words."""
+    hears: tuple[int, ...]
+    """Acoustic addresses; none: anybody's."""
+    max_age_s: float
+    question: Listen
+    declared: int | None = None
+    """Acoustic address of the modem itself; None: nobody has declared it."""
+    width_m: float | None = None
+    """Of the site's waters: the geofence from one side to the other."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """The script of the acoustic column, with a listening behind it."""
+        return (self.question,)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge the fixes that came while it was listened."""
+        transcript = said(self.modem, self.name, results[self.question.name])
+        if isinstance(transcript, Judged):
+            return transcript
+        fixes = told(self.modem.driver, transcript)
+        if not fixes and not self._understood(transcript):
+            return Judged((self._foreign(transcript),))
+        remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
+        if not any(fix.remote in remotes for fix in fixes):
+            return Judged((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
+        local = self._own(transcript)
+        findings = tuple(
+            finding
+            for remote in remotes
+            for finding in self._of(remote, [fix for fix in fixes if fix.remote == remote], local, transcript)
+        )
+        return Judged((*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes)))
+
+    @property
+    def _who(self) -> str:
+        return f"the USBL of {self.name}"
+
+    def _own(self, transcript: Transcript) -> int | None:
+        """Which address the modem itself tells; None: it does not."""
+        if self.modem.driver is AcousticDriver.SEATRAC:
+            settings = Beacon.of(transcript).settings
+            return None if settings is None else settings.beacon
+        return Reading.of(transcript).address
+
+    def _whose(self, transcript: Transcript) -> Iterator[Finding]:
+        """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
+        local = self._own(transcript)
+        if local is not None and self.declared is not None and local != self.declared:
+            message = f"{self._who} has the acoustic address {local}, and {self.declared} is declared"
+            hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
+            yield Finding(Verdict.FAIL, "wrong-address", message, hint)
+        if not self.hears:
+            message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
+            yield Finding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
+
+    def _understood(self, transcript: Transcript) -> bool:
+        if self.modem.driver is AcousticDriver.SEATRAC:
+            return bool(seatrac.answers(transcript.data))
+        pieces = evologics.pieces(transcript.data)
+        return any(piece.command for piece in pieces) or evologics.state(pieces) is not None
+
+    def _foreign(self, transcript: Transcript) -> Finding:
+        seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
+        return (damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
+
+    def _nothing(self, fixes: tuple[Told, ...], transcript: Transcript) -> Finding:
+        if self.modem.driver is AcousticDriver.EVOLOGICS:
+            switched = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
+            if switched == 0 and not fixes:
+                message = f"{self._who} keeps its fixes to itself: their output is switched off (AT?ZU 0)"
+                hint = "have its crew switch the output of fixes on: this tool never does"
+                return Finding(Verdict.INCONCLUSIVE, "output-off", message, hint)
+        whose = f" of {_addresses(self.hears)}" if self.hears else ""
+        others = sorted({fix.remote for fix in fixes})
+        beside = f", only of {_addresses(tuple(others))}" if others else ""
+        message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
+        return Finding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
+
+    def _of(self, remote: int, fixes: list[Told], local: int | None, transcript: Transcript) -> Iterator[Finding]:
+        """Judge what was told of one modem: possible, of now, and more than one measurement."""
+        if not fixes:
+            message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
+            yield Finding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
+            return
+        again = _again(fixes)
+        if again is not None:
+            message = f"{self._who} tells {again} of the address {remote}"
+            yield Finding(Verdict.FAIL, "repeated", message, _REPLAY)
+            return
+        # One measurement is as old as when it was told first.
+        measured = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
+        wrong = {id(fix): finding for fix in measured if (finding := self._wrong(fix, local)) is not None}
+        good = [fix for fix in measured if id(fix) not in wrong]
+        if len(good) <= len(wrong):
+            yield next(wrong[id(fix)] for fix in reversed(measured) if id(fix) in wrong)
+            return
+        yield from self._heard(remote, good, len(fixes))
+        if wrong:
+            message = f"{len(wrong)} of {len(measured)} fixes of the address {remote} cannot be: {_first(wrong)}"
+            yield Finding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
+
+    def _wrong(self, fix: Told, local: int | None) -> Finding | None:
+        of = f"of the address {fix.remote}"
+        finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
+        if finding is not None:
+            return finding
+        if fix.delay_s > self.max_age_s:
+            message = f"{self._who} tells a fix {of} that was measured {fix.delay_s:.0f} s before"
+            return Finding(Verdict.FAIL, "stale", message, _REPLAY)
+        if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.came >= _SINCE_1970_S:
+            ahead_s = fix.clock_s - fix.came
+            if abs(ahead_s) > self.max_age_s:
+                side = "behind" if ahead_s < 0 else "ahead of"
+                message = f"{self._who} tells a fix {of} at a time that is {abs(ahead_s):.0f} s {side} the clock here"
+                hint = f"set the modem's clock; if it is right: {_REPLAY}"
+                return Finding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
+        if fix.suspect:
+            return Finding(Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES)
+        return None
+
+    def _heard(self, remote: int, good: Sequence[Told], count: int) -> Iterator[Finding]:
+        last = good[-1]
+        far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
+        counted = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
+        if last.age_s > self.max_age_s:
+            message = f"{self._who} told {counted}, but none for {last.age_s:.0f} s"
+            yield Finding(Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}")
+            return
+        yield Finding(Verdict.PASS, "heard", f"{self._who} told {counted}{far}")
+        if len(good) == 1:
+            message = f"only one fix of the address {remote} came: whether more follow is not seen"
+            yield Finding(Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again")
+        yield from _quality(self._who, remote, last)
+
+    def _out_of_step(self, fixes: tuple[Told, ...]) -> Iterator[Finding]:
+        """Whether the modem's clock and ours go alike: what was kept back for too long, or recorded, does not."""
+        apart = [fix.clock_s - fix.came for fix in fixes if fix.clock_s is not None]
+        if apart and max(apart) - min(apart) > self.max_age_s:
+            far_s = max(apart) - min(apart)
+            message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
+            hint = f"listen again: fixes that were kept back come at once; if it stays so: {_REPLAY}"
+            yield Finding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
+
+
+def _again(fixes: list[Told]) -> str | None:
+    """Say that the same measurement is told again and again, or comes back after another."""
+    keys = [(fix.form, fix.stamp) for fix in fixes]
+    if len(keys) > len({fix.form for fix in fixes}) and len({fix.stamp for fix in fixes}) == 1:
+        return f"one fix {len(keys)} times"
+    for form in {fix.form for fix in fixes}:
+        stamps = [fix.stamp for fix in fixes if fix.form == form]
+        runs = [stamp for place, stamp in enumerate(stamps) if not place or stamp != stamps[place - 1]]
+        back = [item for item, then in pairwise(runs) if _before(then, item)]
+        if len(runs) > len(set(runs)) or back:
+            return "fixes that it has told before"
+    return None
+
+
+def _before(then: object, item: object) -> bool:
+    return isinstance(then, float) and isinstance(item, float) and then < item
+
+
+def _first(wrong: Mapping[int, Finding]) -> str:
+    return next(iter(wrong.values())).message
+
+
+def _quality(who: str, remote: int, fix: Told) -> Iterator[Finding]:
+    of = f"of the address {remote}"
+    if fix.range_m is None:
+        hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
+        yield Finding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
+    elif not fix.directed:
+        hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
+        yield Finding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
+    elif _apart(fix, _OFF_SHARE, _OFF_M):
+        yield Finding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
+    low, high = RSSI_DB
+    if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
+        weak = fix.rssi_db < low
+        message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
+        hint = "look at the transducers and what is between them" if weak else "move the modems apart"
+        yield Finding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
+    if fix.integrity is not None and fix.integrity < INTEGRITY_LOW:
+        message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {INTEGRITY_LOW}"
+        hint = "look for echoes (walls, the hull, the surface) and noise, and listen again"
+        yield Finding(Verdict.WARN, "integrity-low", message, hint)
+    if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:
+        message = f"{who} knows the direction {of} only to {math.degrees(fix.accuracy):.0f} degrees"
+        yield Finding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
+    if fix.fit_error is not None and fix.fit_error > _FIT_POOR:
+        poor = f"fit error {fix.fit_error:.1f}, good is below {_FIT_POOR:g}"
+        message = f"{who} has measured the direction {of} poorly: {poor}"
+        yield Finding(Verdict.WARN, "poor-fit", message, _ECHOES)
+
+
+def _addresses(addresses: tuple[int, ...]) -> str:
+    word = "the addresses" if len(addresses) > 1 else "the address"
+    return f"{word} {', '.join(map(str, addresses))}"
+
+
+def _evidence(fixes: tuple[Told, ...]) -> Iterator[Evidence]:
+    for remote in sorted({fix.remote for fix in fixes}):
+        its = [fix for fix in fixes if fix.remote == remote]
+        yield Evidence(type=EvidenceType.MEASURED, what=f"fixes of the address {remote}", value="; ".join(_told(its)))
+
+
+def _told(fixes: list[Told]) -> Iterator[str]:
+    last = fixes[-1]
+    yield f"{len(fixes)}"
+    yield f"last {last.age_s:.1f} s old"
+    if last.range_m is not None:
+        yield f"range {last.range_m:.2f} m"
+    if last.distance_m is not None:
+        yield f"position {last.distance_m:.2f} m away"
+    if last.rssi_db is not None:
+        yield f"signal {last.rssi_db:.0f} dB"
+    if last.integrity is not None:
+        yield f"integrity {last.integrity:.0f}"
+    if last.accuracy is not None:
+        yield f"accuracy {last.accuracy:g} rad"
+    if last.fit_error is not None:
+        yield f"fit error {last.fit_error:.2f}"

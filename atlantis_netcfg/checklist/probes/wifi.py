@@ -1,0 +1,456 @@
+"""Wi-Fi: the vehicle's own, as access point or as station, and the site's bridge.
+
+An AUV carries an access point that is usable on the surface only (report 2.2.2), and the gateway's radio is its client:
+`iw` on the gateway tells the association, the level and the rate. ASV and UAV are stations of the site: its access
+point tells, where that is a RouterOS device. Loss and round trip are measured between hosts in either case; the bridge
+of a location is what `provision links` says of it.
+
+Bounds of levels: devices.md, section 8. A receiver saturates at short distance, so there is an upper bound too (a
+report of two radios has -27 dBm and 34 % quality at full power, -47 dBm and 94 % reduced). From 10 dB beyond a bound, a
+tenth or ten times the power, it no longer passes: our own judgement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers.wifi import Family
+from atlantis_netcfg.bearers.wifi import queries as wifi_queries
+from atlantis_netcfg.bearers.wifi import read as read_wifi
+from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
+from atlantis_netcfg.checklist.probes.iw import (
+    Link,
+    Station,
+    judge_channel,
+    judge_country,
+    read_link,
+    read_rules,
+    read_station,
+    read_type,
+    read_width,
+)
+from atlantis_netcfg.checklist.probes.ping import (
+    Pinged,
+    card_request,
+    judge_ping,
+    own_address,
+    ping_request,
+    read_card,
+    read_route,
+    route_request,
+)
+from atlantis_netcfg.checklist.probes.requests import Ask, Run
+from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, declared, not_run, read, rows_of, unasked
+from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.declaration.model import BearerKind, WifiRole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.bearers.wifi import WifiPeer
+    from atlantis_netcfg.checklist.probes.requests import Place, Question
+    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Cell, Probe
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model import WifiEndpoint
+
+__all__ = ["AssociatedProbe", "RegisteredProbe", "steps"]
+
+
+FAR_DB = 10.0
+IMBALANCE_DB = 6.0
+
+
+def judge_level(endpoint: WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[Finding]:
+    """Compare a level with both bounds. `where` hears `who`."""
+    if level is None:
+        message = f"{where} does not say how well it hears {who}"
+        yield Finding(Verdict.INCONCLUSIVE, "signal-unknown", message, "look at the radio's own page, or ask again")
+    elif level < endpoint.low_dbm:
+        far = level <= endpoint.low_dbm - FAR_DB
+        message = f"{where} hears {who} with {level:g} dBm, below {endpoint.low_dbm:g} dBm"
+        hint = "bring both closer or into sight of each other, and look at the antennas and their connectors"
+        yield Finding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
+    elif level > endpoint.high_dbm:
+        far = level >= endpoint.high_dbm + FAR_DB
+        message = f"{where} hears {who} with {level:g} dBm, above {endpoint.high_dbm:g} dBm: its receiver is overdriven"
+        hint = "move both some metres apart, or reduce the transmit power of the other end"
+        yield Finding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
+
+
+def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[Finding]:
+    """Compare the chains of the receiver with each other."""
+    levels = [chain for chain in chains if chain is not None]
+    if len(levels) > 1 and max(levels) - min(levels) > IMBALANCE_DB:
+        apart = max(levels) - min(levels)
+        message = f"the chains of {where} hear {who} {apart:g} dB apart, more than {IMBALANCE_DB:g} dB"
+        hint = "check how the antennas stand to each other, then the connector of the weaker chain"
+        yield Finding(Verdict.WARN, "chain-imbalance", message, hint)
+
+
+def judge_rate(
+    endpoint: WifiEndpoint, sent: float | None, received: float | None, who: str, where: str
+) -> Iterator[Finding]:
+    """Compare the rates of the association with the declared floor.
+
+    The rate of sending is the choice of this end's rate control, and counts; what was last received may have been a
+    frame of management at the lowest rate, and only warns.
+    """
+    floor = endpoint.rate_mbps
+    if floor is None:
+        return
+    hint = "look again while traffic flows; then look at level, channel and width"
+    if sent is None and received is None:
+        message = f"{where} does not say at which rate it is associated with {who}"
+        yield Finding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
+    elif sent is not None and sent < floor:
+        message = f"{where} sends to {who} at {sent:g} Mbit/s, below {floor:g} Mbit/s"
+        yield Finding(Verdict.FAIL, "rate-low", message, hint)
+    elif received is not None and received < floor:
+        message = f"{where} last received from {who} at {received:g} Mbit/s, below {floor:g} Mbit/s"
+        yield Finding(Verdict.WARN, "rate-low", message, hint)
+
+
+FAIL_LOSS_PERCENT = 50.0
+"""From here a Wi-Fi does not serve: our own judgement. In between it warns."""
+
+
+@dataclass(frozen=True, slots=True)
+class AssociatedProbe:
+    """The computer's radio is associated with the vehicle's access point, hears it well, and reaches the vehicle.
+
+    Asked on the gateway (or the laptop): `iw dev IF link`, `iw dev IF station dump`, `iw dev IF info`, `iw reg get`,
+    `ip -j addr show dev IF`, and with an address `ip -j route get ADDRESS`, `ping -n -c 20 -i 0.2 -W 2 ADDRESS`.
+    """
+
+    name: str
+    """Of the vehicle, in words."""
+    place: Place
+    endpoint: WifiEndpoint
+    address: str | None
+    country: str
+    """Of the pilot, in RouterOS' word."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """Give the radio's view, the interface and the way to the vehicle."""
+        radio = self.endpoint.interface
+        requested = (
+            Run("link", self.place, ("iw", "dev", radio, "link")),
+            Run("stations", self.place, ("iw", "dev", radio, "station", "dump")),
+            Run("info", self.place, ("iw", "dev", radio, "info")),
+            Run("rules", self.place, ("iw", "reg", "get")),
+            card_request(self.place, radio),
+        )
+        if self.address is None:
+            return requested
+        return (*requested, route_request(self.place, self.address), ping_request(self.place, self.address))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Association first: without it nothing else speaks of this vehicle."""
+        addr = results.get("addr")
+        absent = (*not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
+        if absent:
+            return Judged(absent[:1])
+        link = self._link(results)
+        if link is None:
+            text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
+            message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
+            hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
+            return Judged((Finding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
+        if apart := self._apart(link, results):
+            return Judged((apart,), self._evidence(link, None))
+        station = read_station(_out(results, "stations"), link.bssid or "")
+        reached = self._reached(results)
+        found = (*self._identity(link, station), *self._radio_says(link, station, results), *reached.findings)
+        return Judged(found, (*self._evidence(link, station), *reached.evidence))
+
+    @property
+    def _radio(self) -> str:
+        return f"{self.endpoint.interface} of {PLACES[self.place]}"
+
+    def _no_interface(self, addr: Answer | None) -> Iterator[Finding]:
+        """Say that the radio is not there, or is switched off."""
+        card = read_card(addr)
+        if isinstance(addr, Ran) and card is None and "does not exist" in addr.err:
+            hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
+            message = f"{PLACES[self.place]} has no interface {self.endpoint.interface}"
+            yield Finding(Verdict.FAIL, "no-interface", message, hint)
+        elif card is not None and not card.up:
+            hint = f"on it: rfkill list; sudo ip link set {self.endpoint.interface} up"
+            yield Finding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
+
+    def _no_iw(self, link: Answer | None) -> Iterator[Finding]:
+        """Say that the radio cannot be asked."""
+        yield from not_run(self.place, "iw", link)
+        if isinstance(link, Ran) and link.rc and "No such device" in link.err:
+            hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
+            message = f"{self.endpoint.interface} of {PLACES[self.place]} is not a radio"
+            yield Finding(Verdict.FAIL, "no-radio", message, hint)
+        elif isinstance(link, Ran) and "nl80211 not found" in link.err:
+            hint = "plug a radio in, or load the driver of the one that it has"
+            message = f"{PLACES[self.place]} has no radio that its kernel knows"
+            yield Finding(Verdict.FAIL, "no-radio", message, hint)
+
+    def _link(self, results: Mapping[str, Answer]) -> Link | None:
+        return read_link(_out(results, "link"))
+
+    def _apart(self, link: Link, results: Mapping[str, Answer]) -> Finding | None:
+        """Say that the radio is not associated with the vehicle; None: it is, as far as can be told."""
+        kind = read_type(_out(results, "info"))
+        if link.bssid is None and kind is not None and kind != "managed":
+            message = f"{self._radio} is no client of an access point, but of type {kind}"
+            hint = f"the vehicle is the access point here: what has set {self.endpoint.interface} up so?"
+            return Finding(Verdict.FAIL, "no-client", message, hint)
+        if link.bssid is None:
+            hint = f"is {self.name} on and its antenna out of the water? Then compare SSID and key at both ends"
+            message = f"{self._radio} is not associated with {self._expected}"
+            return Finding(Verdict.FAIL, "not-associated", message, hint)
+        ssid = self.endpoint.ssid
+        if ssid is not None and link.ssid is not None and link.ssid != ssid:
+            message = (
+                f"{self._radio} is associated with `{link.ssid}`, and a radio hears one access point at a time:"
+                f" `{ssid}` cannot be judged"
+            )
+            hint = f"connect it to `{ssid}` when the other vehicle is done, or give each vehicle a radio of its own"
+            return Finding(Verdict.INCONCLUSIVE, "other-association", message, hint)
+        if self.endpoint.mac is not None and link.bssid != str(self.endpoint.mac).upper():
+            message = f"{link.bssid} sends as {self._expected}, and the radio of {self.name} is {self.endpoint.mac}"
+            hint = "correct `endpoints.wifi.mac` if its radio was exchanged; else find out who sends under this name"
+            return Finding(Verdict.FAIL, "other-radio", message, hint)
+        return None
+
+    @property
+    def _expected(self) -> str:
+        return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
+
+    def _identity(self, link: Link, station: Station | None) -> Iterator[Finding]:
+        dbm = _level(link, station)
+        level = "" if dbm is None else f", heard with {dbm:g} dBm"
+        who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
+        yield Finding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
+        if (self.endpoint.ssid is None or link.ssid is None) and self.endpoint.mac is None:
+            message = f"nothing tells whether {who} is the access point of {self.name}"
+            yield Finding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
+
+    def _radio_says(self, link: Link, station: Station | None, results: Mapping[str, Answer]) -> Iterator[Finding]:
+        yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
+        yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
+        sent, received = _rates(link, station)
+        yield from judge_rate(self.endpoint, sent, received, self.name, self._radio)
+        width = read_width(_out(results, "info"))
+        yield from judge_channel(self.country, link.frequency_mhz, width, self.name)
+        rules = read_rules(_out(results, "rules"))
+        yield from judge_country(self.country, rules, PLACES[self.place])
+
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+        """Ping it; what goes another way than by this radio says nothing of it."""
+        if self.address is None:
+            message = f"no address of {self.name} is known here: loss and round trip were not measured"
+            hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
+            return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
+        way = read_route(results.get("route"), self.address)
+        card = read_card(results.get("addr"))
+        mine = {self.endpoint.interface, card.master if card else None}
+        if way is not None and way.interface not in mine:
+            message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
+            hint = f"type it there: ip route get {self.address}; then correct the address or the route"
+            return Judged((Finding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),))
+        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
+            message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
+            hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
+            return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
+        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return judge_ping(expected, results.get("ping"))
+
+    def _evidence(self, link: Link, station: Station | None) -> tuple[Evidence, ...]:
+        at = self._radio
+        sent, received = _rates(link, station)
+        shown = (
+            ("access point heard by", f"{link.ssid or '?'} ({link.bssid})" if link.bssid else "none", ""),
+            ("channel of", link.frequency_mhz, "MHz"),
+            ("signal at", _level(link, station), "dBm"),
+            ("chains of", ", ".join(f"{item:g}" for item in station.chains_dbm) if station else None, "dBm"),
+            ("rate sent at by", sent, "Mbit/s"),
+            ("rate received at by", received, "Mbit/s"),
+        )
+        result = tuple(read(f"{what} {at}", value, unit) for what, value, unit in shown if value not in {None, ""})
+        bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
+        return (*result, declared("signal wanted", bounds))
+
+
+def _level(link: Link, station: Station | None) -> float | None:
+    mean = None if station is None else station.signal_dbm
+    return link.signal_dbm if mean is None else mean
+
+
+def _rates(link: Link, station: Station | None) -> tuple[float | None, float | None]:
+    return (
+        link.tx_mbps if link.tx_mbps is not None or station is None else station.tx_mbps,
+        link.rx_mbps if link.rx_mbps is not None or station is None else station.rx_mbps,
+    )
+
+
+def _out(results: Mapping[str, Answer], name: str) -> str:
+    ran = results.get(name)
+    return ran.out if isinstance(ran, Ran) and ran.trouble is None else ""
+
+
+def _err(results: Mapping[str, Answer], name: str) -> str:
+    ran = results.get(name)
+    return ran.err if isinstance(ran, Ran) else ""
+
+
+@dataclass(frozen=True, slots=True)
+class RegisteredProbe:
+    """The vehicle is registered at the site's access point, is heard well, and answers.
+
+    Asked of the RouterOS device `seen_by`: the registration tables of both generations; on the gateway (or the laptop):
+    `ip -j route get ADDRESS` and `ping -n -c 20 -i 0.2 -W 2 ADDRESS`. Without `seen_by` only these.
+    """
+
+    name: str
+    place: Place
+    endpoint: WifiEndpoint
+    address: str | None
+    mac: str | None
+    """Of the vehicle's radio, upper case; None: nobody has declared it."""
+
+    def asks(self) -> tuple[Question, ...]:
+        """Give the tables and the ping."""
+        host = self.endpoint.seen_by
+        tables = () if host is None else tuple(Ask(f, host, wifi_queries(f, "")[0]) for f in Family)
+        if self.address is None:
+            return tables
+        return (*tables, route_request(self.place, self.address), ping_request(self.place, self.address))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
+        parts = [self._told(results), self._reached(results)]
+        if self.endpoint.seen_by is None:
+            parts.reverse()
+        findings = tuple(finding for part in parts for finding in part.findings)
+        return Judged(findings, tuple(evidence for part in parts for evidence in part.evidence))
+
+    def _told(self, results: Mapping[str, Answer]) -> Judged:
+        host = self.endpoint.seen_by
+        if host is None:
+            message = f"no device of ours sees the association of {self.name}, nor its signal"
+            hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
+            return Judged((Finding(Verdict.WARN, "association-unseen", message, hint),))
+        answers = {family: results.get(family) for family in Family}
+        if all(not isinstance(result, Rows) or result.trouble is not None for result in answers.values()):
+            return Judged((unasked(host, answers[Family.WIRELESS]),))
+        tables = {family: rows for family, answer in answers.items() if (rows := rows_of(answer)) is not None}
+        if not tables:
+            message = f"{host} has no registration table, in neither of its two menus for radios"
+            hint = "is `endpoints.wifi.seen_by` the device with the access point? RouterOS 7.13 on needs a package"
+            return Judged((Finding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
+        peers = [peer for family, rows in tables.items() for peer in read_wifi(family, rows, None).peers]
+        return self._registered(host, peers)
+
+    def _registered(self, host: str, peers: list[WifiPeer]) -> Judged:
+        others = f"{len(peers)} other{'' if len(peers) == 1 else 's'}" if peers else "nobody else"
+        if self.mac is None:
+            message = f"nobody has declared the MAC address of {self.name}, by which {host} would know it"
+            hint = "write `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
+            return Judged((Finding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
+        mine = next((peer for peer in peers if peer.mac == self.mac), None)
+        if mine is None:
+            message = f"{self.name} ({self.mac}) is not registered at {host}; {others} is"
+            hint = "is it on, with the SSID and key of the site? If its radio was exchanged, correct its MAC address"
+            return Judged((Finding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),))
+        return Judged(tuple(self._findings(host, mine)), self._evidence(host, mine))
+
+    def _findings(self, host: str, peer: WifiPeer) -> Iterator[Finding]:
+        if peer.authorised is False:
+            message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
+            yield Finding(Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's")
+        else:
+            level = "" if peer.signal_dbm is None else f", heard with {peer.signal_dbm:g} dBm"
+            yield Finding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
+        yield from judge_level(self.endpoint, peer.signal_dbm, self.name, host)
+        yield from judge_chains(peer.chains_dbm, self.name, host)
+        yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
+
+    def _evidence(self, host: str, peer: WifiPeer) -> tuple[Evidence, ...]:
+        chains = ", ".join("?" if item is None else f"{item:g}" for item in peer.chains_dbm)
+        shown = (
+            ("station registered at", peer.mac, ""),
+            ("signal at", peer.signal_dbm, "dBm"),
+            ("chains of", chains or None, "dBm"),
+            ("signal to noise at", peer.snr_db, "dB"),
+            ("rate sent at by", peer.tx_rate_mbps, "Mbit/s"),
+            ("rate received at by", peer.rx_rate_mbps, "Mbit/s"),
+            ("registered for, at", peer.uptime_s, "s"),
+        )
+        result = tuple(read(f"{what} {host}", value, unit) for what, value, unit in shown if value is not None)
+        bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
+        return (*result, declared("signal wanted", bounds))
+
+    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+        if self.address is None:
+            message = f"no address of {self.name} is known here: loss and round trip were not measured"
+            hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
+            return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
+        way = read_route(results.get("route"), self.address)
+        if local := tuple(own_address(self.place, self.name, self.address, way)):
+            return Judged(local)
+        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return judge_ping(expected, results.get("ping"))
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Give the bridges of a location, and the row's own Wi-Fi where it is declared."""
+    bridges = link_steps(
+        cell,
+        BearerKind.WIFI_PTP,
+        lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
+    )
+    endpoint = cell.endpoints.wifi
+    if endpoint is not None:
+        return (*bridges, _own(cell, endpoint, "own" if bridges else ""))
+    return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))
+
+
+def _own(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
+    probe = _probe(cell, endpoint)
+    gateway = cell.gateway
+    concerns = (endpoint.seen_by, gateway.name if gateway is not None else None)
+    return Step(
+        name=name,
+        title=_title(cell, endpoint),
+        kind=Kind.AUTOMATIC,
+        phase=Phase.BENCH,
+        probe=probe,
+        concerns=tuple(concern for concern in concerns if concern is not None),
+    )
+
+
+def _title(cell: Cell, endpoint: WifiEndpoint) -> str:
+    if endpoint.role is WifiRole.ACCESS_POINT:
+        return f"Access point of {cell.name} is heard well, and answers without loss"
+    if endpoint.seen_by is None:
+        return f"{cell.name} answers over the Wi-Fi of the site without loss"
+    return f"{cell.name} is registered at {endpoint.seen_by}, is heard well, and answers without loss"
+
+
+def _probe(cell: Cell, endpoint: WifiEndpoint) -> Probe:
+    place, address = cell.place(endpoint.seen_from), cell.address(endpoint.address)
+    if endpoint.role is WifiRole.ACCESS_POINT:
+        return AssociatedProbe(cell.name, place, endpoint, address, cell.declaration.pilot.country)
+    return RegisteredProbe(cell.name, place, endpoint, address, reserved_mac(cell, endpoint.mac))
+
+
+def _by_a_person(cell: Cell) -> Step:
+    return Step(
+        name="",
+        title=f"Wi-Fi of {cell.name} works",
+        kind=Kind.PERSON,
+        phase=Phase.BENCH,
+        do=f"Connect a computer to the Wi-Fi of {cell.name} where the vehicles will be, and look at its level.",
+        look_for="It connects, hears the access point with -35 to -75 dBm, and pings the gateway without loss.",
+    )
