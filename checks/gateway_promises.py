@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.elsewhere import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.elsewhere import (
     OF_ALL,
     OF_AN_ACCOUNT,
     OF_SYSTEMD,

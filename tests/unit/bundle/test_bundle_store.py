@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bundle_store import Store, StoredFile
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.bundle import Store, StoredFile
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.elsewhere import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.elsewhere import (
     Setting,
     contradicting,
     note,
 )
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
 
 if TYPE_CHECKING:
     from pathlib import Path

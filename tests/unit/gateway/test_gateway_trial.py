@@ -10,7 +10,7 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.trial import SmokeTest
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.connection_test import SmokeTest
 
 if TYPE_CHECKING:
     from pathlib import Path

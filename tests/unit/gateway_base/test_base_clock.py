@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.clock import Clock
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.clock import Clock
 
 NOW = 1_795_000_000.0  # 2026-11-18
 DAY_S = 86400

@@ -14,7 +14,7 @@ import pytest
 from hints_said import advised, said
 from vpn_desk import NOBODY, PASSPHRASE, declared, founded
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_list
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.cli import _session, _vpn, main
 from atlantis_netcfg.cli._playbook import Outcome
@@ -286,14 +286,14 @@ def a_list_of_another(at: Laptop) -> str:
 
 def of_an_older_copy(at: Laptop) -> str:
     at.type(*LAPTOP)
-    new, old = (vpn_list.Crl(signed=True, number=number, begins=0, ends=10) for number in (3, 4))
-    return refused(lambda: vpn_list.accept(new, old, 5.0))
+    new, old = (vpn_server.Crl(signed=True, number=number, begins=0, ends=10) for number in (3, 4))
+    return refused(lambda: vpn_server.accept(new, old, 5.0))
 
 
 def by_the_servers_clock(at: Laptop) -> str:
-    new = vpn_list.Crl(signed=True, number=9, begins=0, ends=10)
+    new = vpn_server.Crl(signed=True, number=9, begins=0, ends=10)
     assert at.authority.roll().crl_number >= 1
-    return refused(lambda: vpn_list.accept(new, None, 20.0))
+    return refused(lambda: vpn_server.accept(new, None, 20.0))
 
 
 # --- what is typed -----------------------------------------------------------------------------------------------
@@ -430,7 +430,7 @@ SITUATIONS: dict[str, Situation] = {
         "the record agrees with its signature",
     ),
     "a list that cannot be read": (
-        lambda _: refused(lambda: vpn_list.accept(None, None, 0.0)),
+        lambda _: refused(lambda: vpn_server.accept(None, None, 0.0)),
         "`provision vpn status` tells what is wrong with the authority's own list",
         0,
         "the record agrees with its signature",

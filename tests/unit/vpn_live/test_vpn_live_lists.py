@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_list
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.vpn import pki
@@ -22,10 +22,10 @@ OTHER = pki.new_ca("other-ca", NOW)
 SERIAL = pki.new_serial()
 
 
-def read(folder: Path, pem: bytes) -> vpn_list.Crl | None:
+def read(folder: Path, pem: bytes) -> vpn_server.Crl | None:
     (folder / "ca.crt").write_text(pki.cert_pem(CA.certificate))
     (folder / "crl.pem").write_bytes(pem)
-    return vpn_list.read(str(folder / "crl.pem"), str(folder / "ca.crt"), run)
+    return vpn_server.read(str(folder / "crl.pem"), str(folder / "ca.crt"), run)
 
 
 def listed(number: int = 7, ca: pki.Ca = CA, at: datetime = NOW, days: int = 90) -> bytes:
@@ -38,8 +38,8 @@ def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
     assert (found.number, found.signed) == (7, True)
     assert found.ends - found.begins == timedelta(days=90).total_seconds()
     assert abs(found.begins - NOW.timestamp()) <= timedelta(days=2).total_seconds()
-    assert vpn_list.accept(found, None, NOW.timestamp()) == found
-    assert vpn_list.accept(found, found, NOW.timestamp()) == found
+    assert vpn_server.accept(found, None, NOW.timestamp()) == found
+    assert vpn_server.accept(found, found, NOW.timestamp()) == found
 
 
 @pytest.mark.parametrize("ca", [NAMESAKE, OTHER], ids=["of the same name", "of another name"])
@@ -48,14 +48,14 @@ def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> Non
     assert found is not None
     assert not found.signed
     with pytest.raises(Refused, match="of another authority"):
-        vpn_list.accept(found, None, NOW.timestamp())
+        vpn_server.accept(found, None, NOW.timestamp())
 
 
 @pytest.mark.parametrize("pem", [b"", b"no list\n", listed()[:200]], ids=["empty", "text", "cut"])
 def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
     assert read(tmp_path, pem) is None
     with pytest.raises(Refused, match="cannot be read"):
-        vpn_list.accept(None, None, NOW.timestamp())
+        vpn_server.accept(None, None, NOW.timestamp())
 
 
 @pytest.mark.parametrize(
@@ -69,12 +69,12 @@ def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
 def test_a_list_that_would_harm_is_refused(tmp_path: Path, number: int, day: int, words: str) -> None:
     old, new = read(tmp_path, listed(7)), read(tmp_path, listed(number))
     with pytest.raises(Refused, match=words):
-        vpn_list.accept(new, old, (NOW + timedelta(days=day)).timestamp())
+        vpn_server.accept(new, old, (NOW + timedelta(days=day)).timestamp())
 
 
 def test_a_number_says_nothing_beside_a_list_of_another_authority(tmp_path: Path) -> None:
     old, new = read(tmp_path, listed(9, NAMESAKE)), read(tmp_path, listed(1))
-    assert vpn_list.accept(new, old, NOW.timestamp()) == new
+    assert vpn_server.accept(new, old, NOW.timestamp()) == new
 
 
 A, B = (pki.RevokedSerial(pki.new_serial(), NOW) for _ in range(2))
@@ -107,12 +107,12 @@ def test_the_serials_are_read(tmp_path: Path) -> None:
 def test_a_list_of_a_restored_authority_is_refused(tmp_path: Path, new: bytes, words: str) -> None:
     old = read(tmp_path, revoking(7, A))
     with pytest.raises(Refused, match=words) as refused:
-        vpn_list.accept(read(tmp_path, new), old, NOW.timestamp())
+        vpn_server.accept(read(tmp_path, new), old, NOW.timestamp())
     assert "a revoked member would come back" in refused.value.message
 
 
 @pytest.mark.parametrize("more", [(), (B,)], ids=["the same", "one more"])
 def test_a_list_that_follows_is_taken(tmp_path: Path, more: tuple[pki.RevokedSerial, ...]) -> None:
     old, new = read(tmp_path, revoking(7, A)), read(tmp_path, revoking(8, A, *more))
-    assert vpn_list.accept(new, old, NOW.timestamp()) == new
-    assert vpn_list.accept(old, old, NOW.timestamp()) == old
+    assert vpn_server.accept(new, old, NOW.timestamp()) == new
+    assert vpn_server.accept(old, old, NOW.timestamp()) == old

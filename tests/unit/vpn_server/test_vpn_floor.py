@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.floor import Branch, Floor, hold
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.version_floor import Branch, Floor, hold
 from atlantis_netcfg.vpn.server import FLOOR
 
 DECLARED = Floor(

@@ -1,6 +1,16 @@
-"""Module `atlantis.netcfg.bundle`: the board's end of carrying a bundle; `atlantis.netcfg.carry` calls it."""
+"""Module `atlantis.netcfg.bundle`: the gateway's end of carrying a bundle; `atlantis.netcfg.carry` calls it.
+
+Below `/var/lib/atlantis/bundle`:
+
+    ID/                 a whole bundle: its files as links into the store, and `.held.json`, which lists them
+    .store/SHA256       content that was compared with its SHA-256; what a later bundle shares is not sent again
+    .incoming/ID.tar    what is being sent: files named by their SHA-256; of an interrupted one the whole files count
+
+Everything is made beside its place and renamed, so that a computer that is switched off at any moment goes on there.
+"""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
+# ruff: noqa: PTH101, PTH102, PTH103, PTH104, PTH105, PTH108, PTH112, PTH118, PTH120, PTH123, PTH208 - paths are text here
 
 from __future__ import annotations
 
@@ -39,14 +49,214 @@ upload: {description: Where a tar archive of what is missing goes to., type: str
 changes: {description: One line a change., type: list, elements: str, returned: success}
 """
 
+import contextlib
+import hashlib
+import json
 import os
 import re
-from typing import Any
+import shutil
+import tarfile
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.bundle_store import FOLDER, Store, StoredFile
-from ..module_utils.refused import Refused
+from ..module_utils.refused import Refused, in_words
+
+if TYPE_CHECKING:
+    from typing import Iterator, Mapping
+
+FOLDER = "/var/lib/atlantis/bundle"
+_LIST = ".held.json"
+_STORE = ".store"
+_INCOMING = ".incoming"
+_PRIVATE = "sources"
+"""Of a bundle: a partner's sources are nobody's but root's."""
+_CHUNK = 1 << 20
+_ROOM = 16 * 10**6
+"""Bytes that stay free on the disk."""
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """One file of a bundle; `path` below the bundle's folder, `size` in bytes."""
+
+    path: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Settled:
+    """How it stands: `ready` when the bundle is whole, else the `missing` content, by SHA-256."""
+
+    ready: bool
+    known: bool
+    """Whether the files of the bundle were told, now or earlier."""
+    missing: tuple[str, ...]
+    changes: tuple[str, ...]
+
+
+class Store:
+    """The bundles below `folder`; what is uploaded belongs to the account `owner`, a number."""
+
+    def __init__(self, folder: str = FOLDER, owner: int | None = None) -> None:
+        self.folder = folder
+        self.owner = os.geteuid() if owner is None else owner
+        self._store = os.path.join(folder, _STORE)
+        self._incoming = os.path.join(folder, _INCOMING)
+
+    def upload(self, name: str) -> str:
+        """Where the archive of what is missing goes to."""
+        return os.path.join(self._incoming, f"{name}.tar")
+
+    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> Settled:
+        """Take in what has arrived, and put the bundle together once nothing is missing. Raises Refused.
+
+        `files` None: those that were told when the bundle was put together. `check`: change nothing.
+        """
+        with _words(self.folder):
+            result = files if files is not None else self._listed_files(name)
+            if result is None:
+                return Settled(False, False, (), ())
+            if self._whole(name, result):
+                return Settled(True, True, (), () if check else tuple(self._prune(name, result)))
+            if not check:
+                self._ready()
+                self._take_in({entry.sha256: entry for entry in result})
+            missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
+            if missing or check:
+                self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
+                return Settled(False, True, missing, ())
+            self._compose(name, result)
+            return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
+
+    def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
+        try:
+            with open(os.path.join(self.folder, name, _LIST), "rb") as file:
+                return tuple(StoredFile(**load) for load in json.loads(file.read()))
+        except (FileNotFoundError, ValueError, TypeError):
+            return None
+
+    def _whole(self, name: str, result: tuple[StoredFile, ...]) -> bool:
+        if self._listed_files(name) != result:
+            return False
+        return all(_is(os.path.join(self.folder, name, item.path), item) for item in result)
+
+    def _ready(self) -> None:
+        os.makedirs(self.folder, mode=0o755, exist_ok=True)
+        for place, owner in ((self._store, os.geteuid()), (self._incoming, self.owner)):
+            with contextlib.suppress(FileExistsError):
+                os.mkdir(place, 0o700)
+            if os.lstat(place).st_uid != owner:
+                os.chown(place, owner, -1, follow_symlinks=False)
+
+    def _take_in(self, desired: Mapping[str, StoredFile]) -> None:
+        """Move what has arrived into the store, file by file; then the archives go."""
+        for entry in sorted(os.listdir(self._incoming)):
+            path = os.path.join(self._incoming, entry)
+            with contextlib.suppress(tarfile.TarError, EOFError), open(
+                os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb"
+            ) as file, tarfile.open(fileobj=file, mode="r|") as archive:
+                for member in archive:
+                    item = desired.get(member.name)
+                    content = archive.extractfile(member) if item is not None else None
+                    if item is not None and content is not None and not self._has(item, check=False):
+                        self._keep(item, content)
+            os.unlink(path)
+
+    def _keep(self, item: StoredFile, content: IO[bytes]) -> None:
+        scratch = os.path.join(self._store, ".new")
+        digest = hashlib.sha256()
+        try:
+            with open(scratch, "wb") as file:
+                for chunk in iter(lambda: content.read(_CHUNK), b""):
+                    digest.update(chunk)
+                    file.write(chunk)
+                file.flush()
+                os.fchmod(file.fileno(), 0o644)
+                os.fsync(file.fileno())
+            if digest.hexdigest() == item.sha256:
+                os.replace(scratch, os.path.join(self._store, item.sha256))
+        finally:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(scratch)
+
+    def _has(self, item: StoredFile, *, check: bool) -> bool:
+        """Whether the store holds it; what is damaged there is removed."""
+        path = os.path.join(self._store, item.sha256)
+        if _is(path, item):
+            return True
+        if not check:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(path)
+        return False
+
+    def _refuse_if_full(self, missing: Mapping[str, int]) -> None:
+        """What is missing is there twice for a moment: as an archive, and as files."""
+        place = self.folder
+        while not os.path.isdir(place):
+            place = os.path.dirname(place)
+        needed, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
+        if missing and free < needed:
+            raise Refused(
+                f"the bundle needs {needed / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
+                "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
+            )
+
+    def _compose(self, name: str, result: tuple[StoredFile, ...]) -> None:
+        new, place = os.path.join(self.folder, f".{name}.new"), os.path.join(self.folder, name)
+        shutil.rmtree(new, ignore_errors=True)
+        os.mkdir(new, 0o755)
+        for entry in result:
+            os.makedirs(os.path.dirname(os.path.join(new, entry.path)), mode=0o755, exist_ok=True)
+            os.link(os.path.join(self._store, entry.sha256), os.path.join(new, entry.path))
+        if os.path.isdir(os.path.join(new, _PRIVATE)):
+            os.chmod(os.path.join(new, _PRIVATE), 0o700)
+        with open(os.path.join(new, _LIST), "w", encoding="utf-8") as file:
+            json.dump([vars(item) for item in result], file)
+        os.sync()
+        shutil.rmtree(place, ignore_errors=True)
+        os.rename(new, place)
+        os.sync()
+
+    def _prune(self, name: str, result: tuple[StoredFile, ...]) -> Iterator[str]:
+        """Remove older bundles, and whatever belongs to none."""
+        kept = {item.sha256 for item in result}
+        for entry in sorted(os.listdir(self.folder)):
+            path = os.path.join(self.folder, entry)
+            if entry in (name, _STORE, _INCOMING):
+                continue
+            shutil.rmtree(path)
+            if not entry.startswith("."):
+                yield f"bundle {entry} removed"
+        for place, stays in ((self._store, kept), (self._incoming, set())):
+            for entry in os.listdir(place):
+                if entry not in stays:
+                    os.unlink(os.path.join(place, entry))
+
+
+def _is(path: str, item: StoredFile) -> bool:
+    """Whether that content stands there."""
+    try:
+        if os.lstat(path).st_size != item.size:
+            return False
+        digest = hashlib.sha256()
+        with open(path, "rb") as file:
+            for chunk in iter(lambda: file.read(_CHUNK), b""):
+                digest.update(chunk)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return digest.hexdigest() == item.sha256
+
+
+@contextlib.contextmanager
+def _words(folder: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise in_words(error, error.filename or folder) from error
+
 
 ARGUMENTS: dict[str, Any] = {
     "id": {"type": "str", "required": True},

@@ -38,10 +38,90 @@ notes:
   returned: success
 """
 
+import time
+from datetime import datetime, timezone
+from typing import TYPE_CHECKING
+
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.clock import TOLERANCE_S, Clock
+from ..module_utils.programs import is_there, run
 from ..module_utils.refused import Refused
+
+if TYPE_CHECKING:
+    from typing import Callable
+
+    from ..module_utils.programs import Done
+
+TOLERANCE_S = 300
+"""More than a question may be under way: a satellite may be silent for 70 s, and ssh repeats itself after it."""
+_OLDEST = datetime(2026, 1, 1, tzinfo=timezone.utc)
+"""No computer that runs this toolkit has an earlier time."""
+_DAY_S = 86400
+
+
+class Clock:
+    """The clock of this computer; what it reads and sets is given by tests."""
+
+    def __init__(
+        self,
+        *,
+        check: bool = False,
+        read: Callable[[], float] = time.time,
+        write: Callable[[float], None] = lambda now: time.clock_settime(time.CLOCK_REALTIME, now),
+        run: Callable[[list[str]], Done] = run,
+    ) -> None:
+        self.check = check
+        self.read = read
+        self.write = write
+        self.run = run
+        self.changes: list[str] = []
+        self.notes: list[str] = []
+
+    def converge(self, now: float, tolerance_s: float = TOLERANCE_S) -> None:
+        """Set the clock to `now`, in seconds since 1970, unless it is near, or follows a better one. Raises Refused."""
+        if now < _OLDEST.timestamp():
+            raise Refused(
+                f"your own computer says that it is {_in_words(now)}, so that no other clock can be set by it",
+                "set the clock of your own computer, and type the same again",
+            )
+        was = self.read()
+        if abs(was - now) <= tolerance_s:
+            return
+        off = _off(was - now)
+        if self._follows():
+            self.notes.append(f"its clock is {off} of your computer's, and follows a time server: look at your own")
+            return
+        if not self.check:
+            self._set(now, off)
+        self.changes.append(f"clock set: it was {off} ({_in_words(was)})")
+
+    def _set(self, now: float, off: str) -> None:
+        try:
+            self.write(now)
+        except OSError as error:
+            raise Refused(
+                f"the clock of this computer is {off}, and may not be set here: {error.strerror}. "
+                "Keys and certificates do not hold with such a clock",
+                "a container has the clock of its computer: set it there, or give the container CAP_SYS_TIME",
+            ) from error
+        for keep in (["hwclock", "--systohc", "--utc"], ["fake-hwclock", "save"]):
+            if is_there(keep[0]):
+                self.run(keep)  # a board without a clock of its own has nothing to keep it in
+
+    def _follows(self) -> bool:
+        """Whether a daemon of this computer has synchronised it, as the kernel knows."""
+        return self.run(["timedatectl", "show", "--property", "NTPSynchronized", "--value"]).output.strip() == "yes"
+
+
+def _off(seconds: float) -> str:
+    word = "ahead" if seconds > 0 else "behind"
+    size = abs(seconds)
+    return f"{size / _DAY_S:.0f} days {word}" if size >= 2 * _DAY_S else f"{size:.0f} s {word}"
+
+
+def _in_words(moment: float) -> str:
+    return datetime.fromtimestamp(moment, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+
 
 ARGUMENTS = {"now": {"type": "float", "required": True}, "tolerance_s": {"type": "float", "default": TOLERANCE_S}}
 
