@@ -3,8 +3,8 @@
 The technician's computer sends the paths with each request. The firewall is loaded from its file in one step, and read
 back.
 
-The list is checked as `openssl crl` reads it, before OpenVPN gets it: OpenVPN fails open on a list of another authority,
-and locks everybody out with one that is early, expired or cut.
+The list is checked before OpenVPN gets it, as `openssl crl` reads it: OpenVPN fails open on a list of another
+authority, and locks everybody out with one that is early, expired or cut.
 """
 
 from __future__ import annotations
