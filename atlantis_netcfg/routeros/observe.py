@@ -296,6 +296,12 @@ def _known(path: str, reply: Reply) -> tuple[Row, ...]:
     menu = MENUS[path]
     if menu.shape is not Shape.SINGLETON:
         return reply.rows
+    if len(reply.rows) > 1:
+        raise DeviceFailed(
+            f"{menu.title}: settings are one row, and the device answers with {len(reply.rows)}, of which nobody knows "
+            "which holds",
+            hint=f"look at them on the device:  {menu.title} print",
+        )
     names = _properties(menu)
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.routeros.apply._job import Status
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftKind, History, Past, compare
+from atlantis_netcfg.routeros.planner import newer_than_known
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import DeviceResult
@@ -28,7 +29,8 @@ async def drift(work: Work) -> DeviceResult:
         result = work.result(Status.DRIFTED, _summary(found))
     else:
         result = work.result(Status.UNCHANGED, _as_declared(found))
-    return replace(result, notes=tuple(work.notes))  # those of the plan are for whoever carries it out
+    # Of the plan's notes only what holds for a look, too: the others are for whoever carries it out.
+    return replace(result, notes=(*newer_than_known(work.seen.facts.version), *work.notes))
 
 
 def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:

@@ -22,6 +22,9 @@ _NO_LIMIT = -1
 _CHAINS = "user,main"
 """Before 7.22 there are no chains; and of the others of the default (`mangle`, `local`, …) none has rules of ours."""
 
+_UNJUDGED = ("realm", "vrf")
+"""Selectors from 7.22 on: whether they match depends on what is not read here."""
+
 
 @dataclass(frozen=True, slots=True)
 class Way:
@@ -45,29 +48,71 @@ class Way:
 
 def objections(before: State, after: State) -> Iterator[str]:
     """Yield what is wrong with the way back after the change, unless it was wrong before."""
-    old, new = way_back(before), way_back(after)
-    if not old.leads or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
-        return
-    technician = before.path.technician
-    if not new.leads:
-        yield f"answers to you at {technician} go by {old.words}; then {new.words}: keep that route or address"
-    else:
+    then, now = _decisions(before), _decisions(after)
+    if then.doubts != now.doubts:
+        changed = [doubt for doubt in (*now.doubts, *then.doubts) if (doubt in then.doubts) != (doubt in now.doubts)]
+        rule, selectors = (changed or now.doubts)[0]
         yield (
-            f"answers to you at {technician} go by {old.words}, and would go by {new.words}: "
-            f"keep the old way until you come by the new one"
+            f"nobody here can tell whether the routing rule `{rule}` with {selectors} takes the answers to you at "
+            f"{before.path.technician}: leave such rules as they are, or change them by hand"
         )
+        return
+    for old, new in zip(then.ways, now.ways, strict=True):
+        reason = _objection(old, new, before.path.technician)
+        if reason is not None:
+            yield reason
+            return
+
+
+def _objection(old: Way, new: Way, technician: str) -> str | None:
+    if not old.leads or old.to == new.to or (old.is_connected and new.is_connected and old.to < new.to):
+        return None
+    if not new.leads:
+        return f"answers to you at {technician} go by {old.words}; then {new.words}: keep that route or address"
+    return (
+        f"answers to you at {technician} go by {old.words}, and would go by {new.words}: "
+        f"keep the old way until you come by the new one"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Decisions:
+    """Where answers go: one way for each rule that cannot be judged, should it match, and the way if none does."""
+
+    ways: tuple[Way, ...]
+    doubts: tuple[tuple[str, str], ...]
+    """Name and selectors of the rules that cannot be judged, in the order in which they are asked."""
 
 
 def way_back(state: State) -> Way:
-    """Return where the router sends its answers: rules chain by chain, and table main when it is the turn of `main`."""
+    """Return where the router sends its answers: rules chain by chain, and table main when it is the turn of `main`.
+
+    Rules that cannot be judged are taken for rules that do not match.
+    """
+    return _decisions(state).ways[-1]
+
+
+def _decisions(state: State) -> _Decisions:
+    ways: list[Way] = []
+    doubts: list[tuple[str, str]] = []
     for rule in _rules(state):
         if rule is None:
             way = _lookup(state, "main", state.technician)
         else:
             way = _by_rule(rule, state) if _matches(rule, state) else None
-        if way is not None:
-            return way
-    return Way("nothing leads there")
+        if way is None:
+            continue
+        selectors = _beyond_judgement(rule or {})
+        ways.append(way)
+        if not selectors:
+            return _Decisions(tuple(ways), tuple(doubts))
+        doubts.append((MENUS["/routing/rule"].name_of(rule or {}), selectors))
+    return _Decisions((*ways, Way("nothing leads there")), tuple(doubts))
+
+
+def _beyond_judgement(rule: Row) -> str:
+    """Return the selectors of a rule of which nothing here tells whether our answers meet them; empty: none."""
+    return " and ".join(f"`{name}={rule[name]}`" for name in _UNJUDGED if rule.get(name))
 
 
 def _rules(state: State) -> Iterator[Row | None]:
@@ -76,7 +121,7 @@ def _rules(state: State) -> Iterator[Row | None]:
     From 7.22 on a rule is in a chain, and `policy-rules` says in which order the chains are asked; a chain that it does
     not name is never asked. Assumption: routing-rule-chains
     """
-    (settings,) = state.all("/routing/settings") or ({},)
+    settings = next(iter(state.all("/routing/settings")), {})
     for chain in settings.get("policy-rules", _CHAINS).split(","):
         yield from (rule for rule in state.enabled("/routing/rule") if rule.get("chain", "user") == chain)
         if chain == "main":

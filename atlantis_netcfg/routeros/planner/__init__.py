@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Facts, Observed, Row
 
-__all__ = ["CannotPlan", "after", "as_renamed", "plan", "renamed", "simulate"]
+__all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "renamed", "simulate"]
 
 
 def plan(device: str, desired: Desired, observed: Observed) -> Plan:
@@ -71,7 +71,7 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
         hidden=tuple(hidden for part in parts for hidden in part.hidden),
         foreign=tuple((part.menu.title, part.foreign) for part in parts if part.foreign),
         notes=(
-            *_beyond(observed.facts.version),
+            *newer_than_known(observed.facts.version),
             *desired.notes,
             *remarks,
             *dict.fromkeys(note for part in parts for note in part.notes),
@@ -81,7 +81,8 @@ def plan(device: str, desired: Desired, observed: Observed) -> Plan:
     return replace(result, notes=(*result.notes, f"the plan {words}")) if words else result
 
 
-def _beyond(version: Version) -> Iterator[str]:
+def newer_than_known(version: Version) -> Iterator[str]:
+    """Say that nobody has looked at this version, if so."""
     if version > NEWEST_KNOWN:
         yield (
             f"RouterOS {version} is newer than anything known here, which ends at {NEWEST_KNOWN}: what it has changed "

@@ -214,13 +214,14 @@ def test_a_result_is_json(tmp_path: Path) -> None:
 
 
 def test_every_result_tells_of_a_routeros_newer_than_anything_known(tmp_path: Path) -> None:
-    """Where something is planned, where it is done and where nothing is to do; a known one is told by none."""
+    """Where something is planned, done or has drifted, and where nothing is to do; a known one is told by none."""
+    modes = (Mode.DRIFT, Mode.PLAN, Mode.APPLY, Mode.PLAN, Mode.APPLY, Mode.DRIFT)
 
     async def act(bench: Bench) -> list[DeviceResult]:
-        return [await bench.converge(mode) for mode in (Mode.PLAN, Mode.APPLY, Mode.PLAN, Mode.APPLY)]
+        return [await bench.converge(mode) for mode in modes]
 
     results = on(Bench(tmp_path / "newer", spec={"version": "7.25"}), act)
-    statuses = [Status.PLANNED, Status.CHANGED, Status.UNCHANGED, Status.UNCHANGED]
+    statuses = [Status.DRIFTED, Status.PLANNED, Status.CHANGED, *[Status.UNCHANGED] * 3]
     assert [result.status for result in results] == statuses
     for result in results:
         told = [note for note in result.as_dict()["notes"] if "is newer than anything known here" in note]

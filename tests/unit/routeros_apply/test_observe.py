@@ -136,3 +136,10 @@ def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
 def test_a_device_of_another_kind(rows: tuple[Mapping[str, str], ...]) -> None:
     with pytest.raises(DeviceFailed, match="no RouterOS that we know"):
         read({"/system/resource/print": Reply(rows)})
+
+
+def test_settings_of_two_rows_are_refused_in_words_and_of_none_are_taken_as_none() -> None:
+    two = {"/routing/settings/print": Reply(({"policy-rules": "main"}, {"policy-rules": "user"}))}
+    with pytest.raises(DeviceFailed, match="/routing settings: settings are one row, and the device answers with 2"):
+        read(two, looked_at=("/routing/settings",))
+    assert read({"/routing/settings/print": Reply()}, looked_at=("/routing/settings",)).rows["/routing/settings"] == ()

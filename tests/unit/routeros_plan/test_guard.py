@@ -89,3 +89,13 @@ def test_the_guard_says_which_menus_it_must_see() -> None:
     part = Observed(facts(), {menu: rows(DEVICE)[menu] for menu in guard.MENUS})
     assert guard.objections(planned, part, path) == guard.objections(planned, observed(DEVICE), path)
     assert guard.objections(planned, Observed(facts(), {"/ip/pool": ()}), path) == ()
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_settings_of_any_number_of_rows_are_no_fault_of_the_guard(number: int) -> None:
+    """Reading refuses two of them; the guard goes by the first."""
+    settings = {"/routing/settings": ({"policy-rules": "user,main"},) * number}
+    there = Observed(facts("7.22"), {**rows(DEVICE), **settings})
+    planned = plan("r", read("/routing rule\nadd action=drop comment=atlantis dst-address=10.64.101.0/24\n"), there)
+    (objection,) = guard.objections(planned, there, ManagementPath("10.64.101.10", "10.64.101.1"))
+    assert objection.startswith("answers to you at 10.64.101.10 go by 10.64.101.0/24 on ether8; then the routing rule")

@@ -80,7 +80,7 @@ REFUSALS = {
     "bootstrap/steps.py": "refuses nothing: it words a reset and a date",
     "bootstrap/run.py": "tests/integration/adopt: every objection has a hint, which its class demands",
     "bootstrap/classify.py": "refuses nothing: it words a question",
-    "packages.py": "one error with a hint for all of its reasons",
+    "routeros/packages.py": "one error with a hint for all of its reasons",
     "routeros/apply/_begin.py": "refuses nothing by version: an older device is saved in another way",
     "routeros/apply/_executor.py": "tests/integration/engine/test_refusals.py::test_a_device_without_any_protection",
     "routeros/menus/_model.py": "refuses nothing: it tells",
