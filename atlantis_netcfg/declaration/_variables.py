@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.declaration._files import Sources
     from atlantis_netcfg.declaration._hosts import Layout
     from atlantis_netcfg.declaration._node import Node
     from atlantis_netcfg.declaration._vault import Decrypt
+    from atlantis_netcfg.declaration.loading import Sources
 
 __all__ = ["Variables", "gather"]
 

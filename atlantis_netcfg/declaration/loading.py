@@ -1,30 +1,311 @@
-"""From an inventory directory to a `Declaration`, or to all errors of the whole pilot in one pass."""
+"""From an inventory directory to a `Declaration`, or to all errors of the whole pilot in one pass.
+
+Which files an inventory has, and which of them nobody would read.
+
+Ansible takes `group_vars/<name>.yml`, a folder of that name, and more spellings than a person remembers; of a file and
+a folder of one name it reads the folder alone (ansible-core, `DataLoader.find_vars_files`). One spelling is allowed
+here, and every other file is told, so that nothing is declared in vain.
+
+From blocks of values to models, each part of the declaration by itself: one bad part does not hide the others.
+
+From a block of values to a model: every error at its place, a misspelt key told once.
+
+A misspelt key is told with the key that was meant, and the block is then read as if it had been spelt right.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
 
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.declaration._files import HOSTS, Sources, scan
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.declaration import _schema
+from atlantis_netcfg.declaration._draft import Draft, Part
 from atlantis_netcfg.declaration._hosts import lay_out
-from atlantis_netcfg.declaration._near import choices
-from atlantis_netcfg.declaration._parts import draft
+from atlantis_netcfg.declaration._names import why_no_name
+from atlantis_netcfg.declaration._near import choices, meant, shown_key
+from atlantis_netcfg.declaration._node import Node
 from atlantis_netcfg.declaration._variables import gather
 from atlantis_netcfg.declaration._vault import CLOSED
+from atlantis_netcfg.declaration._words import explain, label_of
+from atlantis_netcfg.declaration._yaml import parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
-from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid
+from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark
+from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.rules import RULES
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration._draft import Draft
+    from collections.abc import Iterable, Iterator, Mapping
+
     from atlantis_netcfg.declaration._hosts import Layout
-    from atlantis_netcfg.declaration._node import Node
+    from atlantis_netcfg.declaration._variables import Variables
     from atlantis_netcfg.declaration._vault import Decrypt
 
-__all__ = ["load", "validate"]
+__all__ = ["Sources", "build", "load", "validate"]
+
+
+HOSTS = "hosts.yml"
+_OTHERS = ("evidence", "keys")
+"""Folders of files that terminals have exported, and of public keys of archives; ansible.cfg keeps Ansible out."""
+_FOLDERS = ("group_vars", "host_vars")
+_DOCUMENTS = frozenset({".md", ".rst", ".txt"})
+_BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
+
+
+@dataclass(slots=True)
+class Sources:
+    """The files of an inventory by what they are for."""
+
+    root: Path
+    shown: str
+    """The root's name in errors."""
+    group_vars: dict[str, list[Path]] = field(default_factory=dict)
+    host_vars: dict[str, list[Path]] = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+    strays: set[str] = field(default_factory=set)
+    """Stems of files that nobody reads: their host or site is not without a file, the file is in a wrong place."""
+    contents: dict[str, bytes] = field(default_factory=dict)
+    """What was read, by the files' names in errors."""
+
+    def name(self, path: Path) -> str:
+        """A file's name in errors."""
+        return f"{self.shown}/{path.relative_to(self.root).as_posix()}"
+
+    def read(self, path: Path, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+        """Read and parse one file."""
+        shown = self.name(path)
+        try:
+            self.contents[shown] = path.read_bytes()
+        except OSError as error:
+            reason = (error.strerror or "no reason given").lower()
+            return None, [
+                Finding.at(Mark(shown, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {shown}")
+            ]
+        return parse(self.contents[shown], shown, decrypt)
+
+
+def scan(root: Path, shown: str) -> Sources:
+    """List an inventory directory that is known to exist."""
+    sources = Sources(root, shown)
+    for entry in _entries(root):
+        if entry.name in _FOLDERS and entry.is_dir():
+            _scan_folder(sources, entry, sources.group_vars if entry.name == "group_vars" else sources.host_vars)
+        elif entry.name != HOSTS and not (entry.name in _OTHERS and entry.is_dir()):
+            _stray(sources, entry, (HOSTS, *_FOLDERS))
+    return sources
+
+
+def _entries(folder: Path) -> list[Path]:
+    return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
+
+
+def _scan_folder(sources: Sources, folder: Path, found: dict[str, list[Path]]) -> None:
+    for entry in _entries(folder):
+        if entry.is_dir():
+            found.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
+        elif entry.suffix == ".yml":
+            if entry.stem in found:
+                hint = f"move it into {sources.name(entry.with_suffix(''))}/"
+                message = f"Ansible does not read this file beside the folder `{entry.stem}`"
+                sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
+            found.setdefault(entry.stem, []).append(entry)
+        else:
+            _stray(sources, entry)
+
+
+def _scan_inner(sources: Sources, folder: Path) -> Iterator[Path]:
+    for entry in _entries(folder):
+        if entry.suffix == ".yml" and not entry.is_dir():
+            yield entry
+        else:
+            _stray(sources, entry)
+
+
+def _stray(sources: Sources, entry: Path, expected: tuple[str, ...] = ()) -> None:
+    """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
+    shown = sources.name(entry)
+    sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
+    if entry.is_dir():
+        inside = next((path for path in sorted(entry.rglob("*")) if path.is_file()), None)
+        if inside is None:
+            return
+        near = nearest(entry.name, expected)
+        hint = f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {shown}"
+        _tell(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
+    elif entry.name.endswith(_BACKUPS):
+        _tell(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {shown}")
+    elif entry.suffix not in _DOCUMENTS:
+        stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
+        name = nearest(f"{stem}.yml", expected) or f"{stem}.yml"
+        _tell(sources, entry, f"nobody reads the file `{entry.name}`", f"rename it: mv {shown} {_beside(shown, name)}")
+
+
+def _tell(sources: Sources, path: Path, message: str, hint: str) -> None:
+    sources.findings.append(Finding.at(Mark(sources.name(path), 1, 1), message, hint))
+
+
+def _beside(shown: str, name: str) -> str:
+    return f"{shown.rpartition('/')[0]}/{name}"
+
+
+_Path = tuple[str | int, ...]
+
+
+def build(node: Node, model: type[_M], name: str) -> tuple[_M | None, Node, list[Finding]]:
+    """The model of a block called `name`, or every error of it; and the block with its keys as they were meant."""
+    findings: list[Finding] = []
+    while True:
+        try:
+            return model.model_validate(node.data()), node, findings
+        except ValidationError as error:
+            errors = error.errors(include_url=False, include_input=False)
+        unknown = [entry["loc"] for entry in errors if entry["type"] == "extra_forbidden"]
+        if not unknown:
+            break
+        node = _fix_keys(unknown, node, model, name, findings)  # each round leaves fewer unknown keys, or deeper ones
+    findings.extend(explain(item, node, model, name) for item in errors if not node.at(*item["loc"]).told)
+    return None, node, findings
+
+
+def _fix_keys(unknown: Iterable[_Path], node: Node, model: type[BaseModel], name: str, findings: list[Finding]) -> Node:
+    """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
+    for path in unknown:
+        parent, key = path[:-1], str(path[-1])
+        inner = _schema.model_of(_schema.at(model, parent))
+        known = list(inner.model_fields) if inner is not None else []
+        block = node.at(*parent).keys
+        meant, message, hint = _unknown(key, block, known, label_of(parent, name))
+        findings.append(Finding.at(block[key].place, message, hint))
+        secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
+        unsure = any(field not in block and field != meant for field in secret)
+        node = _renamed(node, parent, key, meant, is_reported=unsure)
+    return node
+
+
+def _unknown(key: str, block: Mapping[str, Node], known: list[str], where: str) -> tuple[str | None, str, str]:
+    """The key that was meant, if that can be known, and what to say."""
+    free = [field for field in known if field not in block]
+    word = key.partition(" ")[0]
+    if word != key and word in free and block[key].value is None:
+        return word, f"a `:` is missing after `{word}`", f"write `{word}: …`"
+    near = nearest(key, free)
+    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
+    message = f"{where} has no key `{shown_key(key)}`"
+    return near, message, f"did you mean `{near}`?" if near is not None else instead
+
+
+def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
+    """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
+    if not path:
+        keys = dict(node.keys)
+        value = keys.pop(old)
+        is_reported = is_reported or value.told or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=is_reported)})
+    step, rest = path[0], path[1:]
+    if isinstance(node.value, list) and isinstance(step, int):
+        items = list(node.value)
+        items[step] = _renamed(items[step], rest, old, new, is_reported=is_reported)
+        return replace(node, value=items)
+    keys = dict(node.keys)
+    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, is_reported=is_reported)
+    return replace(node, value=keys)
+
+
+_M = TypeVar("_M", bound=BaseModel)
+
+
+def draft(layout: Layout, variables: Variables) -> tuple[Draft, list[Finding]]:
+    """Check every part against the model."""
+    builder = _Builder(Draft(layout))
+    builder.pilot(variables.all.get("pilot"))
+    builder.named("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
+    builder.named("vehicle", "vehicles", variables.all.get("vehicles"), Vehicle, builder.draft.vehicles)
+    for site in layout.sites:
+        builder.site(site, variables.sites.get(site))
+    for host in layout.hosts:
+        builder.device(host, variables.devices.get(host))
+    return builder.draft, builder.findings
+
+
+class _Builder:
+    def __init__(self, draft: Draft) -> None:
+        self.draft = draft
+        self.findings: list[Finding] = []
+
+    def pilot(self, node: Node | None) -> None:
+        if node is not None:
+            self.draft.pilot = self._build(Part("pilot"), node, Pilot, "pilot")
+
+    def named(self, sort: str, variable: str, node: Node | None, model: type[_M], into: dict[str, _M]) -> None:
+        """A block of parts by name."""
+        if node is None:
+            return
+        self.draft.nodes[Part(variable)] = node
+        if node.value is not None and not isinstance(node.value, dict):
+            hint = f"write `name:` and below it, indented, {_schema.wanted(model)}"
+            self.findings.append(Finding.at(node.place, f"`{variable}` wants a block of keys", hint))
+            return
+        for name, below in node.keys.items():
+            if why := why_no_name(name):
+                self.findings.append(Finding.at(below.place, *why))
+            part = self._build(Part(sort, name), below, model, name)
+            if part is not None:
+                into[name] = part
+
+    def site(self, name: str, node: Node | None) -> None:
+        if node is not None and (site := self._build(Part("site", name), node, Site, "site")) is not None:
+            self.draft.sites[name] = site
+
+    def device(self, host: str, node: Node | None) -> None:
+        """A device has the model of its kind."""
+        if node is None:
+            return
+        part = Part("device", host)
+        self.draft.nodes[part] = node
+        if not isinstance(node.value, dict):
+            hint = "write `kind:` and the device's other keys below it, indented"
+            self.findings.append(Finding.at(node.place, "`device` wants a block of keys", hint))
+            return
+        node, kind = self._kind(host, node)
+        if kind is not None:
+            device: Any = self._build(part, node, _schema.DEVICES[kind], "device")
+            if device is not None:
+                self.draft.devices[host] = device
+
+    def _kind(self, host: str, node: Node) -> tuple[Node, str | None]:
+        """The device's kind; if it is missing or misspelt, that is told and its group decides."""
+        grouped = self.draft.layout.kinds.get(host)
+        keys = dict(node.keys)
+        if "kind" not in keys and (near := nearest("kind", keys)) is not None:
+            value = keys.pop(near)
+            self.findings.append(Finding.at(value.place, f"`device` has no key `{near}`", "did you mean `kind`?"))
+            keys["kind"] = value
+        if "kind" not in keys:
+            hint = f"add `kind: {grouped}`" if grouped else f"add `kind:` with one of {choices(_schema.DEVICES)}"
+            self.findings.append(Finding.at(node.place, "`device` has no `kind`", hint))
+            keys["kind"] = Node(node.mark, grouped)
+        kind = keys["kind"].value
+        if isinstance(kind, str) and kind in _schema.DEVICES:
+            return replace(node, value=keys), kind
+        if kind is not None:
+            message, hint = (
+                f"`{keys['kind'].text}` is no kind of device",
+                meant(keys["kind"].text, _schema.DEVICES, none=""),
+            )
+            self.findings.append(Finding.at(keys["kind"].mark, message, hint))
+        keys["kind"] = replace(keys["kind"], value=grouped)
+        return replace(node, value=keys), grouped
+
+    def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
+        built, self.draft.nodes[part], findings = build(node, model, name)
+        self.findings += findings
+        return built
 
 
 def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:

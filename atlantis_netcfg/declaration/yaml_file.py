@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from pydantic import BaseModel
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration._build import build
 from atlantis_netcfg.declaration._near import choices, meant
 from atlantis_netcfg.declaration._node import Node
 from atlantis_netcfg.declaration._yaml import parse
 from atlantis_netcfg.declaration.findings import Finding, Mark
+from atlantis_netcfg.declaration.loading import build
 
 if TYPE_CHECKING:
     from pathlib import Path

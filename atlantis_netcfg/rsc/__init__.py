@@ -9,9 +9,16 @@ from __future__ import annotations
 
 from atlantis_netcfg.rsc._model import Export, RscError, Statement
 from atlantis_netcfg.rsc._parse import parse
-from atlantis_netcfg.rsc._print import WIDTH, console_path, print_export, print_statement
+from atlantis_netcfg.rsc._print import (
+    VOLATILE_COMMENTS,
+    WIDTH,
+    console_path,
+    drop_volatile,
+    is_volatile,
+    print_export,
+    print_statement,
+)
 from atlantis_netcfg.rsc._values import in_quotes, quote, unquote
-from atlantis_netcfg.rsc._volatile import VOLATILE_COMMENTS, drop_volatile, is_volatile
 
 __all__ = [
     "VOLATILE_COMMENTS",

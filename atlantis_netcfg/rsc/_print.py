@@ -5,12 +5,14 @@ a word, a `name=` or a value is kept whole, and goes to the next line if it woul
 not there. A value that no line has room for stands in quotes and is cut at column `width - 1`. `\n` within a value
 always starts a line, as its escape. A space that would start one is written `\_`, because the indent of the next line
 is dropped on reading.
+
+Comments in which `export` reports the state of the moment: two exports of one configuration differ in them.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.rsc._values import in_quotes, quote
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.rsc._model import Export, Statement
 
-__all__ = ["WIDTH", "console_path", "print_export", "print_statement"]
 
 WIDTH = 79
 _INDENT = "    "
@@ -159,3 +160,36 @@ class _Page:
     def text(self) -> str:
         """Return all lines, without a line end behind the last."""
         return "\n".join([*self.lines, self.line])
+
+
+VOLATILE_COMMENTS: tuple[str, ...] = (
+    r"poe-out status: .*",
+    r"managed by CAPsMAN(?: .*)?",
+    r"channel: .*",
+    r"Interface not active",
+    r".+ not ready",
+    r"inactive time",
+    r"inactivated, not allowed by device-mode",
+    r"error exporting .*",
+)
+"""Regular expressions that match a whole comment line, without `# `, above a row or a menu."""
+
+_VOLATILE = re.compile("|".join(f"(?:{pattern})" for pattern in VOLATILE_COMMENTS))
+
+
+def is_volatile(comment: str) -> bool:
+    """Tell whether a comment line (without `# `) reports state instead of configuration."""
+    return _VOLATILE.fullmatch(comment) is not None
+
+
+def drop_volatile(export: Export) -> Export:
+    """Return the export without the comments that report state; all others stay."""
+    return replace(
+        export,
+        statements=tuple(replace(statement, comments=_lasting(statement.comments)) for statement in export.statements),
+        trailer=_lasting(export.trailer),
+    )
+
+
+def _lasting(comments: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(comment for comment in comments if not is_volatile(comment))

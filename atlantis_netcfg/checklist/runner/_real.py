@@ -1,30 +1,146 @@
-"""The real site's ears: each question goes to the place where its thing is."""
+"""The real site's ears: each question goes to the place where its thing is.
+
+The RouterOS devices of a site: questions to each in one session, links by one look, the satellite by a proof.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Place, Trouble
+from atlantis_netcfg.checklist.probes import Ask, Look, Looked, Place, Prove, Proved, Rows, Trouble
 from atlantis_netcfg.checklist.runner._gateway import ask_gateway, in_words
 from atlantis_netcfg.checklist.runner._laptop import ask_here
-from atlantis_netcfg.checklist.runner._router import Routers
-from atlantis_netcfg.checklist.runner.no_result import all_unanswered
+from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, ignore
-from atlantis_netcfg.operations.computers._access import is_gateway
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
+from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
+from atlantis_netcfg.operations.costs import gate, unpaid
+from atlantis_netcfg.operations.links.look import look, session_to
+from atlantis_netcfg.operations.links.session import command, rows
+from atlantis_netcfg.operations.request import Mode, refuse_examples
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Awaitable, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.checklist.runner._ears import Asked, Heard
     from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.allow_list_test.prove import Proving
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.api import Reply
 
-__all__ = ["RealEars"]
+
+@dataclass(frozen=True, slots=True)
+class Routers:
+    """The routers of a site, read and never changed. What cannot be asked answers NO_PLACE, with the reason."""
+
+    declaration: Declaration
+    site: str
+    request: Request
+    notify: Subscriber
+
+    async def ask(self, name: str, questions: Asked) -> Mapping[str, Answer]:
+        """Ask one device everything in one session of two round trips."""
+        try:
+            return await self._session(self.declaration.hosts[name], questions)
+        except NetcfgError as error:
+            self.notify(Event(name, Stage.FAILED, str(error)))
+            return all_unanswered(questions, in_words(error))
+        except KeyError:
+            return all_unanswered(questions, f"the inventory has no host `{name}`")
+
+    async def links(self, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+        """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
+        looks = [(key, one) for key, one in questions if isinstance(one, Look)]
+        proofs = [(key, request) for key, request in questions if isinstance(request, Prove)]
+        work = [
+            self._told(self._look(looks), result),
+            *(self._told(self._prove(key, prove), result) for key, prove in proofs),
+        ]
+        found = await asyncio.gather(*work)
+        return {key: answer for answers in found for key, answer in answers.items()}
+
+    @staticmethod
+    async def _told(work: Awaitable[Mapping[str, Answer]], result: Heard) -> Mapping[str, Answer]:
+        answers = await work
+        for key, answer in answers.items():
+            result(key, answer)
+        return answers
+
+    @property
+    def _reading(self) -> Request:
+        return self.request.model_copy(update={"mode": Mode.DRIFT})
+
+    async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
+        gate(self.declaration, [host], self._reading)
+        door = session_to(self.declaration, self.site, host, self.request)
+        requested = time.time()
+        async with door.opened() as session:
+            replies = await session.flight(
+                [command(request.query) for _, request in questions if isinstance(request, Ask)]
+            )
+        now = time.time()
+        spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        self.notify(Event(host.name, Stage.DONE, spent))
+        return {key: _rows(reply, requested, now) for (key, _), reply in zip(questions, replies, strict=True)}
+
+    async def _look(self, questions: Sequence[tuple[str, Look]]) -> Mapping[str, Answer]:
+        if not questions:
+            return {}
+        hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
+        try:
+            gate(self.declaration, hosts, self._reading)
+            seen = await look(self.declaration, self.site, hosts, self._reading, self.notify)
+        except NetcfgError as error:
+            return all_unanswered(questions, in_words(error))
+        values = seen.as_dict()
+        return {key: _looked(values, item) for key, item in questions}
+
+    async def _prove(self, key: str, question: Prove) -> Mapping[str, Answer]:
+        try:
+            return {key: await self._proved(question)}
+        except NetcfgError as error:
+            return {key: unanswered(question, in_words(error))}
+
+    async def _proved(self, question: Prove) -> Answer:
+        found = satellite_of(self.declaration, self.site, question.bearer)
+        via = self.request.via.get(found.router.name)
+        proving = found.proving(self.declaration, rehearsed=self.request.rehearsed, via=via)
+        proving.notify = self.notify
+        self._pay(proving)
+        began = time.monotonic()
+        proof = await asyncio.to_thread(try_out, self.declaration, found.router, self._reading, proving)
+        seconds = time.monotonic() - began
+        bill = bills(self.declaration, proof, seconds)[question.bearer]
+        judged = (finding for _, finding in proof.judged)
+        return Proved(None, "", (*judged, *proof.findings), bill.words, seconds)
+
+    def _pay(self, proving: Proving) -> None:
+        """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
+        if self.request.rehearsed:
+            return
+        dear = [item for item in previews(self.declaration, proving) if item.link.metered]
+        for entry in dear:
+            if entry.over_cap:
+                raise entry.refusal()
+        if dear and not self.request.accept_cost:
+            raise unpaid([preview.words for preview in dear], self.request.command)
+
+
+def _rows(reply: Reply, requested: float, now: float) -> Rows:
+    words = "" if reply.trap is None else str(reply.trap.message)
+    return Rows(None, words, rows(reply), requested, now)
+
+
+def _looked(values: Mapping[str, Mapping[str, object]], question: Look) -> Answer:
+    if question.bearer not in values:
+        return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
+    return Looked(None, "", values[question.bearer])
 
 
 @dataclass(slots=True)

@@ -1,19 +1,24 @@
-"""One run of `provision check`: from the words to a book, through people and probes, to the report."""
+"""One run of `provision check`: from the words to a book, through people and probes, to the report.
+
+How a sitting ends: a signature or none, the pages, and what is told.
+"""
 
 from __future__ import annotations
 
+import json
+import shlex
 import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist import Answers, Scope, plan
+from atlantis_netcfg.checklist import Answers, NotSigned, Scope, plan
 from atlantis_netcfg.checklist.confirmations import named
-from atlantis_netcfg.checklist.report import Phase
-from atlantis_netcfg.cli._checking import closing
+from atlantis_netcfg.checklist.report import Phase, lines
 from atlantis_netcfg.cli._checking.desk import Desk, Later
-from atlantis_netcfg.cli._checking.flow import Round
+from atlantis_netcfg.cli._checking.flow import Round, shown
+from atlantis_netcfg.cli._checking.kept import as_json, pages_in
 from atlantis_netcfg.cli._checking.listening import (
     asks_a_router,
     breaks_a_site,
@@ -22,26 +27,124 @@ from atlantis_netcfg.cli._checking.listening import (
     refuse_faults,
 )
 from atlantis_netcfg.cli._checking.opening import opened_book
-from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.cli._checking.price import price_of
+from atlantis_netcfg.cli._outcome import tell
 from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage, ignore
+from atlantis_netcfg.journal import translated, write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.request import refuse_examples
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist import Book, Checklist
-    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.checklist.report import Document, Item
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.core.errors import NetcfgError
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["Prepared", "Stopped", "sit", "taking_part"]
+
+
+def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
+    """What a person types to go on with the same checklist."""
+    words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
+    kept = {name: value for name, value in arguments.flags.items() if name not in without}
+    flags = [part for name, value in kept.items() for part in (f"--{name}", value) if part is not None]
+    return shlex.join(["provision", arguments.command.name, *words, *flags])
+
+
+def greet(prompt: Desk, book: Book) -> None:
+    """Say what is settled already, and what is open; and how it is left for another time."""
+    items = book.items
+    waiting = sum(item.open and item.override is None for item in items)
+    if book.words:
+        prompt.say(book.words)
+    prompt.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
+    prompt.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+
+
+def note(words: str) -> None:
+    """Tell something beside the result."""
+    print(f"note: {words}", file=sys.stderr)
+
+
+def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Desk | None) -> str | None:
+    """Who signs; None: nobody, or something is open."""
+    if typed is not None:
+        return typed
+    if answers is not None:
+        return answers.sign_by
+    if prompt is None or any(item.open and item.override is None for item in book.items):
+        return None
+    prompt.say(f"\n{lines(book.document())}\n")
+    try:
+        return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+    except Later:
+        return None
+
+
+def close(
+    arguments: Arguments, book: Book, by: str | None, leave: Mapping[str, str], *, read: bool = False
+) -> ExitCode:
+    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left.
+
+    `read`: whoever is here has just read the lines, so that their end is enough.
+    """
+    document, errors = _signed(book, by, leave)
+    if document.signed is None:
+        _draft(book, document)
+    if arguments.flag("json"):
+        result = [{"message": str(error), "hint": error.hint} for error in errors]
+        print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
+    else:
+        told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
+        print("\n".join([told_again, *_where(arguments, book, document)]))
+        tell(errors)
+    return document.exit
+
+
+def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
+    if by is None:
+        return book.document(), []
+    try:
+        return book.sign(by, lambda document: _pages(document, book), leave=leave), []
+    except NotSigned as error:
+        return book.document(), [error]
+
+
+def _draft(book: Book, document: Document) -> None:
+    """The pages as they would be, for who wants to look before anybody signs."""
+    with translated("the report", book.folder):
+        for name, data in _pages(document, book).items():
+            write_atomically(book.folder / name, data)
+
+
+def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str]:
+    yield from pages_in(book.folder)
+    if document.signed is None and document.items:
+        waiting = sum(item.open and item.override is None for item in document.items)
+        yield f"on a terminal, `{again(arguments, _NOT_AT_A_TERMINAL)}` {_next(waiting)}"
+
+
+_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json"})
+
+
+def _next(waiting: int) -> str:
+    if not waiting:
+        return "lets a person sign it"
+    return f"asks for what is open ({waiting} item{'s' if waiting > 1 else ''}), and lets a person sign it"
+
+
+def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
+    from atlantis_netcfg.checklist.report import pages
+
+    return pages(document, book.files)
 
 
 class Stopped(DeviceFailed):
@@ -107,7 +210,7 @@ def sit(arguments: Arguments, prompt: Desk | None = None) -> ExitCode:
         ) as opened:
             return _sit(opened, prepared, prompt)
     except KeyboardInterrupt:
-        hint = f"go on with `{closing.again(arguments)}`"
+        hint = f"go on with `{again(arguments)}`"
         raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
 
 
@@ -124,10 +227,10 @@ def _sit(opened: Session, prepared: Prepared, prompt: Desk | None) -> ExitCode:
     faults = opened.arguments.many("break")
     with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
         _look(opened, prepared, book, prompt)
-        by = closing.signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
+        by = signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
         leave = prepared.answers.leave if prepared.answers is not None else {}
         read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
-        return closing.close(opened.arguments, book, by, leave, read=read)
+        return close(opened.arguments, book, by, leave, read=read)
 
 
 def _look(opened: Session, prepared: Prepared, book: Book, prompt: Desk | None) -> None:
@@ -142,7 +245,7 @@ def _look(opened: Session, prepared: Prepared, book: Book, prompt: Desk | None) 
         )
         if prompt is None:
             for words in turn.alone(prepared.answers):
-                closing.note(words)
+                note(words)
         else:
             _with(prompt, turn, book)
 
@@ -163,7 +266,7 @@ def _anew(opened: Session, prompt: Desk | None) -> bool:
 
 
 def _with(prompt: Desk, turn: Round, book: Book) -> None:
-    closing.greet(prompt, book)
+    greet(prompt, book)
     try:
         turn.with_a_person(prompt)
     except Later:

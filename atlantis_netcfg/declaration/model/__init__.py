@@ -20,7 +20,30 @@ from atlantis_netcfg.declaration.model._base import (
 )
 from atlantis_netcfg.declaration.model._box import Access, LanBox, PowerSource
 from atlantis_netcfg.declaration.model.dds import Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
-from atlantis_netcfg.declaration.model.device import ControlCentre, Device, VpnServer
+from atlantis_netcfg.declaration.model.device import (
+    ControlCentre,
+    Cpe,
+    Device,
+    Forward,
+    LteAccess,
+    LteDriver,
+    LteRouter,
+    Poe,
+    PoeMode,
+    Port,
+    PortUse,
+    Ptp,
+    PtpMode,
+    PtpProtocol,
+    RadioMenus,
+    Router,
+    SatelliteTerminal,
+    SignalBounds,
+    Sim,
+    TerminalEvidence,
+    VpnClient,
+    VpnServer,
+)
 from atlantis_netcfg.declaration.model.endpoints import (
     AcousticDriver,
     AcousticEndpoint,
@@ -56,7 +79,6 @@ from atlantis_netcfg.declaration.model.gateways import (
     Ros2,
     RosOrigin,
 )
-from atlantis_netcfg.declaration.model.lte import LteAccess, LteDriver, LteRouter, Sim
 from atlantis_netcfg.declaration.model.pilot import (
     Column,
     Partner,
@@ -68,8 +90,6 @@ from atlantis_netcfg.declaration.model.pilot import (
     Vpn,
     VpnService,
 )
-from atlantis_netcfg.declaration.model.radio import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus, SignalBounds
-from atlantis_netcfg.declaration.model.router import Forward, Poe, PoeMode, Port, PortUse, Router, VpnClient
 from atlantis_netcfg.declaration.model.site import (
     AllowedTarget,
     Bearer,
@@ -86,7 +106,6 @@ from atlantis_netcfg.declaration.model.site import (
     ServedLink,
     Site,
 )
-from atlantis_netcfg.declaration.model.terminal import SatelliteTerminal, TerminalEvidence
 
 __all__ = [
     "Access",

@@ -10,32 +10,32 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.rules import (
-    bridges,
     clock,
-    cost,
     dds,
-    eirp,
     endpoints,
-    failover,
-    gateway,
     gateways,
-    groups,
     lan,
     links,
     lte,
     management,
     networks,
-    partners,
     ports,
-    power,
-    probes,
     radio,
     satellite,
     secrets,
-    unique_addresses,
     vehicles,
     vpn,
 )
+from atlantis_netcfg.declaration.rules import endpoints as probes
+from atlantis_netcfg.declaration.rules import gateways as gateway
+from atlantis_netcfg.declaration.rules import lan as unique_addresses
+from atlantis_netcfg.declaration.rules import links as bridges
+from atlantis_netcfg.declaration.rules import lte as failover
+from atlantis_netcfg.declaration.rules import management as groups
+from atlantis_netcfg.declaration.rules import ports as power
+from atlantis_netcfg.declaration.rules import radio as eirp
+from atlantis_netcfg.declaration.rules import satellite as cost
+from atlantis_netcfg.declaration.rules import vpn as partners
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration._draft import Rule
@@ -43,26 +43,26 @@ if TYPE_CHECKING:
 __all__ = ["RULES"]
 
 RULES: tuple[Rule, ...] = (
-    *groups.RULES,
+    *groups.GROUPS_RULES,
     *networks.RULES,
     *lan.RULES,
-    *unique_addresses.RULES,
+    *unique_addresses.UNIQUE_ADDRESSES_RULES,
     *management.RULES,
     *links.RULES,
-    *bridges.RULES,
-    *probes.RULES,
-    *failover.RULES,
-    *cost.RULES,
+    *bridges.BRIDGES_RULES,
+    *probes.PROBES_RULES,
+    *failover.FAILOVER_RULES,
+    *cost.COST_RULES,
     *satellite.RULES,
     *ports.RULES,
-    *power.RULES,
+    *power.POWER_RULES,
     *radio.RULES,
-    *eirp.RULES,
+    *eirp.EIRP_RULES,
     *lte.RULES,
-    *gateway.RULES,
+    *gateway.GATEWAY_RULES,
     *gateways.RULES,
     *vpn.RULES,
-    *partners.RULES,
+    *partners.PARTNERS_RULES,
     *dds.RULES,
     *vehicles.RULES,
     *endpoints.RULES,

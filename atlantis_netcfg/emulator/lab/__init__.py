@@ -15,9 +15,8 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
 from atlantis_netcfg.emulator.lab.hosts import Machine
-from atlantis_netcfg.emulator.lab.lab import Yard, yard
+from atlantis_netcfg.emulator.lab.lab import Yard, provide, why_not, yard
 from atlantis_netcfg.emulator.lab.not_rehearsed import NOT_REHEARSED
-from atlantis_netcfg.emulator.lab.ready import provide, why_not
 from atlantis_netcfg.emulator.lab.relay import Traffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, tree
 

@@ -1,9 +1,23 @@
-"""One machine: a Debian with systemd that has the declared address, and a port here that leads to its sshd."""
+"""One machine: a Debian with systemd that has the declared address, and a port here that leads to its sshd.
+
+systemd-nspawn with a machine's disk and network: what is running, or has been until its power was cut.
+
+Network namespaces, the links between them, and sockets that live in one of them.
+
+A machine's disk: the shared tree below, and what the machine writes above it, in memory and of a size of its own.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
 import shlex
+import signal
+import socket
+import subprocess
+import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -13,19 +27,212 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.emulator.lab._container import Container, entering, wait
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
-from atlantis_netcfg.emulator.lab._namespaces import Inside, add_namespace, delete_namespace, join
-from atlantis_netcfg.emulator.lab._overlay import Disk
 from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
 from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
 
 if TYPE_CHECKING:
-    import subprocess
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from ipaddress import IPv4Interface
 
-__all__ = ["Machine", "MachineSpec"]
+__all__ = ["BRIDGE", "Inside", "Machine", "MachineSpec", "add_namespace", "delete_namespace", "join"]
+
+
+_PAUSE_S = 0.02
+_END_S = 20.0
+# The clock is not namespaced: with CAP_SYS_TIME a machine would set this computer's.
+_OPTIONS = (
+    *("--quiet", "--boot", "--register=no", "--keep-unit", "--settings=no", "--link-journal=no"),
+    *("--console=read-only", "--resolv-conf=off", "--timezone=off"),
+    *("--capability=CAP_NET_ADMIN,CAP_NET_RAW", "--drop-capability=CAP_SYS_TIME"),
+)
+_INTO_GROUPS = 'for group in $ATLANTIS_GROUPS; do echo $$ > "$group/cgroup.procs"; done; exec "$@"'
+
+
+def wait(until: Callable[[], object], timeout_s: float, otherwise: Callable[[], str]) -> None:
+    """Wait until something is so; MachineFailed with these words when it does not come."""
+    end = time.monotonic() + timeout_s
+    while not until():
+        if time.monotonic() > end:
+            raise MachineFailed(otherwise())
+        time.sleep(_PAUSE_S)
+
+
+class Container:
+    """One power-on of a machine; `name` is its namespace and its control groups, too."""
+
+    def __init__(self, name: str, hostname: str, root: Path, log: Path) -> None:
+        self._name = name
+        self._log = log
+        # Two containers in one control group would stop each other's services: each gets its own.
+        self._groups = [hierarchy / name for hierarchy in control_groups()]
+        for group in self._groups:
+            group.mkdir(exist_ok=True)
+        tun = ("--bind=/dev/net/tun",) if Path("/dev/net/tun").exists() else ()
+        place = (f"--directory={root}", f"--network-namespace-path=/run/netns/{name}")
+        names = (f"--machine={name}", f"--hostname={hostname}")
+        with log.open("ab") as console:
+            self._nspawn = subprocess.Popen(  # noqa: S603 - a program of the system, and arguments that are ours
+                ("/bin/sh", "-c", _INTO_GROUPS, "sh", "systemd-nspawn", *_OPTIONS, *place, *names, *tun),
+                stdin=subprocess.DEVNULL,
+                stdout=console,
+                stderr=console,
+                cwd="/",
+                start_new_session=True,
+                env={
+                    "PATH": os.environ.get("PATH", os.defpath),
+                    "ATLANTIS_GROUPS": " ".join(map(str, self._groups)),
+                    "SYSTEMD_NSPAWN_API_VFS_WRITABLE": "network",
+                },
+            )
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not ended, by itself or by us."""
+        return self._nspawn.poll() is None
+
+    def leader(self) -> int | None:
+        """The systemd inside; None: not yet, or no more. Before it is there, inside is not separated from outside."""
+        first = self._first()
+        with suppress(OSError):
+            if first is not None and not _same_program(first, self._nspawn.pid):
+                return first
+        return None
+
+    def _first(self) -> int | None:
+        """The process that is number 1 inside, whatever it does."""
+        tasks = Path("/proc", str(self._nspawn.pid), "task", str(self._nspawn.pid), "children")
+        with suppress(OSError):
+            for child in tasks.read_text(encoding="ascii").split():
+                if _first_inside(child):
+                    return int(child)
+        return None
+
+    def kill(self) -> None:
+        """End it as a power cut does, and everything in it."""
+        while self.runs and (first := self._first()) is not None:
+            with suppress(ProcessLookupError):
+                os.kill(first, signal.SIGKILL)
+            with suppress(subprocess.TimeoutExpired):
+                self._nspawn.wait(_PAUSE_S)
+        if self.runs:
+            self._nspawn.kill()
+        self._nspawn.wait(_END_S)
+        for group in self._groups:
+            remove_group(group)
+        remove(Path("/run/systemd/nspawn/propagate", self._name))
+
+    def last_words(self) -> str:
+        """The end of its console."""
+        lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-5:]
+        return "\n".join(f"  {line}" for line in lines)
+
+
+def entering(leader: int) -> tuple[str, ...]:
+    """What to write before a program's words so that it runs inside, and may do what root may do there.
+
+    Without the bounding set of the one inside it would keep this computer's powers, the one over its clock among them.
+    """
+    status = Path("/proc", str(leader), "status").read_text(encoding="utf-8")
+    mask = int(next(line.split()[1] for line in status.splitlines() if line.startswith("CapBnd:")), 16)
+    current = ",".join(["-all", *(f"+cap_{number}" for number in range(mask.bit_length()) if mask >> number & 1)])
+    confined = ("setpriv", f"--bounding-set={current}", "--inh-caps=-all")
+    return (*confined, "nsenter", "--target", str(leader), "--all", "--")
+
+
+def _same_program(item: int, other: int) -> bool:
+    return Path(f"/proc/{item}/exe").samefile(f"/proc/{other}/exe")
+
+
+def _first_inside(process: str) -> bool:
+    with suppress(OSError):
+        for line in Path("/proc", process, "status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("NSpid:"):
+                return line.split()[-1] == "1"
+    return False
+
+
+BRIDGE = "br0"
+_CLONE_NEWNET = 0x40000000
+_LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+def add_namespace(name: str) -> None:
+    """A namespace with a loopback that is up."""
+    program("ip", "netns", "add", name)
+    program("ip", "-n", name, "link", "set", "lo", "up")
+
+
+def delete_namespace(name: str) -> None:
+    """Remove it with its links; sockets that are still open in it keep it alive, nameless."""
+    if Path("/run/netns", name).exists():
+        program("ip", "netns", "delete", name)
+
+
+def join(lab: str, port: str, machine: str, interface: str, mac: str) -> None:
+    """Lay a cable from a machine's interface to a port of the yard's bridge; the port is down."""
+    program(
+        *("ip", "link", "add", interface, "netns", machine, "address", mac, "type", "veth"),
+        *("peer", "name", port, "netns", lab),
+    )
+    program("ip", "-n", lab, "link", "set", port, "master", BRIDGE)
+
+
+class Inside:
+    """Makes sockets in a network namespace: threads of its own live there, and a socket stays where it was made."""
+
+    def __init__(self, namespace: str) -> None:
+        self._pool = ThreadPoolExecutor(4, namespace, initializer=_enter, initargs=(namespace,))
+
+    def socket(self, kind: int = socket.SOCK_STREAM) -> socket.socket:
+        """A socket of IPv4, to be used from any thread."""
+        return self._pool.submit(socket.socket, socket.AF_INET, kind).result()
+
+    def close(self) -> None:
+        """End its threads."""
+        self._pool.shutdown()
+
+
+def _enter(namespace: str) -> None:
+    with Path("/run/netns", namespace).open("rb") as door:
+        if _LIBC.setns(door.fileno(), _CLONE_NEWNET):
+            code = ctypes.get_errno()
+            raise OSError(code, os.strerror(code), namespace)
+
+
+_MB = 1024 * 1024
+
+
+class Disk:
+    """Mounted at `root` until it is thrown away; what was written outlives the machine's power, not the yard."""
+
+    def __init__(self, folder: Path, tree: Path, size_mb: int | None) -> None:
+        self.root = folder / "root"
+        self._memory = folder / "disk"
+        self._size = "50%" if size_mb is None else f"{size_mb * _MB}"
+        for made in (self.root, self._memory):
+            made.mkdir(parents=True)
+        program("mount", "-t", "tmpfs", "-o", f"size={self._size},mode=0755", "atlantis", str(self._memory))
+        upper, work = self._memory / "upper", self._memory / "work"
+        upper.mkdir()
+        work.mkdir()
+        layers = f"lowerdir={tree.resolve()},upperdir={upper},workdir={work}"
+        program("mount", "-t", "overlay", "-o", layers, "atlantis", str(self.root))
+
+    def fill(self, leave_kb: int) -> None:
+        """Make it as small as what is on it, and this much more."""
+        there = os.statvfs(self._memory)
+        used = (there.f_blocks - there.f_bfree) * there.f_frsize
+        self._resize(f"{used + leave_kb * 1024}")
+
+    def free(self) -> None:
+        """Give it its size back."""
+        self._resize(self._size)
+
+    def _resize(self, size: str) -> None:
+        program("mount", "-o", f"remount,size={size}", str(self._memory))
+
 
 _SSH = 22
 _PATIENCE_S = 60.0

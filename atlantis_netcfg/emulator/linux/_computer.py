@@ -10,8 +10,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._ip import ip, ping
-from atlantis_netcfg.emulator.linux._iw import iw
+from atlantis_netcfg.emulator.linux._ip import ip, iw, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
     ComputerSpec,

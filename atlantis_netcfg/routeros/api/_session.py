@@ -1,25 +1,64 @@
-"""One session with one device, from the TLS handshake to the close."""
+"""One session with one device, from the TLS handshake to the close.
+
+The login sentences of both ages (manual, API, "Initial login"): one turn since RouterOS 6.43, two before.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import binascii
+import hashlib
 import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.routeros.api._errors import FellSilent, Unreachable
-from atlantis_netcfg.routeros.api._login import log_in
+from atlantis_netcfg.routeros.api._errors import FellSilent, LoginRefused, ProtocolError, SessionLost, Unreachable
 from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, cut_off, fingerprint_of
-from atlantis_netcfg.routeros.api._values import Traffic
+from atlantis_netcfg.routeros.api._values import Command, Traffic
 from atlantis_netcfg.routeros.api._wire import Wire
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
 
-    from atlantis_netcfg.routeros.api._values import Command, Endpoint, Reply
+    from atlantis_netcfg.routeros.api._values import Endpoint, Reply
 
-__all__ = ["WINDOW", "Session", "certificate_of"]
+
+async def log_in(wire: Wire, endpoint: Endpoint) -> None:
+    """Log in over a TLS connection whose certificate was checked. Raises LoginRefused with the device's words.
+
+    A device older than 6.43 answers name and password with a challenge; that it saw the password is no loss, since it
+    is the pinned device and the words are encrypted.
+    """
+    password = endpoint.password.reveal()
+    reply = await _ask(wire, endpoint, ("password", password))
+    if reply.ret is not None:
+        await _ask(wire, endpoint, ("response", _response(reply.ret, password, endpoint)))
+
+
+async def _ask(wire: Wire, endpoint: Endpoint, proof: tuple[str, str]) -> Reply:
+    command = Command("/login", (("name", endpoint.user), proof))
+    patience_s = min(endpoint.connect_timeout_s, endpoint.reply_timeout_s)
+    try:
+        (reply,) = await wire.exchange([command], patience_s, patience_s)
+    except SessionLost as lost:
+        raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
+    if reply.trap is not None:
+        raise LoginRefused(
+            f"{endpoint} refused the login of `{endpoint.user}`: {reply.trap.message}",
+            hint="check the name and the vaulted password of this device in the inventory",
+        )
+    return reply
+
+
+def _response(challenge: str, password: str, endpoint: Endpoint) -> str:
+    try:
+        salt = binascii.unhexlify(challenge)
+    except ValueError:
+        raise ProtocolError(f"{endpoint} sent a login challenge that is no number", in_flight=False) from None
+    secret = password.encode("utf-8", "surrogateescape")
+    return "00" + hashlib.md5(b"\x00" + secret + salt, usedforsecurity=False).hexdigest()
+
 
 WINDOW: Final = 24
 """Commands in flight at once, unless all of them read (`print`): for those `Endpoint.window` holds.

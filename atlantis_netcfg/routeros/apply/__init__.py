@@ -9,6 +9,7 @@ from __future__ import annotations
 from atlantis_netcfg.routeros.apply._executor import converge
 from atlantis_netcfg.routeros.apply._fitting import Fitting
 from atlantis_netcfg.routeros.apply._job import (
+    Admission,
     Channel,
     Connect,
     DeviceJob,
@@ -19,8 +20,8 @@ from atlantis_netcfg.routeros.apply._job import (
     Patience,
     SshEndpoint,
     Status,
+    Toll,
 )
-from atlantis_netcfg.routeros.apply._toll import Admission, Toll
 
 __all__ = [
     "Admission",

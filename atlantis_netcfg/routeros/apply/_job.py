@@ -1,4 +1,7 @@
-"""What the executor is given for one device, and what it hands back."""
+"""What the executor is given for one device, and what it hands back.
+
+What a run may cost: the executor asks once, when it has read the device and made its plan, and never decides.
+"""
 
 from __future__ import annotations
 
@@ -17,26 +20,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Drift, Facts, PortCounts
+    from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
     from atlantis_netcfg.routeros.apply._fitting import Fitting
-    from atlantis_netcfg.routeros.apply._toll import Toll
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
-
-__all__ = [
-    "Channel",
-    "Connect",
-    "DeviceJob",
-    "DeviceResult",
-    "History",
-    "Mode",
-    "NoHistory",
-    "OpenConsole",
-    "Patience",
-    "SshEndpoint",
-    "Status",
-    "open_console",
-]
 
 
 class Mode(StrEnum):
@@ -290,3 +277,24 @@ def _estimate(estimate: Estimate) -> dict[str, str | float]:
         "bytes": estimate.bytes,
         "seconds": round(estimate.seconds, 1),
     }
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """Whether a run may go on."""
+
+    notes: tuple[str, ...] = ()
+    """What its result shall say in any case."""
+    refusal: str | None = None
+    """Why it may not."""
+    hint: str | None = None
+
+
+class Toll(Protocol):
+    """Who knows what the bearers cost and what a person has agreed to."""
+
+    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
+        """Say whether a run may go on; `spends`: it would send more than it has; `planned`: not before a person agrees.
+
+        Where it spends nothing more there is nothing to refuse.
+        """

@@ -6,10 +6,8 @@ confirmed last and what the device remembers are given as text and rows.
 
 from __future__ import annotations
 
-from atlantis_netcfg.routeros.drift._compare import compare
-from atlantis_netcfg.routeros.drift._history import HISTORY, History
+from atlantis_netcfg.routeros.drift._compare import HISTORY, History, Past, compare
 from atlantis_netcfg.routeros.drift._model import Comparison, Deed, Difference, DriftKind, FieldDifference, Owner, Since
-from atlantis_netcfg.routeros.drift._past import Past
 
 __all__ = [
     "HISTORY",

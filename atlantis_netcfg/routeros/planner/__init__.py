@@ -20,13 +20,14 @@ from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
 from atlantis_netcfg.routeros.planner._identified import plan_identified
 from atlantis_netcfg.routeros.planner._rename import (
     Rename,
+    after,
     conflicts,
     is_named_port,
     rename_changes,
     renamed,
     renames,
+    simulate,
 )
-from atlantis_netcfg.routeros.planner._simulate import after, simulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

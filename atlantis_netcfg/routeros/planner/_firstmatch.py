@@ -12,27 +12,147 @@ further down is added there and removed above. So a row is changed in place only
 
 With jumps this holds for each chain; `_sequence` makes it hold for the whole where a chain is new, or goes, or its
 callers stay as they are.
+
+Longest common subsequence of two lists, quick where they are alike.
+
+Hunt and Szymanski, "A fast algorithm for computing longest common subsequences" (CACM 20, 1977): pairs of equal
+elements, then the longest increasing run of positions. Common ends are cut off first.
+
+In which order rows of a first-match menu may be inserted or removed when some of them jump to chains of others.
+
+Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as standing
+where the jump stands: its rows come after those above the jump and before those below it. Where no order satisfies all
+jumps (two chains that call each other's targets crosswise), the order of the list goes on.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from functools import cached_property
+from heapq import heappop, heappush
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
 from atlantis_netcfg.routeros.diff import Line, added_row, existing_row
 from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
-from atlantis_netcfg.routeros.planner._lcs import common
-from atlantis_netcfg.routeros.planner._sequence import Rule, insertion, removal
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.routeros._items import Item
     from atlantis_netcfg.routeros.menus import Menu
 
-__all__ = ["plan_first_match"]
+
+def common(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, int]]:
+    """Return the positions (in `old`, in `new`) of a longest common subsequence, ascending.
+
+    Of several it prefers one that keeps elements which stand early in `old`, so that those left out tend to move up.
+    """
+    head = _common_length(old, new, len(old), len(new))
+    tail = _common_length(old[::-1], new[::-1], len(old) - head, len(new) - head)
+    middle = _increasing(old[head : len(old) - tail], new[head : len(new) - tail])
+    ends = [(len(old) - tail + offset, len(new) - tail + offset) for offset in range(tail)]
+    return [*((each, each) for each in range(head)), *((head + i, head + j) for i, j in middle), *ends]
+
+
+def _common_length(old: Sequence[Hashable], new: Sequence[Hashable], *limits: int) -> int:
+    length = 0
+    while length < min(limits) and old[length] == new[length]:
+        length += 1
+    return length
+
+
+def _increasing(old: Sequence[Hashable], new: Sequence[Hashable]) -> list[tuple[int, int]]:
+    places: dict[Hashable, list[int]] = {}
+    for index in range(len(old) - 1, -1, -1):
+        places.setdefault(old[index], []).append(index)
+    tops: list[int] = []
+    ends: list[_Link] = []
+    for position, element in enumerate(new):
+        for index in places.get(element, ()):  # descending, so that one element of `new` is used once at most
+            pile = bisect_left(tops, index)
+            link = (index, position, ends[pile - 1] if pile else None)
+            tops[pile : pile + 1] = [index]
+            ends[pile : pile + 1] = [link]
+    return _chain(ends[-1] if ends else None)
+
+
+_Link = tuple[int, int, "_Link | None"]
+
+
+def _chain(link: _Link | None) -> list[tuple[int, int]]:
+    pairs: list[tuple[int, int]] = []
+    while link is not None:
+        index, position, link = link
+        pairs.append((index, position))
+    return pairs[::-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """As much of a row as order depends on."""
+
+    chain: str
+    target: str | None
+    """The chain it jumps to."""
+    stays: bool
+    """It is in the old list and in the new one, at a place that does not change."""
+
+
+def insertion(rules: Sequence[Rule]) -> list[int]:
+    """Return the order in which the rows of the new list are dealt with."""
+    return _sorted(rules, after_jump=True)
+
+
+def removal(rules: Sequence[Rule]) -> list[int]:
+    """Return the order in which the rows of the old list are dealt with."""
+    last = len(rules) - 1
+    return [last - index for index in _sorted(rules[::-1], after_jump=False)]
+
+
+def _sorted(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
+    """Topological order, by place wherever that is free."""
+    followers: list[list[int]] = [[] for _ in rules]
+    waiting = [0] * len(rules)
+    for first, then in _edges(rules, after_jump=after_jump):
+        followers[first].append(then)
+        waiting[then] += 1
+    ready = [index for index, count in enumerate(waiting) if not count]
+    done: list[int] = []
+    queued = set(ready)
+    while len(done) < len(rules):
+        if not ready:
+            ready.append(next(index for index in range(len(rules)) if index not in queued))
+            queued.add(ready[0])
+        index = heappop(ready)
+        done.append(index)
+        for follower in followers[index]:
+            waiting[follower] -= 1
+            if not waiting[follower] and follower not in queued:
+                queued.add(follower)
+                heappush(ready, follower)
+    return done
+
+
+def _edges(rules: Sequence[Rule], *, after_jump: bool) -> Iterator[tuple[int, int]]:
+    chains: dict[str, list[int]] = {}
+    for index, rule in enumerate(rules):
+        chains.setdefault(rule.chain, []).append(index)
+    moving = {rule.chain for rule in rules if not rule.stays}
+    for members in chains.values():
+        yield from pairwise(members)
+        for place, index in enumerate(members):
+            rule = rules[index]
+            target = chains.get(rule.target) if rule.target in moving and rule.target != rule.chain else None
+            if target is None:
+                continue
+            if place + 1 < len(members) and (after_jump or rule.stays):
+                yield target[-1], members[place + 1]
+            if place and (not after_jump or rule.stays):
+                yield members[place - 1], target[0]
+
 
 _Content = tuple[tuple[str, str], ...]
 

@@ -18,8 +18,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import NameOID
 
-from atlantis_netcfg.routeros.api._sentences import Decoder, encode
 from atlantis_netcfg.routeros.api._tls import client_context
+from atlantis_netcfg.routeros.api._wire import Decoder, encode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

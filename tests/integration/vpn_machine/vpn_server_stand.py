@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import tree, why_not, yard
-from atlantis_netcfg.emulator.lab._namespaces import add_namespace, delete_namespace, join
+from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.members import server_names

@@ -15,7 +15,7 @@ import pytest
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.checklist.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
-from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway, _router, _way_in, ask_here, way_in
+from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.verdicts import Verdict
@@ -301,7 +301,7 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
         def as_dict() -> dict[str, dict[str, str]]:
             return {"satellite": {"state": "up"}, "4g": {"state": "down"}}
 
-    monkeypatch.setattr(_router, "look", look)
+    monkeypatch.setattr(_real, "look", look)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
     questions = [(name, Look(name, name)) for name in ("satellite", "4g", "rope")]
     heard: list[str] = []
@@ -331,7 +331,7 @@ def proof() -> Proof:
 
 @pytest.mark.parametrize("accepted", [False, True])
 def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, accepted: bool) -> None:
-    monkeypatch.setattr(_router, "try_out", lambda *_: proof())
+    monkeypatch.setattr(_real, "try_out", lambda *_: proof())
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
     found = asyncio.run(ears.ask(Place.ROUTER, None, [("it", Prove("it", "satellite"))], lambda *_: None))["it"]

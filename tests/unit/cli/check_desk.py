@@ -12,9 +12,8 @@ from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
 from atlantis_netcfg.checklist.report import Drawing, Item, Kind, Phase, Row
 from atlantis_netcfg.cli._checking.desk import Desk
-from atlantis_netcfg.cli._checking.flow import Round
+from atlantis_netcfg.cli._checking.flow import Round, shown
 from atlantis_netcfg.cli._checking.listening import Listening
-from atlantis_netcfg.cli._checking.people import shown
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import load

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.emulator.lab import MachineFailed, provide, ready, why_not, yard
+from atlantis_netcfg.emulator.lab import MachineFailed, provide, why_not, yard
+from atlantis_netcfg.emulator.lab import lab as ready
 
 
 @pytest.fixture(autouse=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
-from atlantis_netcfg.routeros.pair._agreement import disagreements
-from atlantis_netcfg.routeros.pair._radio import Radio, drops_link, level_dbm, radio_of
+from atlantis_netcfg.routeros.pair._radio import Radio, disagreements, drops_link, level_dbm, radio_of
 
 LEGACY = {
     "disabled": "false",

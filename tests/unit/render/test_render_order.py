@@ -8,7 +8,7 @@ import pytest
 from render_declared import SITES
 from test_render_text import parsed
 
-from atlantis_netcfg.routeros.planner._sequence import Rule, insertion
+from atlantis_netcfg.routeros.planner._firstmatch import Rule, insertion
 
 if TYPE_CHECKING:
     from atlantis_netcfg.rsc import Statement

@@ -16,8 +16,7 @@ from hypothesis import given, settings
 
 from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
-from atlantis_netcfg.checklist.report._layout import layout
-from atlantis_netcfg.checklist.report._svg import described
+from atlantis_netcfg.checklist.report._svg import described, layout
 from atlantis_netcfg.checklist.topology import drawing
 from atlantis_netcfg.declaration import load
 

@@ -4,15 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.routeros.api._sentences import (
-    MAX_SENTENCE,
-    Answer,
-    Decoder,
-    GarbageError,
-    encode,
-    encode_size,
-    parse,
-)
+from atlantis_netcfg.routeros.api._wire import MAX_SENTENCE, Answer, Decoder, GarbageError, encode, encode_size, parse
 
 words = st.binary(min_size=1, max_size=300).map(lambda raw: raw.decode("utf-8", "surrogateescape"))
 sentences = st.lists(st.lists(words, min_size=1, max_size=6).map(tuple), max_size=6)

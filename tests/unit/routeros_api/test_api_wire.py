@@ -9,9 +9,8 @@ import pytest
 from scripted_device import Device, frame
 
 from atlantis_netcfg.routeros.api import WINDOW, Command, ProtocolError, SessionLost, Traffic
-from atlantis_netcfg.routeros.api._sentences import Decoder
 from atlantis_netcfg.routeros.api._session import Session
-from atlantis_netcfg.routeros.api._wire import Wire
+from atlantis_netcfg.routeros.api._wire import Decoder, Wire
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine

@@ -8,7 +8,7 @@ from plan_world import observed
 
 from atlantis_netcfg.routeros import estimate as module
 from atlantis_netcfg.routeros._types import Observed, Plan
-from atlantis_netcfg.routeros.api._sentences import encode
+from atlantis_netcfg.routeros.api._wire import encode
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, Bearer, Estimate, estimate
 from atlantis_netcfg.routeros.menus import MENUS

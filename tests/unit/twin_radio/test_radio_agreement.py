@@ -9,8 +9,7 @@ import pytest
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.emulator.routeros.radio import Driver, Settings, why_not
-from atlantis_netcfg.emulator.routeros.radio._law import span, within
-from atlantis_netcfg.emulator.routeros.radio._link import free_space_loss_db, signal_dbm
+from atlantis_netcfg.emulator.routeros.radio._link import free_space_loss_db, signal_dbm, span, within
 
 AP = Settings(
     driver=Driver.WIRELESS,

@@ -15,9 +15,9 @@ from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.wire.connection import Decoder as TwinDecoder
 from atlantis_netcfg.emulator.routeros.wire.connection import encode_sentence as twin_encode
 from atlantis_netcfg.routeros.api import Command, Endpoint, Session, Traffic
-from atlantis_netcfg.routeros.api._sentences import Decoder as ClientDecoder
-from atlantis_netcfg.routeros.api._sentences import encode as client_encode
+from atlantis_netcfg.routeros.api._wire import Decoder as ClientDecoder
 from atlantis_netcfg.routeros.api._wire import Wire
+from atlantis_netcfg.routeros.api._wire import encode as client_encode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

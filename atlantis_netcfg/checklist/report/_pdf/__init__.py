@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._pdf._drawing import draw
-from atlantis_netcfg.checklist.report._pdf._items import items
-from atlantis_netcfg.checklist.report._pdf._lists import (
+from atlantis_netcfg.checklist.report._pdf._items import (
     first,
+    items,
     not_checked,
     not_rehearsed,
     notes,
     overridden,
+    provenance,
     since_green,
+    top,
 )
 from atlantis_netcfg.checklist.report._pdf._sheet import Sheet
-from atlantis_netcfg.checklist.report._pdf._table import table
-from atlantis_netcfg.checklist.report._pdf._top import provenance, top
+from atlantis_netcfg.checklist.report._pdf._table import draw, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

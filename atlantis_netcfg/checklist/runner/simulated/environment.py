@@ -1,31 +1,204 @@
-"""A rehearsal's ears, with everything behind them started and, if asked for, broken."""
+"""A rehearsal's ears, with everything behind them started and, if asked for, broken.
+
+The ears of a rehearsal: the same questions, asked of what stands for the site's devices on this computer.
+
+Where the twin of a declared endpoint really is: a port of this computer in place of a vehicle's address.
+"""
 
 from __future__ import annotations
 
+import os
+import shlex
+import time
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
+from atlantis_netcfg.checklist.probes import (
+    Discover,
+    Discovered,
+    Listen,
+    Offered,
+    Place,
+    Probing,
+    Ran,
+    Run,
+    Transcript,
+    Trouble,
+)
+from atlantis_netcfg.checklist.probes.results import Offer
+from atlantis_netcfg.checklist.runner._laptop import ask_here
 from atlantis_netcfg.checklist.runner._real import RealEars
-from atlantis_netcfg.checklist.runner.simulated._ears import RehearsedEars
+from atlantis_netcfg.checklist.runner.no_result import unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
 from atlantis_netcfg.checklist.runner.simulated._routers import clock_words
 from atlantis_netcfg.checklist.runner.simulated._world import healthy
-from atlantis_netcfg.checklist.runner.simulated.endpoints import standing
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.emulator.linux import Computer
+from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
+from atlantis_netcfg.emulator.gnss import RunningGpsd, RunningNmea, RunningNmeaPort
+from atlantis_netcfg.emulator.linux import NOT_FOUND, Computer
+from atlantis_netcfg.emulator.mavlink import RunningAutopilot
 from atlantis_netcfg.operations.request import Mode, Request
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.runner.simulated._world import World
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.checklist.runner._ears import Asked, Ears, Heard
+    from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 __all__ = ["rehearsed_ears"]
+
+
+_NOBODY = "nothing stands for it in a rehearsal"
+
+
+@dataclass(frozen=True, slots=True)
+class RehearsedEars:
+    """Streams are listened to by the real program; what programs of a gateway would print is emulated."""
+
+    routers: Ears
+    """The real site's, whose devices are the twins."""
+    computer: Computer | None
+    """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
+    stands: Sequence[Stand]
+
+    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+        """Ask all questions of one place in one turn; see `Ears.ask`."""
+        if place is Place.ROUTER:
+            return await self.routers.ask(place, host, questions, result)
+        streams = [(key, found) for key, request in questions if (found := self._moved(request)) is not None]
+        answers: dict[str, Answer] = {}
+        names = {key for key, _ in streams}
+        for key, question in questions:
+            if key not in names:
+                answers[key] = self._answer(question)
+                result(key, answers[key])
+        if streams:
+            asked = dict(questions)
+
+            def told(key: str, answer: Answer) -> None:
+                result(key, self._sent(asked[key], answer))
+
+            ended = await ask_here(streams, told)
+            answers.update({key: self._sent(asked[key], answer) for key, answer in ended.items()})
+        return answers
+
+    def _sent(self, question: Question, answer: Answer) -> Answer:
+        """A datagram comes from where the thing would be that its twin stands for."""
+        if not isinstance(answer, Transcript) or not isinstance(question, Listen) or not answer.senders:
+            return answer
+        stand = next(item for item in self.stands if item.means(question))
+        return replace(answer, senders=(stand.address,) * len(answer.senders))
+
+    def _moved(self, question: Question) -> Listen | None:
+        """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
+        if not isinstance(question, Listen):
+            return None
+        stand = next((item for item in self.stands if item.means(question)), None)
+        return None if stand is None else replace(question, **stand.place())
+
+    def _answer(self, question: Question) -> Answer:
+        if self.computer is None or isinstance(question, Listen):
+            return unanswered(question, _NOBODY)
+        if isinstance(question, Run):
+            return self._ran(question, self.computer)
+        if isinstance(question, Probing):
+            return self._offered(question, self.computer)
+        if isinstance(question, Discover):
+            return self._discovered(question, self.computer)
+        return unanswered(question, _NOBODY)
+
+    @staticmethod
+    def _ran(question: Run, computer: Computer) -> Ran:
+        requested = time.time()
+        rc, out, err = computer.answer(question.argv)
+        trouble, words = None, ""
+        if rc == NOT_FOUND:
+            trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
+        return Ran(trouble, words, rc, out, err, computer.now, requested, time.time())
+
+    @staticmethod
+    def _discovered(question: Discover, computer: Computer) -> Discovered:
+        prefix = os.urandom(12)
+        found = computer.participants(question.domain, question.address, prefix)
+        if found is None:
+            return Discovered(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
+        return Discovered(None, "", prefix, found)
+
+    @staticmethod
+    def _offered(question: Probing, computer: Computer) -> Offered:
+        found = computer.offers(question.interface, question.cards)
+        if found is None:
+            return Offered(Trouble.MISSING, f"this computer has no interface {question.interface}")
+        offers = (Offer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
+        return Offered(None, "", tuple(offers))
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """One end of a stream: as it is declared, and as it is here."""
+
+    transport: str
+    address: str = ""
+    """Of a TCP service, or that datagrams come from."""
+    port: int = 0
+    device: str = ""
+    """Of a serial port."""
+    here_port: int = 0
+    here_device: str = ""
+
+    def means(self, question: Listen) -> bool:
+        """Whether a question goes to this end."""
+        if self.transport != question.transport:
+            return False
+        if self.transport == "serial":
+            return self.device == question.device
+        return self.port == question.port and (self.transport == "udp" or self.address == question.address)
+
+    def place(self) -> dict[str, Any]:
+        """The fields of the question that are otherwise here."""
+        if self.transport == "serial":
+            return {"device": self.here_device}
+        return {"address": "" if self.transport == "udp" else "127.0.0.1", "port": self.here_port}
+
+
+@contextmanager
+def standing(world: World) -> Iterator[tuple[Stand, ...]]:
+    """Start every twin that the world describes; they end with the context."""
+    with ExitStack() as stack:
+        stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
+        stands += [_modem(stack, modem) for modem in world.modems.values()]
+        stands += [_autopilot(stack, autopilot) for autopilot in world.autopilots.values()]
+        yield tuple(stands)
+
+
+def _receiver(stack: ExitStack, receiver: Receiver) -> Stand:
+    if receiver.device:
+        port = stack.enter_context(RunningNmeaPort(receiver.spec))
+        return Stand("serial", device=receiver.device, here_device=port.path)
+    server = RunningGpsd(receiver.spec) if receiver.gpsd else RunningNmea(receiver.spec)
+    stack.enter_context(server)
+    return Stand("tcp", receiver.address, receiver.port, here_port=server.port)
+
+
+def _modem(stack: ExitStack, modem: Modem) -> Stand:
+    twin = RunningEvologics(modem.spec) if isinstance(modem.spec, EvologicsSpec) else RunningSeatrac(modem.spec)
+    stack.enter_context(twin)
+    if modem.device:
+        return Stand("serial", device=modem.device, here_device=twin.path)
+    return Stand("tcp", modem.address, modem.port, here_port=twin.port)
+
+
+def _autopilot(stack: ExitStack, autopilot: Autopilot) -> Stand:
+    """The stream goes to a port that was free a moment ago: the declared one may be in use on this computer."""
+    twin = stack.enter_context(RunningAutopilot(autopilot.spec))
+    return Stand("udp", autopilot.address, autopilot.port, here_port=twin.port)
 
 
 @contextmanager

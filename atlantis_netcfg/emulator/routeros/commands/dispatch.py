@@ -8,18 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands import (
-    certificate,
-    files,
-    lte,
-    ovpn,
-    power,
-    radio,
-    read,
-    safe,
-    system,
-    write,
-)
+from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, ovpn, radio, read, system, write
+from atlantis_netcfg.emulator.routeros.commands import system as power
+from atlantis_netcfg.emulator.routeros.commands import system as safe
 from atlantis_netcfg.emulator.routeros.commands._call import unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.devicemode import COMMANDS, NOT_ALLOWED, allowed

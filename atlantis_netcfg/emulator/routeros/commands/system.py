@@ -1,4 +1,13 @@
-"""Commands without a menu of rows: reboot, ping, log, device-mode, and rows of `/interface`."""
+"""Commands without a menu of rows: reboot, ping, log, device-mode, and rows of `/interface`.
+
+`/interface/ethernet/poe/monitor`: what each port that can feed gives (Manual, PoE-Out).
+
+`/safe-mode`, `/undo`, `/redo` (Manual, Configuration Management: Safe Mode).
+
+What a second taker is told over the API nobody has published; the text is the console's question as a refusal.
+
+Assumption: safe-mode-second-taker
+"""
 
 from __future__ import annotations
 
@@ -9,15 +18,36 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.console.typed import rob
 from atlantis_netcfg.emulator.routeros.devicemode import FEATURES
+from atlantis_netcfg.emulator.routeros.environment._spec import load_of
 from atlantis_netcfg.emulator.routeros.path import answers
-from atlantis_netcfg.emulator.routeros.spec import Mode
+from atlantis_netcfg.emulator.routeros.spec import Deviation, Mode
+from atlantis_netcfg.emulator.routeros.values import id_text
 from atlantis_netcfg.emulator.routeros.views import count_echoes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.store import Item
 
-__all__ = ["PING_FOREVER", "interface", "log", "logout", "ping", "poe", "reboot", "update_mode"]
+__all__ = [
+    "PING_FOREVER",
+    "interface",
+    "log",
+    "logout",
+    "monitor",
+    "ping",
+    "poe",
+    "reboot",
+    "redo",
+    "release",
+    "take",
+    "toggle",
+    "undo",
+    "unroll",
+    "update_mode",
+]
+
 
 PING_FOREVER = "count"
 _PING_SIZE = "56"
@@ -145,3 +175,98 @@ def poe(core: Core, call: Call) -> Result:
         if name not in known:
             raise unknown(name)
     return write.set_(core, replace(call, menu="/interface/ethernet"))
+
+
+_SELECTORS = ("numbers", ".id")
+
+
+def monitor(core: Core, call: Call) -> Result:
+    """`monitor <ports> once`; without `once` it would not end."""
+    known = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
+    for name in call.arguments:
+        if name not in known:
+            raise unknown(name)
+    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if named is None:
+        raise MissingArgument("numbers")
+    if "once" not in call.arguments:
+        raise Trap(f"not rehearsed by the twin: {call.path} without once")
+    return Result(rows=[_row(core, _port(core, part)) for part in named.split(",")])
+
+
+def _port(core: Core, named: str) -> Item:
+    """The port of that name or id, if it can feed."""
+    table = core.store.table("/interface/ethernet")
+    for item in table.items:
+        feeds = (item.factory or {}).get("name") in core.spec.poe_ports
+        if feeds and named in {id_text(item.id), core.store.text(table, item, "name")}:
+            return item
+    raise no_such_item()
+
+
+def _row(core: Core, item: Item) -> dict[str, str]:
+    table = core.store.table("/interface/ethernet")
+    setting = core.store.text(table, item, "poe-out") or "auto-on"
+    local = {"name": core.store.text(table, item, "name") or "", "poe-out": setting}
+    return local | load_of(core, (item.factory or {})["name"], setting)
+
+
+def _arguments(core: Core, call: Call) -> None:
+    for name in (*call.arguments, *call.unset):
+        if name not in core.schema.arguments(call.menu, call.command):
+            raise unknown(name)
+
+
+def take(core: Core, call: Call) -> Result:
+    """Enter safe mode; only one session may hold it."""
+    _arguments(core, call)
+    holder = core.history.holder
+    if holder is not None and holder.number != call.caller.number:
+        if core.deviates(Deviation.SECOND_TAKER):
+            rob(core, call.caller)
+            core.history.take(call.caller)
+            return Result()
+        raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
+    if holder is None:
+        core.history.take(call.caller)
+        core.note("system,info", f"safe mode taken by {call.caller.user}")
+    return Result()
+
+
+def release(core: Core, call: Call) -> Result:
+    """Keep everything; any session may do that."""
+    _arguments(core, call)
+    if core.history.holder is not None:
+        rob(core, call.caller)
+        core.history.release()
+        core.note("system,info", f"safe mode released by {call.caller.user}")
+    return Result()
+
+
+def unroll(core: Core, call: Call) -> Result:
+    """Undo everything and leave safe mode; the session goes on."""
+    _arguments(core, call)
+    if core.history.holder is not None:
+        rob(core, call.caller)
+        core.history.unroll(core.store)
+        core.note("system,info", f"safe mode unrolled by {call.caller.user}")
+    return Result(text="Unrolling Safe Mode... Success!")
+
+
+def toggle(core: Core, call: Call) -> Result:
+    """Take or release."""
+    return take(core, call) if core.history.holder is None else release(core, call)
+
+
+def undo(core: Core, _call: Call) -> Result:
+    """Undo the latest action."""
+    if not core.history.undo(core.store):
+        raise Trap("failure: nothing to undo")
+    return Result()
+
+
+def redo(core: Core, _call: Call) -> Result:
+    """Do the action undone last again."""
+    if not core.history.redo(core.store):
+        raise Trap("failure: nothing to redo")
+    return Result()

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.shell import greeting as words
 from atlantis_netcfg.emulator.routeros.shell.greeting import Greeting
-from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Position
-from atlantis_netcfg.emulator.routeros.shell.line import Line, Pages, folded
+from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Line, Pages, Position, folded
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable

@@ -17,12 +17,16 @@ from atlantis_netcfg.emulator.routeros.values._network import (
     Address,
     Addresses,
     Gateway,
+    Granted,
     HostPrefix,
     Mac,
     Matcher,
     Ports,
     Prefixes,
     Ranges,
+    Ref,
+    Refs,
+    Topics,
 )
 from atlantis_netcfg.emulator.routeros.values._plain import (
     Bool,
@@ -40,7 +44,6 @@ from atlantis_netcfg.emulator.routeros.values._plain import (
     interval,
     seconds,
 )
-from atlantis_netcfg.emulator.routeros.values._refs import Granted, Ref, Refs, Topics
 
 __all__ = [
     "INVALID",
