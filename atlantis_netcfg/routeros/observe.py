@@ -17,7 +17,7 @@ from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, Row, i
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.counters import looks, read_counts
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
-from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID
+from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID, monitor_of
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 
 if TYPE_CHECKING:
@@ -157,7 +157,8 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
             facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
         )
     found_counts = tuple(each for each in counts if each is not None)
-    modem_now = modem_row(result[0]) if result else None
+    named = monitor_of(found.get(LTE, ()))
+    modem_now = modem_row(result[0] if named == MONITOR else await session.command(named)) if result else None
     return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows)
 
 

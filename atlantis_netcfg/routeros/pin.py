@@ -25,14 +25,28 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Observed, Row
 
-__all__ = ["LTE", "MONITOR", "SAID", "Sim", "objection", "pending", "sim_of"]
+__all__ = ["LTE", "MODEMS", "MONITOR", "SAID", "Sim", "monitor_of", "objection", "pending", "sim_of"]
 
 LTE = "/interface/lte"
-MONITOR = Command(f"{LTE}/monitor", (("numbers", "lte1"), ("once", "")))
-"""Asked together with the menus of a text that declares the modem; the first modem is the only one that is declared."""
+MODEMS = Command(f"{LTE}/print", ((".proplist", "default-name,name"),))
+"""What `monitor_of` needs to know."""
+_MODEM = "lte1"
+"""The first modem, by its default name: the only one that is declared."""
+
+
+def monitor_of(modems: Iterable[Row] = ()) -> Command:
+    """Ask the modem under the name that it has among these rows; without them under its default name."""
+    name = next((row["name"] for row in modems if row.get("default-name") == _MODEM and row.get("name")), _MODEM)
+    return Command(f"{LTE}/monitor", (("numbers", name), ("once", "")))
+
+
+MONITOR = monitor_of()
+"""Asked together with the menus of a text that declares the modem; once more where these tell that it was renamed."""
 SAID = ("pin-status", "status", "registration-status")
 """What of its answer is kept: nothing that names the SIM."""
 _FIELD = "pin"

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
-from atlantis_netcfg.routeros.pin import MONITOR, Sim, sim_of
+from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, Sim, monitor_of, sim_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -192,7 +192,7 @@ _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
 
 
 def _pin_words(replies: Sequence[Reply]) -> Judgement:
-    (reply,) = replies
+    _, reply = replies
     if reply.trap is not None or not reply.rows:
         return Verdict.SKIP, "no modem is there"
     word = reply.rows[0].get("pin-status")
@@ -224,7 +224,7 @@ CHECKS: Final[Mapping[str, Check]] = {
     "history-names-ids": Check((_print("/system/history", ".id,time,undo,redo"),), _history_names),
     "history-newest-first": Check((_print("/system/history", ".id,time"),), _history_order),
     "netwatch-values": Check((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
-    "lte-pin-words": Check((MONITOR,), _pin_words),
+    "lte-pin-words": Check((MODEMS, MONITOR), _pin_words),
 }
 """Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
@@ -244,6 +244,9 @@ async def read(endpoint: Endpoint) -> Seen:
         many = await other.flight([_print("/system/identity", ".id")] * READING_WINDOW)
         requested = [question for check in CHECKS.values() for question in check.questions]
         resource, *replies = await session.flight([_RESOURCE, *requested])
+        named = monitor_of(replies[requested.index(MODEMS)].rows)
+        if named != MONITOR:
+            replies[requested.index(MONITOR)] = await session.command(named)
         tls = session.tls_version
     silent = f"silent with {READING_WINDOW} in flight, answered with {WINDOW}"
     found = {

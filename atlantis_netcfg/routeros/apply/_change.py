@@ -38,7 +38,7 @@ from atlantis_netcfg.routeros.observe import (
     printing,
     read_back,
 )
-from atlantis_netcfg.routeros.pin import MONITOR, pending
+from atlantis_netcfg.routeros.pin import LTE, monitor_of, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeUnavailable
 from atlantis_netcfg.routeros.scheduler_jobs import disarm
@@ -194,11 +194,12 @@ async def _until_told(work: Work, now: Observed) -> Observed:
     """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
+    monitor = monitor_of(now.rows.get(LTE, ()))
     while pending(work.job.desired, now):
         if clock() >= until:
             raise VerificationFailed(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
         await asyncio.sleep(patience.first_poll_s)
-        now = replace(now, modem=modem_row(await work.channel.command(MONITOR)))
+        now = replace(now, modem=modem_row(await work.channel.command(monitor)))
     return now
 
 

@@ -86,6 +86,23 @@ def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version
     on(bench(tmp_path, "9999", version=version), act)
 
 
+@pytest.mark.parametrize("name", ["starlink", "ether9"])
+@pytest.mark.parametrize(("pin", "status", "entered"), [("1234", "changed", (3, 1)), ("9999", "rolled-back", (2, 1))])
+def test_a_renamed_modem_is_asked_under_its_name(
+    tmp_path: Path, name: str, pin: str, status: str, entered: tuple[int, int]
+) -> None:
+    """Its identity is its default name; by `lte1` it says nothing of its PIN, and none would be sent."""
+
+    async def act(bench: Bench) -> None:
+        await bench.router.console(["/interface/lte/set", "=.id=lte1", f"=name={name}"])
+        first = await once(bench)
+        assert (first.status, card(bench)) == (status, entered)
+        second = await once(bench)
+        assert (second.status, card(bench)) == ("unchanged" if status == "changed" else "refused", entered)
+
+    on(bench(tmp_path, pin), act)
+
+
 def test_after_a_person_has_corrected_it_the_right_one_is_sent(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await once(bench)

@@ -74,6 +74,15 @@ def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -
     assert (failed(seen), passed(seen)) == (set(), READING)
 
 
+def test_a_renamed_modem_is_asked_under_its_name(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> Seen:
+        await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])
+        return await reading(bench)
+
+    seen = on(bench(tmp_path), act)
+    assert (failed(seen), passed(seen)) == (set(), READING)
+
+
 OFF_BY_READING: dict[str, dict[str, Any]] = {
     "api-flight-100": {"knobs": Knobs(hang_at=25)},
     "tls-version": {"knobs": Knobs(tls="1.3")},
