@@ -29,9 +29,9 @@ __all__ = [
     "INVENTORY",
     "NO_PUSH",
     "declared",
-    "desk",
     "folder",
     "opened",
+    "operator",
     "request",
     "server",
     "site",
@@ -95,7 +95,7 @@ def who() -> str:
     return f"{name}@{socket.gethostname()}"
 
 
-def desk(arguments: Arguments, authority: Authority) -> OperatorContext:
+def operator(arguments: Arguments, authority: Authority) -> OperatorContext:
     """Who signs, on this command line."""
     from atlantis_netcfg.operations.vpn.members import OperatorContext
 

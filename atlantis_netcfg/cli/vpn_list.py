@@ -30,7 +30,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)
-    members = records.of_partner(_vpn.opened(arguments).roll(), arguments.optional("partner"))
+    members = records.of_partner(_vpn.opened(arguments).membership(), arguments.optional("partner"))
     rows = [("name", "kind", "address", "until", "last seen", "standing")]
     for member in members:
         until = records.expires(member)

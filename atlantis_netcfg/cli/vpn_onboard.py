@@ -41,8 +41,8 @@ COMMAND = Command(
     ),
     flags=(NO_PUSH, PASSPHRASE_FD, JSON),
     details=(
-        "Repeating it makes nothing new; a different wish for the same name is refused. Exit code 5 says that all is "
-        "recorded and handed out, and the server does not know of it yet: `provision vpn sync` goes on."
+        "Repeating it makes nothing new; a different request for the same name is refused. Exit code 5: all is "
+        "recorded and handed out, but the server does not have it yet: `provision vpn sync` goes on."
     ),
     changes=True,
     again=AGAIN,
@@ -57,17 +57,17 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
 
     declaration, requested = _vpn.declared(arguments), _device_words(arguments)
-    wishes = requests_of(declaration, requested)
-    outlet = _members.outlet(arguments, recipients_of(requested, [request.name for request in wishes]))
+    requests = requests_of(declaration, requested)
+    outlet = _members.outlet(arguments, recipients_of(requested, [request.name for request in requests]))
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
     server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
-    handed = onboarding.finished(wishes)
+    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), outlet)
+    handed = onboarding.finished(requests)
     passphrase = asked(arguments) if not handed else None
     _members.hold(arguments, server, authority)
     if passphrase is not None:
-        handed = onboarding.issue(wishes, passphrase)
+        handed = onboarding.issue(requests, passphrase)
     return _members.close(arguments, declaration, handed, server, authority)
 
 

@@ -52,17 +52,17 @@ def run(arguments: Arguments) -> ExitCode:
     recipient = recipient_of(typed) if typed is not None else None
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _vpn.opened(arguments)
-    members = _chosen(arguments, authority.roll())
+    members = _chosen(arguments, authority.membership())
     outlet = _members.outlet(arguments, {} if recipient is None else {member.name: recipient for member in members})
     server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _vpn.desk(arguments, authority), outlet)
+    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), outlet)
     passphrase = asked(arguments)
     _members.hold(arguments, server, authority)
     handed = onboarding.renew(members, change, passphrase)
     return _members.close(arguments, declaration, handed, server, authority)
 
 
-def _chosen(arguments: Arguments, roll: MembershipList) -> tuple[Member, ...]:
+def _chosen(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from datetime import UTC, datetime
 
     from atlantis_netcfg.core.errors import NothingMatched, UsageError
@@ -70,11 +70,13 @@ def _chosen(arguments: Arguments, roll: MembershipList) -> tuple[Member, ...]:
 
     name, within = arguments.optional("name"), arguments.optional("all")
     if (name is None) == (within is None):
-        raise UsageError("whose certificate shall be renewed?", hint="add `name=iqua-sparus2`, or `all=30d`")
+        raise UsageError("which member's certificate should be renewed?", hint="add `name=iqua-sparus2`, or `all=30d`")
     if name is not None:
-        return (find(roll, name),)
+        return (find(membership, name),)
     end = datetime.now(UTC) + period(str(within), "all")
-    due = tuple(member for member in roll.members.values() if (last := expires(member)) is not None and last <= end)
+    due = tuple(
+        member for member in membership.members.values() if (last := expires(member)) is not None and last <= end
+    )
     if not due:
-        raise NothingMatched(f"no certificate ends within {within}", hint="`provision vpn list` tells when they end")
+        raise NothingMatched(f"no certificate ends within {within}", hint="`provision vpn list` shows when they end")
     return due

@@ -46,25 +46,27 @@ def run(arguments: Arguments) -> ExitCode:
     declaration = _vpn.declared(arguments)
     reason = reason_of(arguments.optional("reason"))
     authority = _vpn.opened(arguments)
-    members = _chosen(arguments, authority.roll())
+    members = _chosen(arguments, authority.membership())
     server = _vpn.server(arguments, declaration)
     passphrase = asked(arguments)
     _members.hold(arguments, server, authority)
     _agree(arguments, members)
-    revoked = revoke(_vpn.desk(arguments, authority), members, reason, passphrase)
+    revoked = revoke(_vpn.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
         cut = server.cut(authority, revoked, notify)
     return _members.close_revoked(arguments, revoked, cut)
 
 
-def _chosen(arguments: Arguments, roll: MembershipList) -> tuple[Member, ...]:
+def _chosen(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.records import find, of_partner
 
     name, partner = arguments.optional("name"), arguments.optional("partner")
     if (name is None) == (partner is None):
-        raise UsageError("who shall be put out?", hint="add `name=iqua-sparus2`, or `partner=iqua` for all of them")
-    return (find(roll, name),) if name is not None else of_partner(roll, partner)
+        raise UsageError(
+            "which member should be revoked?", hint="add `name=iqua-sparus2`, or `partner=iqua` for all of them"
+        )
+    return (find(membership, name),) if name is not None else of_partner(membership, partner)
 
 
 def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:

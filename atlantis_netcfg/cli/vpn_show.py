@@ -33,7 +33,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)
-    member = records.find(_vpn.opened(arguments).roll(), arguments.word("name"))
+    member = records.find(_vpn.opened(arguments).membership(), arguments.word("name"))
     lines = _lines(member, records.status_of(member, now))
     return _vpn.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
 

@@ -45,14 +45,14 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     with progress(quiet=arguments.flag("json")) as notify:
         found = vpn_status(authority, server if isinstance(server, Connected) else None, notify)
-    roll, partner = authority.roll(), arguments.optional("partner")
-    members = records.of_partner(roll, partner) if roll.members or partner is not None else ()
+    membership, partner = authority.membership(), arguments.optional("partner")
+    members = records.of_partner(membership, partner) if membership.members or partner is not None else ()
     now = datetime.now(UTC)
     values = {
-        "told": [item.as_json() for item in found.told],
+        "told": [item.as_json() for item in found.items],
         "members": [records.member_row(member, now) for member in members],
         "server": found.server_json(),
-        "queued": list(roll.queued),
+        "queued": list(membership.queued),
     }
     return _vpn.tell(arguments, found.exit, values, _lines(found, members, now))
 
@@ -61,7 +61,7 @@ def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterat
     from atlantis_netcfg.cli._vpn import table
     from atlantis_netcfg.operations.vpn.records import expires, status_of, when
 
-    for entry in found.told:
+    for entry in found.items:
         yield f"{entry.verdict.value:<12} {entry.message}"
         if entry.hint:
             yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())

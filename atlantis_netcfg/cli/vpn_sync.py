@@ -56,7 +56,7 @@ def run(arguments: Arguments) -> ExitCode:
         _members.hold(arguments, server, authority)
     served, taken = False, None
     if passphrase is not None:
-        with _vpn.desk(arguments, authority).unlocked(passphrase) as signer:
+        with _vpn.operator(arguments, authority).unlocked(passphrase) as signer:
             taken = signer.take(theirs) if theirs is not None else None
             signer.publish()
             served = signer.serve(server_names(declaration))

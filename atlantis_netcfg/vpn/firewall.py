@@ -29,9 +29,9 @@ _PING = "icmp type { echo-request, echo-reply }"
 _ANSWER = "ct state established ct direction reply"
 
 
-def firewall(declaration: Declaration, roll: MembershipList) -> str:
+def firewall(declaration: Declaration, membership: MembershipList) -> str:
     """What `nft -f` loads, atomically and as often as one likes."""
-    return text(policy(declaration, roll))
+    return text(policy(declaration, membership))
 
 
 def text(matrix: Policy) -> str:

@@ -64,7 +64,7 @@ class KeyType(StrEnum):
 
 
 class CertificateStatus(StrEnum):
-    """What a certificate is worth."""
+    """The status of a certificate."""
 
     ISSUED = "issued"
     """Good, and not yet seen in use."""
@@ -125,7 +125,7 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class MembershipList:
-    """What the ledger says."""
+    """The members, by the ledger."""
 
     members: Mapping[str, Member]
     """By name, in the order of their onboarding."""

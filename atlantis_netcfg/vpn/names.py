@@ -82,7 +82,7 @@ def member_name(partner: str, device: str) -> str:
 
 
 def check_free(
-    name: str, partner: str | None, device: str, roll: MembershipList, declared: Container[str] = ()
+    name: str, partner: str | None, device: str, membership: MembershipList, declared: Container[str] = ()
 ) -> Member | None:
     """The member of that name, if it is this device; None if the name is free; else NameTaken.
 
@@ -93,7 +93,7 @@ def check_free(
             f"`{name}` is the name of a declared host: device `{device}` of partner `{partner}` cannot have it",
             hint=f"device={device}-2, for instance",
         )
-    member = roll.members.get(name)
+    member = membership.members.get(name)
     if member is None or (member.partner, member.device) == (partner, device):
         return member
     raise NameTaken(f"`{name}` is the name of {_whose(member)}", hint=f"device={device}-2, for instance")

@@ -155,9 +155,9 @@ def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
     )
 
 
-def policy(declaration: Declaration, roll: MembershipList) -> Policy:
+def policy(declaration: Declaration, membership: MembershipList) -> Policy:
     """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
-    return _Draft(declaration, roll).policy()
+    return _Draft(declaration, membership).policy()
 
 
 _DECLARED = frozenset({Kind.HOST, Kind.ROUTER})
@@ -167,13 +167,13 @@ _DECLARED = frozenset({Kind.HOST, Kind.ROUTER})
 class _Draft:
     """The zones of a pilot, and what follows from them."""
 
-    def __init__(self, declaration: Declaration, roll: MembershipList) -> None:
+    def __init__(self, declaration: Declaration, membership: MembershipList) -> None:
         self._pilot = declaration.pilot
         self._partners = declaration.partners
         self._sites = declaration.sites
         self._hosts = declaration.hosts
         self._all_vehicles = declaration.vehicles
-        self._members = [item for item in roll.members.values() if item.good and self._declared(item)]
+        self._members = [item for item in membership.members.values() if item.good and self._declared(item)]
         self._behind = {member.name: self._networks(member) for member in self._members}
 
     def _declared(self, member: Member) -> bool:

@@ -178,7 +178,7 @@ class OpenvpnServer:
         }
 
 
-def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, authority: Path) -> OpenvpnServer:
+def openvpn_server(declaration: Declaration, host: Host, membership: MembershipList, authority: Path) -> OpenvpnServer:
     """Work it out; of the authority's folder the public files are read. Raises UsageError where one is missing."""
     ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
     crl = _read(authority, "crl.pem")
@@ -192,7 +192,7 @@ def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, a
         File(_CERT, cert),
         File(CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=NO_CONF),
         *system_files(),
-        *live_files(declaration, roll, crl, ca=ca),
+        *live_files(declaration, membership, crl, ca=ca),
     )
     return OpenvpnServer(
         packages=tuple(Package(name) for name in PACKAGES),
@@ -207,7 +207,7 @@ def openvpn_server(declaration: Declaration, host: Host, roll: MembershipList, a
     )
 
 
-def live_files(declaration: Declaration, roll: MembershipList, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
+def live_files(declaration: Declaration, membership: MembershipList, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
     """What changes while the tunnel is up: who is admitted as what, who is revoked, and the firewall between them.
 
     With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
@@ -216,11 +216,11 @@ def live_files(declaration: Declaration, roll: MembershipList, crl: bytes, *, ca
     return (
         *(
             File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
-            for member, certificate in sorted(roll.certificates(), key=lambda pair: pair[1].common_name)
+            for member, certificate in sorted(membership.certificates(), key=lambda pair: pair[1].common_name)
             if certificate.good
         ),
         File(_LIST, crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
-        File(FIREWALL, firewall(declaration, roll), mode="0600", validate=("nft", "-c", "-f", "%s")),
+        File(FIREWALL, firewall(declaration, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
 
 

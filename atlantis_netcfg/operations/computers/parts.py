@@ -74,7 +74,7 @@ def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[s
 
     authority = Authority.open(request.vpn)
     authority.crl()  # neither a foreign list nor one that has expired leaves this computer
-    return openvpn_server(declaration, host, authority.roll(), authority.folder).as_dict()
+    return openvpn_server(declaration, host, authority.membership(), authority.folder).as_dict()
 
 
 def concerns(part: str, host: Host) -> bool:

@@ -163,7 +163,7 @@ class _Link:
         self._number = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._buffer = b""
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed with the link
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115 - it is closed with the link
 
     def __enter__(self) -> Self:
         return self
@@ -207,7 +207,7 @@ class _Link:
                 process.kill()
                 process.wait()
             process.stdout.close()
-        self._said.close()
+        self._stderr.close()
 
     def _words(self, command: str) -> Sequence[str]:
         """How a shell's command is run there."""
@@ -220,7 +220,7 @@ class _Link:
     def _start(self) -> None:
         tool = build_live()
         self._process = subprocess.Popen(  # noqa: S603 - our own words
-            self._words(_command(tool)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said, bufsize=0
+            self._words(_command(tool)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._stderr, bufsize=0
         )
         self.round_trips += 1
         end = time.monotonic() + _START_S
@@ -310,8 +310,8 @@ class _Link:
             return None
 
     def _last_words(self) -> str:
-        self._said.seek(0)
-        return self._said.read()[-4000:].decode(errors="replace")
+        self._stderr.seek(0)
+        return self._stderr.read()[-4000:].decode(errors="replace")
 
 
 class SshLink(_Link):

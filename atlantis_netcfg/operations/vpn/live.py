@@ -64,8 +64,8 @@ class Pushed:
     """In the words of a run of the role."""
     ended: tuple[Session, ...] = ()
     """Sessions of those who are admitted no longer."""
-    told: tuple[str, ...] = ()
-    """What was left undone."""
+    notes: tuple[str, ...] = ()
+    """What was not done."""
 
     @property
     def changed(self) -> bool:
@@ -75,7 +75,7 @@ class Pushed:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the server has said of those who were to be thrown out."""
+    """What the server has confirmed about members that must be disconnected."""
 
     common_names: tuple[str, ...]
     addresses: tuple[str, ...]
@@ -88,8 +88,8 @@ class Evidence:
     """None of them has a session, by the server's own word."""
     left: tuple[str, ...]
     """What is wrong."""
-    told: tuple[str, ...]
-    """What could not be done or asked."""
+    notes: tuple[str, ...]
+    """What could not be done or read."""
     steps: tuple[tuple[str, float], ...] = ()
     """What was done, and how many milliseconds after the server had the request."""
     ended: tuple[Session, ...] = ()
@@ -106,16 +106,21 @@ class Evidence:
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        values = {key: value for key, value in asdict(self).items() if key not in ("ended", "files")}
-        return {**values, "confirmed": self.confirmed, "ended": [session.as_json() for session in self.ended]}
+        values = {key: value for key, value in asdict(self).items() if key not in ("ended", "files", "notes")}
+        return {
+            **values,
+            "told": self.notes,
+            "confirmed": self.confirmed,
+            "ended": [session.as_json() for session in self.ended],
+        }
 
 
 def desired_files(
-    declaration: Declaration, authority: Authority, roll: MembershipList | None = None
+    declaration: Declaration, authority: Authority, membership: MembershipList | None = None
 ) -> tuple[File, ...]:
-    """The live files of the server, by the record."""
+    """The live files that the server must have, from the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
-    return live_files(declaration, authority.roll() if roll is None else roll, authority.crl(), ca=ca)
+    return live_files(declaration, authority.membership() if membership is None else membership, authority.crl(), ca=ca)
 
 
 def check_record(authority: Authority, state: ServerState) -> None:
@@ -152,9 +157,11 @@ def revoke_live(
 
     Raises ServerAway, AnswerLost, ServerRefused.
     """
-    roll = authority.roll()
-    files = [file for file in desired_files(declaration, authority, roll) if file.path in (PLACE["crl"], FIREWALL)]
-    names, addresses = tuple(common_names), _addresses(roll, common_names)
+    membership = authority.membership()
+    files = [
+        file for file in desired_files(declaration, authority, membership) if file.path in (PLACE["crl"], FIREWALL)
+    ]
+    names, addresses = tuple(common_names), _addresses(membership, common_names)
     began = time.monotonic()
     values = link.ask(
         "revoke",
@@ -189,7 +196,7 @@ def verify(link: ServerLink, evidence: Evidence) -> Evidence:
     )
     with understood("verify"):
         out, dead, left, notes = _words(values)
-    return replace(evidence, out=out, dead=dead, left=left, told=notes, looks=evidence.looks + 1)
+    return replace(evidence, out=out, dead=dead, left=left, notes=notes, looks=evidence.looks + 1)
 
 
 def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
@@ -205,8 +212,8 @@ def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tupl
 def finish_revocations(
     declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
 ) -> Evidence | None:
-    """Throw out whoever is queued, and settle those of whom the server says that they are dead. None: nobody is."""
-    queued = authority.roll().queued
+    """Disconnect queued members, and settle those that the server confirms. None: the queue is empty."""
+    queued = authority.membership().queued
     if not queued:
         return None
     evidence = revoke_live(declaration, authority, link, queued)
@@ -235,11 +242,11 @@ def note_seen(
     return sighting, push(declaration, authority, link) if sighting.superseded else None
 
 
-def _addresses(roll: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:
+def _addresses(membership: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:
     """Of members of which no certificate is good any more: of others the address is still in use."""
     return tuple(
         str(member.address)
-        for member in roll.members.values()
+        for member in membership.members.values()
         if not member.good and any(certificate.common_name in common_names for certificate in member.certificates)
     )
 

@@ -55,7 +55,7 @@ _CONTACT_MAX = 200
 
 @dataclass(frozen=True, slots=True)
 class HandoutTarget:
-    """How hand-outs leave: to whom they are sealed, and where they are copied to."""
+    """Where hand-outs go: to whom they are sealed, and where they are copied to."""
 
     recipients: Mapping[str, str] = field(default_factory=dict)
     """Public key by the name of the member; the others get a one-time passphrase."""
@@ -76,83 +76,83 @@ class HandoutTarget:
 
 @dataclass(frozen=True, slots=True)
 class HandedOut:
-    """A member, its newest certificate, and the file that goes to whoever holds the device."""
+    """A member, its newest certificate, and the file for the person who has the device."""
 
     issued: Issued
     file: Path
     copy: Path | None = None
     passphrase: Secret | None = None
-    """Opens the file; this is the only time that it is told."""
+    """Opens the file; it is shown this one time only."""
 
 
-def reserved(declaration: Declaration, wishes: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
+def reserved(declaration: Declaration, requests: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
     """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
 
-    An address that a wish names is meant for that member.
+    An address that a request names is for that member.
     """
     pilot = declaration.pilot
     server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
     peers = pilot.dds.peers if pilot.dds is not None else ()
     taken = {*computers(declaration).values(), *(peer.address for peer in peers)}
-    return frozenset({*taken, *([] if server is None else [server])} - {request.address for request in wishes})
+    return frozenset({*taken, *([] if server is None else [server])} - {request.address for request in requests})
 
 
 @dataclass(slots=True)
 class Onboarding:
-    """One command's issuing: what was handed out is kept by common name until the command tells it."""
+    """The issuing of one command: what was handed out is kept by common name until the command prints it."""
 
     declaration: Declaration
-    desk: OperatorContext
-    outlet: HandoutTarget
+    operator: OperatorContext
+    target: HandoutTarget
     _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
 
-    def finished(self, wishes: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
-        """The members, if all of them are in the VPN just as they are wished for: nobody needs to type a passphrase.
+    def finished(self, requests: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
+        """The members, if all of them are in the VPN just as requested: no passphrase is needed.
 
         Empty if anything is left to do. Raises NameTaken.
         """
-        roll = self.desk.authority.roll()
-        found = [check_free(wish.name, wish.partner, wish.device, roll) for wish in wishes]
-        pairs = [(desired, member) for desired, member in zip(wishes, found, strict=True) if member is not None]
+        membership = self.operator.authority.membership()
+        found = [check_free(request.name, request.partner, request.device, membership) for request in requests]
+        pairs = [(desired, member) for desired, member in zip(requests, found, strict=True) if member is not None]
         same = all(_same(request, member) for request, member in pairs)
-        return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(wishes) else ()
+        return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(requests) else ()
 
     def _there(self, member: Member) -> HandedOut:
         newest = member.good[-1]
-        path = _place(self.desk.authority.folder, newest.common_name)
+        path = _place(self.operator.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
-            path = handouts.host_identity(self.desk.authority.folder, member.name)
+            path = handouts.host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
         return HandedOut(Issued(member, newest, Delivered(str(path), digest), already=True), path)
 
-    def issue(self, wishes: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
+    def issue(self, requests: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
-        kept = reserved(self.declaration, wishes)
-        with self.desk.unlocked(passphrase) as signer:
-            return tuple(self._told(item) for item in signer.issue(wishes, self._deliver, reserved=kept))
+        kept = reserved(self.declaration, requests)
+        with self.operator.unlocked(passphrase) as signer:
+            return tuple(self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved=kept))
 
     def renew(
         self, members: Sequence[Member], change: RenewalRequest, passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
         """Give each a successor of its certificate."""
-        with self.desk.unlocked(passphrase) as signer:
-            return tuple(self._told(signer.renew(member.name, self._deliver, change)) for member in members)
+        with self.operator.unlocked(passphrase) as signer:
+            return tuple(self._handed_out(signer.renew(member.name, self._deliver, change)) for member in members)
 
-    def _told(self, issued: Issued) -> HandedOut:
+    def _handed_out(self, issued: Issued) -> HandedOut:
         name = issued.certificate.common_name
         return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
 
     def _deliver(self, identity: Identity) -> Delivered:
         """Write the member's file, before the record says that it has one."""
-        recipient = self.outlet.recipients.get(identity.member.name)
+        recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
             delivered = self._keep(identity)
-            if recipient is None and self.outlet.copies is None:
+            if recipient is None and self.target.copies is None:
                 return delivered
         sealing = handouts.OneTimePassphrase() if recipient is None else handouts.Recipient(recipient)
-        made = handouts.handout(self.declaration, identity, sealing, contact=self.outlet.contact)
+        made = handouts.handout(self.declaration, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
-        place = _place(self.desk.authority.folder, common_name)
+        place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
         write_atomically(place, made.data)
         self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
@@ -161,15 +161,15 @@ class Onboarding:
     def _keep(self, identity: Identity) -> Delivered:
         """The identity of a declared computer, for the role that brings it there."""
         data = handouts.identity_file(identity).reveal().encode()
-        place = handouts.host_identity(self.desk.authority.folder, identity.member.name)
+        place = handouts.host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
         return Delivered(str(place), sha256(data).hexdigest())
 
     def _copied(self, name: str, data: bytes) -> Path | None:
-        if self.outlet.copies is None:
+        if self.target.copies is None:
             return None
-        place = self.outlet.copies / name
+        place = self.target.copies / name
         write_atomically(place, data)
         return place
 
@@ -179,7 +179,7 @@ def _place(folder: Path, common_name: str) -> Path:
 
 
 def _same(request: EnrolmentRequest, member: Member) -> bool:
-    """Whether a wish is fulfilled by the member as it is."""
+    """Whether the member already is as requested."""
     newest = member.good[-1] if member.good else None
     return (
         newest is not None
@@ -202,10 +202,10 @@ def reason_of(typed: str | None) -> str:
 
 
 def revoke(
-    prompt: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
+    operator: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
 ) -> Revoked:
     """Record it and publish the list; nothing is asked of the server here."""
-    with prompt.unlocked(passphrase) as signer:
+    with operator.unlocked(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)
 
 

@@ -37,30 +37,28 @@ __all__ = [
 _PERIODS = {"d": 1, "w": 7}
 
 
-def find(roll: MembershipList, name: str) -> Member:
+def find(membership: MembershipList, name: str) -> Member:
     """The member of that name; a common name stands for its member. Raises UsageError with the near miss."""
     for typed in (name, name.partition(".")[0]):
-        if typed in roll.members:
-            return roll.members[typed]
-    near = nearest(name, roll.members)
-    hint = f"did you mean `name={near}`?" if near else "`provision vpn list` names them all"
+        if typed in membership.members:
+            return membership.members[typed]
+    near = nearest(name, membership.members)
+    hint = f"did you mean `name={near}`?" if near else "`provision vpn list` lists them all"
     raise UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
 
 
-def of_partner(roll: MembershipList, partner: str | None) -> tuple[Member, ...]:
+def of_partner(membership: MembershipList, partner: str | None) -> tuple[Member, ...]:
     """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
-    if not roll.members:
-        raise NothingMatched(
-            "nobody is in the VPN yet", hint="`provision vpn onboard --help` says how somebody is let in"
-        )
+    if not membership.members:
+        raise NothingMatched("the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one")
     if partner is None:
-        return tuple(roll.members.values())
-    found = tuple(member for member in roll.members.values() if member.partner == partner)
+        return tuple(membership.members.values())
+    found = tuple(member for member in membership.members.values() if member.partner == partner)
     if not found:
-        known = sorted({member.partner for member in roll.members.values() if member.partner is not None})
+        known = sorted({member.partner for member in membership.members.values() if member.partner is not None})
         near = nearest(partner, known)
         hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(known) or 'nobody'}"
-        raise UsageError(f"nobody in the VPN is of `{ascii(partner)[1:-1][:60]}`", hint=hint)
+        raise UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
     return found
 
 
@@ -162,7 +160,7 @@ def audit(authority: Authority, since: datetime | None, partner: str | None) -> 
     try:
         found = authority.agreement()
         entries = authority.history()
-        names = None if partner is None else {member.name for member in of_partner(authority.roll(), partner)}
+        names = None if partner is None else {member.name for member in of_partner(authority.membership(), partner)}
     except LedgerDamaged as error:
         return Audit((), None, (error,))
     requested = tuple(

@@ -35,7 +35,7 @@ _MOST_DAYS = 1825
 
 
 class Refused(UsageError):
-    """Some of what was asked for cannot be; `errors` holds every reason. Nothing was opened and nothing was written."""
+    """Several errors in a request; `errors` has them all. Nothing was opened and nothing was written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
         super().__init__("\n".join(str(error) for error in errors))
@@ -43,7 +43,7 @@ class Refused(UsageError):
 
 
 class Check:
-    """One request; `words` are its words as they were typed."""
+    """Checks the words of one request and collects the errors; `words` are as typed."""
 
     def __init__(self, words: Mapping[str, str | None]) -> None:
         self.words = words
@@ -57,11 +57,11 @@ class Check:
             raise self.errors[0]
 
     def wrong(self, message: str, hint: str | None = None) -> None:
-        """One thing that is wrong, and what to type instead."""
+        """Add an error, and what to type instead."""
         self.errors.append(UsageError(message, hint=hint))
 
     def checked(self, check: Callable[[], str]) -> str | None:
-        """What `check` gives; None where it refuses, which is kept."""
+        """The result of `check`; None if it refuses: the error is kept."""
         try:
             return check()
         except UsageError as error:
@@ -69,7 +69,7 @@ class Check:
             return None
 
     def choice(self, word: str, known: Sequence[_Word]) -> _Word | None:
-        """The one of `known` that was typed; None if the word is missing or not known, which is kept."""
+        """The value of `known` that was typed; None if the word is missing, or unknown: then the error is kept."""
         typed = self.words[word]
         if typed is None:
             return None
@@ -82,7 +82,7 @@ class Check:
         return None
 
     def days(self) -> int | None:
-        """How long a certificate is asked to be good."""
+        """The validity that was typed, in days."""
         typed = self.words["days"]
         if typed is None:
             return None
@@ -93,13 +93,13 @@ class Check:
 
 
 def shown(typed: str) -> str:
-    """What was typed, so that it cannot do anything to a terminal: in quotes, escaped, and cut."""
+    """The typed text in quotes, escaped and cut, so that it cannot harm a terminal."""
     text = ascii(typed)[1:-1]
     return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
 
 
 def request_of_host(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
-    """The wish; None where something is wrong, which `check` has kept."""
+    """The request; None if something is wrong: `check` has the errors."""
     for word in ("partner", "device", "kind", "vehicle", "address"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
@@ -157,7 +157,7 @@ _KINDS = tuple(kind for kind in Kind if kind is not Kind.HOST)
 
 
 def request_of_device(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
-    """The wish; None where something is wrong, which `check` has kept."""
+    """The request; None if something is wrong: `check` has the errors."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
     link, wrap, key = (check.choice("link", list(Link)), check.choice("wrap", list(Wrap)), _key(check, kind))
     days = check.days()
@@ -275,7 +275,7 @@ def _address(declaration: Declaration, check: Check, partner: str) -> IPv4Addres
 
 @dataclass(frozen=True, slots=True)
 class DeviceWords:
-    """What a person, or one record of a file, has asked for; nothing of it is checked yet."""
+    """The words of a command line, or of one record of a file; not checked yet."""
 
     place: str = ""
     """`FILE:LINE` of a record; empty for a command line."""
@@ -297,8 +297,8 @@ KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place
 
 
 def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
-    """The wishes, in the order of what was asked for. Raises Refused with everything that is wrong."""
-    wishes: list[EnrolmentRequest] = []
+    """The requests, in the order in which they were typed. Raises Refused with all errors."""
+    requests: list[EnrolmentRequest] = []
     errors: list[NetcfgError] = []
     seen: dict[str, DeviceWords] = {}
     for item in requested:
@@ -307,7 +307,7 @@ def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> t
         except UsageError as error:
             errors += [_placed(item, each) for each in getattr(error, "errors", (error,))]
             continue
-        wishes.append(request)
+        requests.append(request)
         if request.name in seen:
             errors.append(
                 _placed(item, UsageError(f"`{request.name}` is there twice, first in {seen[request.name].place}"))
@@ -315,7 +315,7 @@ def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> t
         seen.setdefault(request.name, item)
     if errors:
         raise Refused(errors)
-    return tuple(wishes)
+    return tuple(requests)
 
 
 def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
@@ -323,7 +323,7 @@ def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
 
 
 def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
-    """The wish for a partner's device, or for a declared host. Raises UsageError, Refused when more is wrong."""
+    """The request for a partner's device, or for a declared host. Raises UsageError, or Refused for several errors."""
     check = Check(asdict(item))
     request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
     check.close()

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Deployed:
-    """What is known of the server after a command."""
+    """The state of the server after a command."""
 
     lines: tuple[str, ...] = ()
     errors: tuple[NetcfgError, ...] = ()
-    told: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
     deployed: bool = True
     """Whether the server was seen to be as recorded."""
 
@@ -44,7 +44,7 @@ class Deployed:
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        return {"deployed": self.deployed, **self.told}
+        return {"deployed": self.deployed, **self.values}
 
 
 class Server(Protocol):
@@ -83,7 +83,7 @@ class NoPush:
         waits = OutcomeUnknown(
             f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "
             "whoever is connected stays so",
-            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.roll().queued)}",
+            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.membership().queued)}",
         )
         return Deployed(errors=(waits,), deployed=False)
 
@@ -159,12 +159,14 @@ class Connected:
         values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
         lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
         return Deployed(
-            tuple(self._told(queue) + lines + [f"  {item}" for item in pushed.told]), self._left(queue), values
+            tuple(self._evidence_lines(queue) + lines + [f"  {item}" for item in pushed.notes]),
+            self._left(queue),
+            values,
         )
 
     def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
         """End their sessions at once, and look; then all the rest that is recorded."""
-        names = tuple(dict.fromkeys([*revoked.common_names, *authority.roll().queued]))
+        names = tuple(dict.fromkeys([*revoked.common_names, *authority.membership().queued]))
         if self._away:
             return self._outstanding(self._away[0], cut=revoked.members)
         try:
@@ -181,7 +183,9 @@ class Connected:
         except NetcfgError as error:
             return self._outstanding(error, cut=revoked.members)
         values = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
-        return Deployed(tuple(self._told(evidence)), self._left(evidence), values, deployed=evidence.confirmed)
+        return Deployed(
+            tuple(self._evidence_lines(evidence)), self._left(evidence), values, deployed=evidence.confirmed
+        )
 
     def _seen(self, authority: Authority, link: ServerLink) -> Sequence[str]:
         """Record who was seen; what that changes on the server."""
@@ -203,7 +207,7 @@ class Connected:
         notify(Event(self.declaration.pilot.vpn.server, stage, message))
 
     @staticmethod
-    def _told(evidence: Evidence | None) -> list[str]:
+    def _evidence_lines(evidence: Evidence | None) -> list[str]:
         """The evidence for people: what was done, after how many milliseconds, and what the server says of it."""
         if evidence is None:
             return []
@@ -214,7 +218,7 @@ class Connected:
         ]
         whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
         words = "verified: no session, and nothing of theirs passes" if evidence.confirmed else "NOT verified"
-        return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.told)]
+        return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.notes)]
 
     @staticmethod
     def _left(evidence: Evidence | None) -> tuple[NetcfgError, ...]:

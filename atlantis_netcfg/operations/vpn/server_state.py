@@ -84,10 +84,10 @@ class Crl:
 
 @dataclass(frozen=True, slots=True)
 class ServerState:
-    """All that `provision vpn status` tells of the server."""
+    """The state of the server, for `provision vpn status`."""
 
     ready: bool
-    """The role has set it up."""
+    """Whether the role has set it up."""
     files: Mapping[str, str]
     """Path of each live file that is there to its SHA-256."""
     crl: Crl | None
@@ -106,10 +106,10 @@ class ServerState:
     unit: Mapping[str, str]
     """What systemd tells of the server's unit."""
     sessions: tuple[Session, ...]
-    asked: bool
-    """Whether the sessions are the server's own word of this moment; else they are from its status file."""
+    is_live: bool
+    """Whether the sessions are live, from the server itself; else they are from its status file."""
     why: str
-    """Why it was not asked."""
+    """Why they are not live."""
     at: datetime
     """To when the sessions belong; the server's clock."""
     seen: Mapping[str, datetime]
@@ -158,7 +158,7 @@ def _state(values: Mapping[str, Any], middle: float) -> ServerState:
         package=_text(values["package"]),
         unit=_texts(values["unit"]),
         sessions=sessions_of(values),
-        asked=values["management"] == _ANSWERS,
+        is_live=values["management"] == _ANSWERS,
         why=str(values["why"]),
         at=_moment(values["at"]),
         seen=_seen(values["seen"]),
@@ -218,11 +218,11 @@ _CLOCK_S = 60.0
 _CRL = f"{FOLDER}/crl.pem"
 
 
-def drift(state: ServerState, files: Sequence[File], roll: MembershipList) -> tuple[str, ...]:
-    """Compare; `wanted` is what `live_files` gives. Nothing: the server is as recorded."""
+def drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> tuple[str, ...]:
+    """Differences between the running server and the ledger, as text; `files` is what `live_files` gives. Pure."""
     if not state.ready:
         return ("no server of the VPN was ever set up there",)
-    return (*_admissions(state, files), *_list(state, files, roll), *_firewall(state, files), *_running(state))
+    return (*_admissions(state, files), *_list(state, files, membership), *_firewall(state, files), *_running(state))
 
 
 def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
@@ -238,19 +238,22 @@ def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
             yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
 
 
-def _list(state: ServerState, files: Sequence[File], roll: MembershipList) -> Iterator[str]:
+def _list(state: ServerState, files: Sequence[File], membership: MembershipList) -> Iterator[str]:
     crl = state.crl
     if crl is None:
         yield "the server has no list of revoked certificates that can be read: nobody can connect"
         return
     if not crl.signed:
         yield "the server's list of revoked certificates is of another authority: who was revoked is let in"
-    elif crl.number < roll.crl_number:
-        yield f"the server's list of revoked certificates is number {crl.number}, and the record's is {roll.crl_number}"
-    elif crl.number > roll.crl_number:
+    elif crl.number < membership.crl_number:
+        yield (
+            f"the server's list of revoked certificates is number {crl.number}, "
+            f"and the record's is {membership.crl_number}"
+        )
+    elif crl.number > membership.crl_number:
         yield (
             f"the server's list of revoked certificates is number {crl.number}, newer than the record's "
-            f"({roll.crl_number}): somebody works with another copy of the authority"
+            f"({membership.crl_number}): somebody works with another copy of the authority"
         )
     elif any(file.path == _CRL and state.files.get(_CRL) != _sha256(file) for file in files):
         yield f"the server's list of revoked certificates has the record's number {crl.number}, and is another one"
@@ -286,7 +289,7 @@ def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
 def _running(state: ServerState) -> Iterator[str]:
     if state.active is False:
         yield f"the server does not run: {SERVICE} is {state.unit['ActiveState']} ({state.unit.get('SubState', '')})"
-    elif not state.asked:
+    elif not state.is_live:
         yield f"the server cannot be asked who is connected: {state.why}"
     if abs(state.clock_ahead_s) > _CLOCK_S:
         word = "ahead of" if state.clock_ahead_s > 0 else "behind"

@@ -27,7 +27,7 @@ __all__ = ["StatusItem", "VpnStatus", "vpn_status"]
 
 @dataclass(frozen=True, slots=True)
 class StatusItem:
-    """One thing that was looked at."""
+    """One line of the status."""
 
     verdict: Verdict
     message: str
@@ -40,16 +40,16 @@ class StatusItem:
 
 @dataclass(frozen=True, slots=True)
 class VpnStatus:
-    """All that is known now."""
+    """The status of the VPN."""
 
-    told: tuple[StatusItem, ...]
+    items: tuple[StatusItem, ...]
     state: ServerState | None
     """None: the server was not reached, or was not to be asked."""
 
     @property
     def exit(self) -> ExitCode:
         """6 where something is seen to be wrong, 5 where the server is silent."""
-        found = worst(item.verdict for item in self.told)
+        found = worst(item.verdict for item in self.items)
         if found is Verdict.FAIL:
             return ExitCode.CHECKS_FAILED
         return ExitCode.UNKNOWN if found is Verdict.INCONCLUSIVE else ExitCode.DONE
@@ -63,7 +63,7 @@ class VpnStatus:
             "version": self.state.version,
             "package": self.state.package,
             "sessions": [session.as_json() for session in self.state.sessions],
-            "asked": self.state.asked,
+            "asked": self.state.is_live,
             "list": None if crl is None else {"number": crl.number, "ends": crl.ends.isoformat()},
         }
 
@@ -93,17 +93,17 @@ def _record(authority: Authority) -> Iterator[StatusItem]:
     for problem in problems:
         yield StatusItem(Verdict.FAIL, problem)
     if not problems:
-        roll = authority.roll()
-        good = sum(1 for member in roll.members.values() if member.good)
+        membership = authority.membership()
+        good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
             Verdict.PASS,
-            f"the record agrees with its signature, certificates and list: {good} of {len(roll.members)} members "
-            f"are admitted, list {roll.crl_number} is good until {roll.crl_next_update:%Y-%m-%d}",
+            f"the record agrees with its signature, certificates and list: {good} of {len(membership.members)} members "
+            f"are admitted, list {membership.crl_number} is good until {membership.crl_next_update:%Y-%m-%d}",
         )
 
 
 def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
-    differs = live.drift(state, live.desired_files(server.declaration, authority), authority.roll())
+    differs = live.drift(state, live.desired_files(server.declaration, authority), authority.membership())
     try:
         live.check_record(authority, state)
     except live.RecordOlder as older:
@@ -140,7 +140,7 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
 
 
 def _queued(authority: Authority) -> Iterator[StatusItem]:
-    queued = authority.roll().queued
+    queued = authority.membership().queued
     if queued:
         yield StatusItem(
             Verdict.FAIL,

@@ -62,7 +62,9 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
     raise wrong
 
 
-def reseal_ca(folder: Path, book: LedgerSession, passphrases: tuple[Secret, Secret], sealing: Sealing) -> pki.Ca:
+def reseal_ca(
+    folder: Path, ledger_session: LedgerSession, passphrases: tuple[Secret, Secret], sealing: Sealing
+) -> pki.Ca:
     """Old passphrase and new; recorded, then replaced at once. Gives the CA that was opened for it."""
     old, new = passphrases
     try:
@@ -72,9 +74,9 @@ def reseal_ca(folder: Path, book: LedgerSession, passphrases: tuple[Secret, Secr
         if not (folder / files.SEALED[sealing]).exists():
             raise
         ca = unseal_ca(folder, new)
-    read_head(folder, ca.certificate, book.fold).hold(book.digests)
+    read_head(folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
     data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
-    book.write([Resealed(sealed_by=sealing)], new_operation())
+    ledger_session.write([Resealed(sealed_by=sealing)], new_operation())
     with os_errors_as("the CA key cannot be written"):
         write_atomically(folder / files.SEALED[sealing], data)
         for other, name in files.SEALED.items():
@@ -87,14 +89,14 @@ _DAY = timedelta(days=1)
 
 
 def observe_sessions(
-    fold: LedgerState, sightings: Mapping[str, datetime]
+    state: LedgerState, sightings: Mapping[str, datetime]
 ) -> tuple[list[records.Record], SessionObservation]:
     """What is new, as records, and what it means."""
-    members = {fold.issued[name].name: None for name in sightings if name in fold.issued}
+    members = {state.issued[name].name: None for name in sightings if name in state.issued}
     new: list[records.Record] = []
     withdrawn: list[str] = []
     for name in members:
-        member = fold.member(name)
+        member = state.member(name)
         new.extend(_of_member(member, sightings))
         withdrawn.extend(
             certificate.common_name
@@ -102,7 +104,7 @@ def observe_sessions(
             if _after_its_end(certificate, sightings.get(certificate.common_name))
         )
     superseded = tuple(item.common_name for item in new if isinstance(item, records.Superseded))
-    strangers = tuple(name for name in sightings if name not in fold.issued)
+    strangers = tuple(name for name in sightings if name not in state.issued)
     return new, SessionObservation(superseded, strangers, tuple(withdrawn))
 
 
@@ -156,9 +158,9 @@ class Authority:
         require_authority(folder)
         return cls(folder)
 
-    def roll(self) -> MembershipList:
+    def membership(self) -> MembershipList:
         """Who is in the VPN. Raises LedgerDamaged."""
-        return self._fold().roll()
+        return self._state().membership()
 
     def history(self) -> tuple[Entry, ...]:
         """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
@@ -166,7 +168,7 @@ class Authority:
 
     def server(self) -> ServerNames:
         """What the server's certificate is made out to. Raises LedgerDamaged."""
-        server = self._fold().server
+        server = self._state().server
         if server is None:
             raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
         return names_of(server)
@@ -179,7 +181,7 @@ class Authority:
 
     def handed_out(self, common_name: str) -> records.Delivered | None:
         """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
-        return self._fold().delivered.get(common_name)
+        return self._state().delivered.get(common_name)
 
     def crl(self) -> bytes:
         """The published list, PEM.
@@ -190,7 +192,7 @@ class Authority:
             pem = (self.folder / files.CRL).read_bytes()
             ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
-        if facts.sha256 != self.roll().crl_sha256:
+        if facts.sha256 != self.membership().crl_sha256:
             raise AuthorityDamaged(
                 f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
@@ -201,7 +203,7 @@ class Authority:
         """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
         with os_errors_as("the certificate authority cannot be read"):
             ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
-        return beyond_record(self.folder, self._fold(), ca, pem)
+        return beyond_record(self.folder, self._state(), ca, pem)
 
     def check(self, now: datetime | None = None) -> list[str]:
         """Problems, in words: ledger, certificates, list, expiries; never raises for what it finds."""
@@ -235,24 +237,26 @@ class Authority:
     def _signing(
         self, ca: pki.Ca, who: str, *, waiting: Callable[[str], None] | None = None, trust_clock: bool = False
     ) -> Iterator[Signer]:
-        with self._writing(who, waiting) as (book, left):
-            if book.fold.founded is None or book.fold.founded.ca_sha256 != pki.sha256(ca.certificate):
+        with self._writing(who, waiting) as (ledger_session, left):
+            if ledger_session.state.founded is None or ledger_session.state.founded.ca_sha256 != pki.sha256(
+                ca.certificate
+            ):
                 raise AuthorityDamaged(
                     f"{files.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
-            read_head(self.folder, ca.certificate, book.fold).hold(book.digests)
-            book.check_clock(trusted=trust_clock)
-            prompt = SigningSession(self.folder, book, ca)
-            prompt.recover(left=left)
+            read_head(self.folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
+            ledger_session.check_clock(trusted=trust_clock)
+            session = SigningSession(self.folder, ledger_session, ca)
+            session.recover(left=left)
             try:
-                yield Signer(prompt)
+                yield Signer(session)
             except BaseException:
                 # Best effort: the next command that signs does it.
                 with suppress(NetcfgError):
-                    sign_head(self.folder, book, ca)
+                    sign_head(self.folder, ledger_session, ca)
                 raise
-            sign_head(self.folder, book, ca)
+            sign_head(self.folder, ledger_session, ca)
 
     @contextmanager
     def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[LedgerSession, bool]]:
@@ -266,41 +270,45 @@ class Authority:
 
         Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
         """
-        if not observe_sessions(self._fold(), sightings)[0]:
-            return observe_sessions(self._fold(), sightings)[1]
-        with self._writing(who) as (book, _):
-            new, answer = observe_sessions(book.fold, sightings)
-            book.write(new, new_operation())
+        if not observe_sessions(self._state(), sightings)[0]:
+            return observe_sessions(self._state(), sightings)[1]
+        with self._writing(who) as (ledger_session, _):
+            new, answer = observe_sessions(ledger_session.state, sightings)
+            ledger_session.write(new, new_operation())
         return answer
 
     def settled(self, common_names: Iterable[str], who: str = "") -> None:
         """Record that the server confirmed: these revoked certificates have no session and get none."""
         desired = set(common_names)
-        if not desired.intersection(self.roll().queued):
+        if not desired.intersection(self.membership().queued):
             return
-        with self._writing(who) as (book, _):
-            out = [entry for entry in book.fold.roll().queued if entry in desired]
-            book.write([records.Settled(common_name=item) for item in out], new_operation())
+        with self._writing(who) as (ledger_session, _):
+            out = [entry for entry in ledger_session.state.membership().queued if entry in desired]
+            ledger_session.write([records.Settled(common_name=item) for item in out], new_operation())
 
     def delivered(self, common_name: str, delivered: Delivered, who: str = "") -> None:
         """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
-        with self._writing(who) as (book, _):
-            good = {certificate.common_name for _, certificate in book.fold.roll().certificates() if certificate.good}
+        with self._writing(who) as (ledger_session, _):
+            good = {
+                certificate.common_name
+                for _, certificate in ledger_session.state.membership().certificates()
+                if certificate.good
+            }
             if common_name not in good:
                 raise UsageError(
                     f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",
-                    hint="`provision vpn list` names them all",
+                    hint="`provision vpn list` lists them all",
                 )
             record = records.Delivered(common_name=common_name, path=delivered.path, sha256=delivered.sha256)
-            book.write([record], new_operation())
+            ledger_session.write([record], new_operation())
 
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:
         """Put the CA key under another passphrase. Once more after it was done: nothing is left to do."""
-        with self._writing(who) as (book, _):
-            ca = reseal_ca(self.folder, book, (old, new), sealed_by)
-            sign_head(self.folder, book, ca)
+        with self._writing(who) as (ledger_session, _):
+            ca = reseal_ca(self.folder, ledger_session, (old, new), sealed_by)
+            sign_head(self.folder, ledger_session, ca)
 
-    def _fold(self) -> ledger.LedgerState:
+    def _state(self) -> ledger.LedgerState:
         return ledger.LedgerState(self.history())
 
 

@@ -53,27 +53,27 @@ class Agreement:
 def problems(folder: Path, now: datetime) -> Iterator[str]:
     """What a person has to look at."""
     try:
-        reading, fold, ca = _opened(folder)
+        reading, state, ca = _opened(folder)
     except (NetcfgError, OSError, ValueError) as error:
         yield f"the authority in {folder} cannot be read: {error}"
         return
     if reading.damage is not None:
         yield f"{reading.damage}; nothing is signed while it is so"
-    yield from _disagreements(folder, reading, fold, ca, _head(folder, reading, fold, ca))
-    yield from _ends(folder, fold, ca, now)
-    yield from _members(fold, now)
+    yield from _disagreements(folder, reading, state, ca, _head(folder, reading, state, ca))
+    yield from _ends(folder, state, ca, now)
+    yield from _members(state, now)
     yield from _modes(folder)
 
 
 def agreement(folder: Path) -> Agreement:
     """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
     with os_errors_as("the authority cannot be read"):
-        reading, fold, ca = _opened(folder)
+        reading, state, ca = _opened(folder)
     reading.sound()
-    head = _head(folder, reading, fold, ca)
+    head = _head(folder, reading, state, ca)
     signed, at = (head.line, head.at) if isinstance(head, Head) and head.line else (0, None)
-    found = tuple(_disagreements(folder, reading, fold, ca, head))
-    return Agreement(len(reading.entries), signed, at, fold.roll().crl_number, found)
+    found = tuple(_disagreements(folder, reading, state, ca, head))
+    return Agreement(len(reading.entries), signed, at, state.membership().crl_number, found)
 
 
 def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
@@ -81,16 +81,16 @@ def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
     return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
 
 
-def _is_of_ledger(fold: LedgerState, ca: x509.Certificate) -> bool:
-    return fold.founded is not None and fold.founded.ca_sha256 == pki.sha256(ca)
+def _is_of_ledger(state: LedgerState, ca: x509.Certificate) -> bool:
+    return state.founded is not None and state.founded.ca_sha256 == pki.sha256(ca)
 
 
-def _head(folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate) -> Head | NetcfgError | None:
+def _head(folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate) -> Head | NetcfgError | None:
     """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
-    if reading.damage is not None or not _is_of_ledger(fold, ca):
+    if reading.damage is not None or not _is_of_ledger(state, ca):
         return None
     try:
-        head = read_head(folder, ca, fold)
+        head = read_head(folder, ca, state)
         head.hold(reading.digests)
     except NetcfgError as error:
         return error
@@ -98,10 +98,10 @@ def _head(folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificat
 
 
 def _disagreements(
-    folder: Path, reading: Reading, fold: LedgerState, ca: x509.Certificate, head: Head | NetcfgError | None
+    folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate, head: Head | NetcfgError | None
 ) -> Iterator[str]:
     """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
-    if not _is_of_ledger(fold, ca):
+    if not _is_of_ledger(state, ca):
         yield f"{files.CA} is not the certificate authority of the ledger"
         return
     if isinstance(head, NetcfgError):
@@ -109,19 +109,19 @@ def _disagreements(
     elif head is not None and head.line == 0:
         yield NONE_SIGNED
     elif head is not None:
-        yield from _unsigned(folder, reading, fold, head)
-    yield from _unfinished(folder, fold)
+        yield from _unsigned(folder, reading, state, head)
+    yield from _unfinished(folder, state)
     yield from _times(reading.entries)
-    yield from _server(folder, fold)
-    yield from _certificates(fold, ca)
-    yield from _copies(folder, fold)
-    yield from _list(folder, fold, ca)
+    yield from _server(folder, state)
+    yield from _certificates(state, ca)
+    yield from _copies(folder, state)
+    yield from _list(folder, state, ca)
 
 
-def _unsigned(folder: Path, reading: Reading, fold: LedgerState, head: Head) -> Iterator[str]:
+def _unsigned(folder: Path, reading: Reading, state: LedgerState, head: Head) -> Iterator[str]:
     """Lines after the head that only a command with the CA key writes."""
     # A command that runs, or was killed, has lines of its own there.
-    if fold.open or is_held(folder):
+    if state.open or is_held(folder):
         return
     for entry in reading.entries[head.line :]:
         if not isinstance(entry.record, _WITHOUT_KEY):
@@ -131,8 +131,8 @@ def _unsigned(folder: Path, reading: Reading, fold: LedgerState, head: Head) -> 
             )
 
 
-def _certificates(fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
-    for item in fold.issued.values():
+def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+    for item in state.issued.values():
         try:
             made = pki.load_cert(files.copy_of(item).decode("ascii"))
         except NetcfgError:
@@ -151,19 +151,19 @@ def _times(entries: Sequence[Entry]) -> Iterator[str]:
             yield f"line {after.number} of the ledger is older than the line before it"
 
 
-def _unfinished(folder: Path, fold: LedgerState) -> Iterator[str]:
-    if fold.open and not is_held(folder):
+def _unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
+    if state.open and not is_held(folder):
         commands = ", ".join(
-            sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in fold.open.values())
+            sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in state.open.values())
         )
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
 
-def _ends(folder: Path, fold: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
+def _ends(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime) -> Iterator[str]:
     if ca.not_valid_after_utc - now < CA_SOON:
         yield f"the certificate authority ends on {ca.not_valid_after_utc:%Y-%m-%d}: found a new one in time"
-    if fold.server is not None and fold.server.not_after - now < SOON:
-        yield f"the server's certificate ends on {fold.server.not_after:%Y-%m-%d}"
+    if state.server is not None and state.server.not_after - now < SOON:
+        yield f"the server's certificate ends on {state.server.not_after:%Y-%m-%d}"
     try:
         pem = (folder / files.CRL).read_bytes()
         following = pki.read_crl(pem, ca).next_update
@@ -178,20 +178,20 @@ def _ends(folder: Path, fold: LedgerState, ca: x509.Certificate, now: datetime) 
         yield f"{files.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
-def _server(folder: Path, fold: LedgerState) -> Iterator[str]:
-    if fold.server is None:
+def _server(folder: Path, state: LedgerState) -> Iterator[str]:
+    if state.server is None:
         return
     try:
         certificate = pki.load_cert((folder / files.SERVER_CERT).read_text(encoding="ascii"))
     except (pki.KeyDamaged, OSError, ValueError) as error:
         yield f"{files.SERVER_CERT} cannot be read: {error}"
         return
-    if pki.sha256(certificate) != fold.server.sha256:
+    if pki.sha256(certificate) != state.server.sha256:
         yield f"{files.SERVER_CERT} is not the certificate that was recorded"
 
 
-def _copies(folder: Path, fold: LedgerState) -> Iterator[str]:
-    known = {f"{name}.pem": files.copy_of(item) for name, item in fold.issued.items()}
+def _copies(folder: Path, state: LedgerState) -> Iterator[str]:
+    known = {f"{name}.pem": files.copy_of(item) for name, item in state.issued.items()}
     there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
     for name, path in there.items():
         if name not in known:
@@ -202,7 +202,7 @@ def _copies(folder: Path, fold: LedgerState) -> Iterator[str]:
         yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
-def _list(folder: Path, fold: LedgerState, ca: x509.Certificate) -> Iterator[str]:
+def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     try:
         facts = pki.read_crl((folder / files.CRL).read_bytes(), ca)
     except OSError as error:
@@ -211,18 +211,21 @@ def _list(folder: Path, fold: LedgerState, ca: x509.Certificate) -> Iterator[str
     except pki.CrlRefused as error:
         yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
         return
-    roll = fold.roll()
-    if facts.sha256 != roll.crl_sha256:
-        yield f"{files.CRL} (number {facts.number}) is not the list that was recorded last (number {roll.crl_number})"
-    serials = {revoked_serial.serial for revoked_serial in revoked_serials(fold)}
+    membership = state.membership()
+    if facts.sha256 != membership.crl_sha256:
+        yield (
+            f"{files.CRL} (number {facts.number}) is not the list that was recorded last "
+            f"(number {membership.crl_number})"
+        )
+    serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)}
     for lost in sorted(serials - facts.serials):
         yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
         yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
 
 
-def _members(fold: LedgerState, now: datetime) -> Iterator[str]:
-    for member in fold.roll().members.values():
+def _members(state: LedgerState, now: datetime) -> Iterator[str]:
+    for member in state.membership().members.values():
         if member.good and (last := member.good[-1]).not_after - now < SOON:
             ends = "ended" if last.not_after <= now else "ends"
             yield f"{last.common_name} {ends} on {last.not_after:%Y-%m-%d}: provision vpn renew name={member.name}"

@@ -44,7 +44,7 @@ class LedgerSession:
     def __init__(self, folder: Path, who: str) -> None:
         self._ledger = Ledger(folder / FILE)
         self._who = who
-        self.fold = LedgerState(self._ledger.entries)
+        self.state = LedgerState(self._ledger.entries)
 
     @property
     def usable(self) -> bool:
@@ -59,11 +59,11 @@ class LedgerSession:
     def now(self) -> datetime:
         """The time for what is recorded and signed: this computer's, and never before the last record."""
         now = utc_now()
-        return now if self.fold.last is None else max(now, self.fold.last)
+        return now if self.state.last is None else max(now, self.state.last)
 
     def check_clock(self, *, trusted: bool) -> None:
         """Raise ClockBehind if the clock stands before the last record; `trusted`: record that it is right."""
-        now, last = utc_now(), self.fold.last
+        now, last = utc_now(), self.state.last
         if last is None or now >= last - SLACK:
             return
         if not trusted:
@@ -91,7 +91,7 @@ class LedgerSession:
 
     def _apply(self, records: Sequence[Record], operation: str, now: datetime) -> None:
         for entry in self._ledger.write(records, self._who, operation, now):
-            self.fold.apply(entry)
+            self.state.apply(entry)
 
 
 def new_operation() -> str:
@@ -140,21 +140,21 @@ def new_head(ca: pki.Ca, line: int, digest: str, at: datetime) -> bytes:
     return json.dumps({**values, "signature": signature}).encode() + b"\n"
 
 
-def sign_head(folder: Path, book: LedgerSession, ca: pki.Ca) -> None:
+def sign_head(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> None:
     """Sign the last line, unless that was done. Raises AuthorityFailed."""
-    line = len(book.digests)
-    if read_head(folder, ca.certificate, book.fold).line < line:
+    line = len(ledger_session.digests)
+    if read_head(folder, ca.certificate, ledger_session.state).line < line:
         with os_errors_as("the head of the record cannot be written"):
-            write_atomically(folder / HEAD_FILE, new_head(ca, line, book.digests[-1], book.now()))
+            write_atomically(folder / HEAD_FILE, new_head(ca, line, ledger_session.digests[-1], ledger_session.now()))
 
 
-def read_head(folder: Path, ca: x509.Certificate, fold: LedgerState) -> Head:
+def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
     """The head of a folder; of no line where an older version founded it. Raises AuthorityDamaged, AuthorityFailed."""
     with os_errors_as("the head of the record cannot be read"):
         try:
             data = (folder / HEAD_FILE).read_bytes()
         except FileNotFoundError:
-            if fold.founded is not None and not fold.founded.heads:
+            if state.founded is not None and not state.founded.heads:
                 return _NONE
             raise AuthorityDamaged(
                 f"{HEAD_FILE} is missing: nothing says how long the ledger was", hint=_RESTORE

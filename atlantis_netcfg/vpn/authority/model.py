@@ -31,7 +31,7 @@ class ServerNames:
 
 @dataclass(frozen=True, slots=True)
 class EnrolmentRequest:
-    """One device that shall be a member."""
+    """A request to make a device a member."""
 
     name: str
     """`names.member_name(partner, device)`, or the name of a declared host (then `partner` is None)."""
@@ -100,7 +100,7 @@ class Revoked:
 
 @dataclass(frozen=True, slots=True)
 class SessionObservation:
-    """What the record makes of the server's sessions."""
+    """What the server's sessions mean for the record."""
 
     superseded: tuple[str, ...]
     """Common names that are admitted no more from now on, because a successor was seen."""
@@ -115,11 +115,11 @@ class NoAuthority(UsageError):
 
 
 class NoSuchMember(UsageError, LookupError):
-    """The roll has no member of this name."""
+    """There is no member of this name."""
 
 
 class OtherMember(UsageError):
-    """A member of this name is there, and is not the one that was wished for."""
+    """A member of this name exists and differs from the request."""
 
 
 class AddressTaken(UsageError):
@@ -156,7 +156,7 @@ class ClockBehind(NetcfgError):
 
 @contextmanager
 def os_errors_as(what: str) -> Iterator[None]:
-    """Say in words that a file of the authority could not be read or written."""
+    """Turn an OSError into AuthorityFailed, with a message for a person."""
     try:
         yield
     except OSError as error:

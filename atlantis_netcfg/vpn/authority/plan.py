@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -26,17 +27,17 @@ _TWO_ENDS = 30
 
 
 class Addresses:
-    """The addresses of a roll while new ones are given away, in memory.
+    """The tunnel addresses of the members while new ones are assigned, in memory. A member keeps its address.
 
     Those that nobody ever had come first. An address of a member that was revoked is given again when nothing else is
     left, the one that rests longest first, and never before the server has confirmed that the member is out.
     """
 
-    def __init__(self, roll: MembershipList, reserved: Collection[IPv4Address] = ()) -> None:
-        queued = set(roll.queued)
+    def __init__(self, membership: MembershipList, reserved: Collection[IPv4Address] = ()) -> None:
+        queued = set(membership.queued)
         self._used: dict[IPv4Address, str] = dict.fromkeys(reserved, "the declaration")
         self._resting: dict[IPv4Address, datetime] = {}
-        for member in roll.members.values():
+        for member in membership.members.values():
             since = _out_since(member, queued)
             if since is None:
                 self._used[member.address] = f"`{member.name}`"
@@ -108,24 +109,24 @@ class Planned:
 
 
 def plan_issue(
-    roll: MembershipList, wishes: Sequence[EnrolmentRequest], reserved: Collection[IPv4Address]
+    membership: MembershipList, requests: Sequence[EnrolmentRequest], reserved: Collection[IPv4Address]
 ) -> list[Planned | Member]:
-    """What to make for each wish, in their order; a Member where there is nothing to make. Raises UsageError."""
-    addresses = Addresses(roll, reserved)
-    found = [_found(roll, wish) for wish in wishes]
-    _refuse_repeated([request.name for request in wishes])
+    """What to make for each request, in their order; a Member where there is nothing to make. Raises UsageError."""
+    addresses = Addresses(membership, reserved)
+    found = [_found(membership, request) for request in requests]
+    _refuse_repeated([request.name for request in requests])
     # Declared addresses first: none of the others may get one of them.
     for member in found:
         if member is not None and not member.good:
             addresses.free(member)
     taken = {
-        wish.name: addresses.take(address, wish.pool, wish.name)
-        for wish, member in zip(wishes, found, strict=True)
-        if (address := _declared(wish, member)) is not None
+        request.name: addresses.take(address, request.pool, request.name)
+        for request, member in zip(requests, found, strict=True)
+        if (address := _declared(request, member)) is not None
     }
     return [
         member if member is not None and member.good else _planned(desired, member, taken, addresses)
-        for desired, member in zip(wishes, found, strict=True)
+        for desired, member in zip(requests, found, strict=True)
     ]
 
 
@@ -149,21 +150,21 @@ def plan_renewal(member: Member, change: RenewalRequest) -> Planned:
     )
 
 
-def known_member(roll: MembershipList, name: str) -> Member:
+def known_member(membership: MembershipList, name: str) -> Member:
     """The member of that name. Raises NoSuchMember."""
-    if (member := roll.members.get(name)) is not None:
+    if (member := membership.members.get(name)) is not None:
         return member
-    near = nearest(name, roll.members)
+    near = nearest(name, membership.members)
     raise NoSuchMember(
         f"the record has no member `{ascii(name)[1:-1][:60]}`",
         hint=f"did you mean `{near}`?" if near else "`provision vpn list` shows them all",
     )
 
 
-def _found(roll: MembershipList, request: EnrolmentRequest) -> Member | None:
-    """The member that the wish is about, if there is one."""
+def _found(membership: MembershipList, request: EnrolmentRequest) -> Member | None:
+    """The member that the request is about, if there is one."""
     _check(request)
-    member = names.check_free(request.name, request.partner, request.device, roll)
+    member = names.check_free(request.name, request.partner, request.device, membership)
     if member is None:
         return None
     if member.good:
@@ -194,7 +195,7 @@ def _check(request: EnrolmentRequest) -> None:
 
 
 def _same(request: EnrolmentRequest, member: Member) -> None:
-    """Refuse a wish of a member that is there and is another one: nothing of it is changed in passing."""
+    """Refuse a request that differs from the existing member of that name: nothing of it is changed in passing."""
     newest = member.good[-1]
     pairs = (
         ("kind", member.kind, request.kind),
@@ -204,7 +205,7 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
         ("wrap", newest.wrap, request.wrap),
         ("key", newest.key, request.key),
     )
-    other = [f"{word} is {has}, not {wished}" for word, has, wished in pairs if has != wished]
+    other = [f"{word} is {has}, not {requested}" for word, has, requested in pairs if has != requested]
     if request.pool is not None and member.address not in request.pool:
         other.append(f"its address {member.address} is outside of {request.pool}")
     if other:
@@ -251,13 +252,10 @@ def _next_name(member: Member) -> str:
     return member.name if not used else f"{member.name}.{len(used) + 1}"
 
 
-def _refuse_repeated(wished: list[str]) -> None:
-    if twice := next((name for name in wished if wished.count(name) > 1), None) if _repeats(wished) else None:
-        raise UsageError(f"`{twice}` is wished for twice in one go", hint="leave one of them out")
-
-
-def _repeats(wished: list[str]) -> bool:
-    return len(set(wished)) < len(wished)
+def _refuse_repeated(requested: list[str]) -> None:
+    counts = Counter(requested)
+    if twice := next((name for name, count in counts.items() if count > 1), None):
+        raise UsageError(f"`{twice}` is listed twice", hint="leave one of them out")
 
 
 def printable_text(message: str, what: str) -> str:

@@ -55,7 +55,7 @@ class _Made:
 
 
 def hand_out(
-    prompt: SigningSession,
+    session: SigningSession,
     command: records.Command,
     planned: Sequence[Planned],
     deliver: Callable[[Identity], Delivered],
@@ -66,17 +66,17 @@ def hand_out(
     """
     operation = new_operation()
     try:
-        prompt.book.write([records.Begun(command=command, names=_names(planned))], operation)
+        session.ledger.write([records.Begun(command=command, names=_names(planned))], operation)
         for start in range(0, len(planned), BATCH):
-            _batch(prompt, operation, planned[start : start + BATCH], deliver)
+            _batch(session, operation, planned[start : start + BATCH], deliver)
         # Also without a revocation: by the number of its list a server knows a record that is older than this one.
-        prompt.publish(operation)
-        prompt.book.write([records.Committed()], operation)
+        session.publish(operation)
+        session.ledger.write([records.Committed()], operation)
     except Exception:
         # Best effort, while the disk is as it is: the next command looks again.
-        if prompt.book.usable:
+        if session.ledger.usable:
             with suppress(NetcfgError, OSError):
-                prompt.recover(left=False)
+                session.recover(left=False)
         raise
 
 
@@ -85,21 +85,21 @@ def _names(planned: Sequence[Planned]) -> tuple[str, ...]:
 
 
 def _batch(
-    prompt: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
+    session: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
 ) -> None:
-    made = [_made(prompt, one) for one in planned]
-    prompt.book.write([entry.record for entry in made], operation)
+    made = [_made(session, item) for item in planned]
+    session.ledger.write([entry.record for entry in made], operation)
     done: list[records.Record] = []
     try:
         with os_errors_as("the certificates cannot be written"):
-            files.restore_copies(prompt.folder, [item.record for item in made])
-        for one in made:
-            with os_errors_as(f"what `{one.planned.member.name}` gets cannot be written"):
-                delivered = deliver(_identity(prompt, one))
-            done.extend(_handed_out(one.planned, delivered))
+            files.restore_copies(session.folder, [item.record for item in made])
+        for item in made:
+            with os_errors_as(f"what `{item.planned.member.name}` gets cannot be written"):
+                delivered = deliver(_identity(session, item))
+            done.extend(_handed_out(item.planned, delivered))
     finally:
         if done:
-            prompt.book.write(done, operation)
+            session.ledger.write(done, operation)
 
 
 def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Record]:
@@ -108,10 +108,10 @@ def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Reco
         yield records.Revoked(common_name=old, reason=REPLACED)
 
 
-def _made(prompt: SigningSession, planned: Planned) -> _Made:
+def _made(session: SigningSession, planned: Planned) -> _Made:
     key = pki.new_key(planned.key)
     certificate = pki.new_client(
-        prompt.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, prompt.book.now()
+        session.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, session.ledger.now()
     )
     member = planned.member
     record = records.Issued(
@@ -135,7 +135,7 @@ def _made(prompt: SigningSession, planned: Planned) -> _Made:
     return _Made(planned, record, pki.key_pem(key))
 
 
-def _identity(prompt: SigningSession, made: _Made) -> Identity:
+def _identity(session: SigningSession, made: _Made) -> Identity:
     record = made.record
     certificate = Certificate(
         common_name=record.common_name,
@@ -151,10 +151,10 @@ def _identity(prompt: SigningSession, made: _Made) -> Identity:
     return Identity(
         member=replace(before, certificates=(*before.certificates, certificate)),
         certificate=certificate,
-        ca=prompt.ca_pem,
+        ca=session.ca_pem,
         cert=files.copy_of(record).decode("ascii"),
         key=made.key,
-        wrap_key=prompt.wrap_key(record.wrap, record.common_name),
+        wrap_key=session.wrap_key(record.wrap, record.common_name),
     )
 
 
@@ -163,35 +163,35 @@ TAKEN = "revoked by the server's list, which a copy of the authority has signed 
 
 
 class Signer:
-    """Got by `Authority.unlocked()`; good inside that block only."""
+    """Comes from `Authority.unlocked()`; valid inside that block only."""
 
-    def __init__(self, prompt: SigningSession) -> None:
-        self._desk = prompt
+    def __init__(self, session: SigningSession) -> None:
+        self._session = session
 
     @property
-    def roll(self) -> MembershipList:
-        """The roll as it stands after what this signer has done."""
-        return self._desk.book.fold.roll()
+    def membership(self) -> MembershipList:
+        """The members after what this signer has done."""
+        return self._session.ledger.state.membership()
 
     def issue(
         self,
-        wishes: Sequence[EnrolmentRequest],
+        requests: Sequence[EnrolmentRequest],
         deliver: Callable[[Identity], Delivered],
         *,
         reserved: Collection[IPv4Address] = (),
     ) -> tuple[Issued, ...]:
-        """Make members, all checked before the first is made; answers are in the order of the wishes.
+        """Make members, all checked before the first is made; results are in the order of the requests.
 
         `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved` are
         addresses that are not given away: the server's own, and those of declared hosts. UsageError for a name that is
-        refused or taken, for a member of this name that is not the one wished for, for an address in use.
+        refused or taken, for a member of this name that differs from the request, for an address in use.
         """
-        planned = plan_issue(self.roll, wishes, reserved)
+        planned = plan_issue(self.membership, requests, reserved)
         new = [entry for entry in planned if isinstance(entry, Planned)]
         if new:
-            hand_out(self._desk, "issue", new, deliver)
+            hand_out(self._session, "issue", new, deliver)
         names = {item.member.name for item in new}
-        return tuple(self._issued(request.name, already=request.name not in names) for request in wishes)
+        return tuple(self._issued(request.name, already=request.name not in names) for request in requests)
 
     def renew(
         self, name: str, deliver: Callable[[Identity], Delivered], change: RenewalRequest | None = None
@@ -200,8 +200,8 @@ class Signer:
 
         Successors that were handed out before and never seen are revoked (`Issued.replaced`).
         """
-        planned = plan_renewal(known_member(self.roll, name), change or RenewalRequest())
-        hand_out(self._desk, "renew", [planned], deliver)
+        planned = plan_renewal(known_member(self.membership, name), change or RenewalRequest())
+        hand_out(self._session, "renew", [planned], deliver)
         return self._issued(name, replaced=planned.replaces)
 
     def revoke(self, names: Sequence[str], reason: str) -> Revoked:
@@ -209,11 +209,11 @@ class Signer:
 
         Once more for members that are revoked: nothing new is recorded, the answer is the same.
         """
-        roll = self.roll
-        members = [known_member(roll, name) for name in dict.fromkeys(names)]
+        membership = self.membership
+        members = [known_member(membership, name) for name in dict.fromkeys(names)]
         if not members:
             raise UsageError(
-                "nobody was named whose certificates are to be revoked", hint="`provision vpn list` names them all"
+                "nobody was named whose certificates are to be revoked", hint="`provision vpn list` lists them all"
             )
         why = printable_text(reason, "the reason") or "no reason was given"
         lost = [_revocable(member) for member in members]
@@ -223,8 +223,8 @@ class Signer:
             )
         else:
             with os_errors_as("the revocation list cannot be read"):
-                crl = (self._desk.folder / CRL).read_bytes()
-        handed_out = self._desk.book.fold.delivered
+                crl = (self._session.folder / CRL).read_bytes()
+        handed_out = self._session.ledger.state.delivered
         every = (entry.common_name for member in members for entry in member.certificates)
         return Revoked(
             common_names=tuple(item for item in every if item in handed_out),
@@ -237,12 +237,12 @@ class Signer:
         """Sign the list anew, superseded certificates on it as well; PEM."""
         old = [
             certificate
-            for _, certificate in self.roll.certificates()
+            for _, certificate in self.membership.certificates()
             if certificate.standing is CertificateStatus.SUPERSEDED
         ]
         operation = new_operation()
         begun = records.Begun(command="publish")
-        self._desk.book.write([begun, *_revocations(old, SUPERSEDED)], operation)
+        self._session.ledger.write([begun, *_revocations(old, SUPERSEDED)], operation)
         return self._listed(operation)
 
     def take(self, pem: bytes) -> tuple[str, ...]:
@@ -251,14 +251,14 @@ class Signer:
         Gives the common names that are revoked by that; what the record has never issued stays on the list.
         Raises CrlRefused for a list of another CA.
         """
-        facts = pki.read_crl(pem, self._desk.ca.certificate)
-        ours = [entry for _, entry in self.roll.certificates() if entry.serial in facts.serials]
+        facts = pki.read_crl(pem, self._session.ca.certificate)
+        ours = [entry for _, entry in self.membership.certificates() if entry.serial in facts.serials]
         lost = [item for item in ours if item.standing is not CertificateStatus.REVOKED]
-        strange = facts.serials - {our.serial for our in ours} - self._desk.book.fold.taken.keys()
+        strange = facts.serials - {our.serial for our in ours} - self._session.ledger.state.taken.keys()
         taken = [records.Taken(serials=tuple(sorted(strange)))] if strange else []
         operation = new_operation()
         begun = records.Begun(command="publish")
-        self._desk.book.write([begun, *taken, *_revocations(lost, TAKEN)], operation)
+        self._session.ledger.write([begun, *taken, *_revocations(lost, TAKEN)], operation)
         self._listed(operation, facts)
         return tuple(certificate.common_name for certificate in lost)
 
@@ -267,27 +267,27 @@ class Signer:
 
         True if there is a new one: the server's computer needs it. Members go on with what they have.
         """
-        if not needs_another(self._desk.book.fold.server, names, self._desk.book.now()):
+        if not needs_another(self._session.ledger.state.server, names, self._session.ledger.now()):
             return False
-        self._desk.serve(names)
+        self._session.serve(names)
         return True
 
     def _revoke(self, names: Sequence[str], certificates: Iterable[Certificate], why: str) -> bytes:
         operation = new_operation()
         begun = records.Begun(command="revoke", names=tuple(names))
-        self._desk.book.write([begun, *_revocations(certificates, why)], operation)
+        self._session.ledger.write([begun, *_revocations(certificates, why)], operation)
         return self._listed(operation)
 
     def _listed(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
-        pem = self._desk.publish(operation, also)
-        self._desk.book.write([records.Committed()], operation)
+        pem = self._session.publish(operation, also)
+        self._session.ledger.write([records.Committed()], operation)
         return pem
 
     def _issued(self, name: str, *, already: bool = False, replaced: tuple[str, ...] = ()) -> Issued:
-        fold = self._desk.book.fold
-        member = fold.member(name)
+        state = self._session.ledger.state
+        member = state.member(name)
         newest = member.good[-1]
-        last = fold.delivered[newest.common_name]
+        last = state.delivered[newest.common_name]
         return Issued(member, newest, Delivered(last.path, last.sha256), already, replaced)
 
 

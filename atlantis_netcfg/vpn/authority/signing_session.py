@@ -54,7 +54,7 @@ def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tup
 
 
 def names_of(record: ServerIssued) -> ServerNames:
-    """What it is made out to."""
+    """The names that it is issued for."""
     return ServerNames(record.common_name, record.dns, record.addresses)
 
 
@@ -75,10 +75,10 @@ def is_sound(folder: Path, record: ServerIssued) -> bool:
 
 @dataclass(frozen=True)
 class SigningSession:
-    """One for each command that signs."""
+    """What a command that signs works with; one per command."""
 
     folder: Path
-    book: LedgerSession
+    ledger: LedgerSession
     ca: pki.Ca
 
     @cached_property
@@ -94,17 +94,17 @@ class SigningSession:
 
     def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
         """Put a list in place that says what the record says, and what a list says that is taken over."""
-        return publish_crl(self.folder, self.book, self.ca, operation, also)
+        return publish_crl(self.folder, self.ledger, self.ca, operation, also)
 
     def serve(self, names: ServerNames) -> None:
         """Make the server a new key and certificate."""
         operation = new_operation()
-        written, record = new_server_certificate(self.ca, names, self.book.now())
-        self.book.write([Begun(command="serve"), record], operation)
+        written, record = new_server_certificate(self.ca, names, self.ledger.now())
+        self.ledger.write([Begun(command="serve"), record], operation)
         with os_errors_as("the server's certificate cannot be written"):
             for name, data in written.items():
                 write_atomically(self.folder / name, data)
-        self.book.write([Committed()], operation)
+        self.ledger.write([Committed()], operation)
 
     def recover(self, *, left: bool) -> None:
         """Finish or withdraw what commands before this one left; `left`: the last one was killed.
@@ -112,23 +112,23 @@ class SigningSession:
         What is wrong is found by looking, not by remembering: this may be killed as well.
         """
         with os_errors_as("the authority cannot be put in order"):
-            if left or self.book.fold.open:
+            if left or self.ledger.state.open:
                 files.sweep(self.folder)
             files.folders(self.folder)
-            for operation in tuple(self.book.fold.open):
-                self.book.write([self._end(operation)], operation)
-            files.restore_copies(self.folder, self.book.fold.issued.values())
-            of = self.book.fold.server
+            for operation in tuple(self.ledger.state.open):
+                self.ledger.write([self._end(operation)], operation)
+            files.restore_copies(self.folder, self.ledger.state.issued.values())
+            of = self.ledger.state.server
             whole = of is None or is_sound(self.folder, of)
         if of is not None and not whole:
             self.serve(names_of(of))
-        if is_crl_due(self.folder, self.book, self.ca):
+        if is_crl_due(self.folder, self.ledger, self.ca):
             self.publish(new_operation())
 
     def _end(self, operation: str) -> Committed | RolledBack:
-        fold = self.book.fold
-        lost = tuple(name for name, of in fold.pending.items() if of == operation)
-        whole = fold.done[operation].issuperset(fold.open[operation].names)
+        state = self.ledger.state
+        lost = tuple(name for name, of in state.pending.items() if of == operation)
+        whole = state.done[operation].issuperset(state.open[operation].names)
         return Committed() if whole and not lost else RolledBack(common_names=lost)
 
     @cached_property

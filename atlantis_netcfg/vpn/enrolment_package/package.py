@@ -123,7 +123,7 @@ def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
 
 
 def unseal(data: bytes, secret: Secret) -> bytes:
-    """What was sealed; `told` is the passphrase, or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
+    """What was sealed; `secret` is the passphrase, or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
     by_key = secret.reveal().strip().startswith(_SECRET_KEY)
     try:
         return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
@@ -200,7 +200,7 @@ def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, c
 
 
 def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
-    """The files of a hand-out, by name; `told` is its passphrase, or the `AGE-SECRET-KEY-1…` that it is sealed for.
+    """The files of a hand-out, by name; `secret` is its passphrase, or the `AGE-SECRET-KEY-1…` that it is sealed for.
 
     Raises WrongKey, NotAHandOut.
     """

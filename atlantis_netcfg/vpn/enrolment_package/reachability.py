@@ -87,7 +87,7 @@ def _policy(declaration: Declaration, member: Member) -> Policy:
 
 
 def _roll(*members: Member) -> MembershipList:
-    """A roll of these alone."""
+    """A list of these members alone."""
     return MembershipList({member.name: member for member in members}, 0, "", datetime.fromtimestamp(0, UTC), ())
 
 

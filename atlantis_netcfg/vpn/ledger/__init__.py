@@ -1,8 +1,8 @@
 """The append-only record of the authority.
 
 Each line has its number, a checksum, and the hash of the line before: a changed, lost or inserted line is found. A last
-line without its end was being written when the process was killed; the next writer cuts it off. The roll of members is
-a pure fold over the entries.
+line without its end was being written when the process was killed; the next writer cuts it off. The list of
+members is a pure function of the entries.
 """
 
 from __future__ import annotations

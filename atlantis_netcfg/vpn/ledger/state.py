@@ -24,7 +24,7 @@ NEVER_HANDED_OUT = "never handed out"
 
 def membership(entries: Iterable[Entry]) -> MembershipList:
     """Who is in the VPN after these entries."""
-    return LedgerState(entries).roll()
+    return LedgerState(entries).membership()
 
 
 @dataclass
@@ -73,7 +73,7 @@ class LedgerState:
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
-    def roll(self) -> MembershipList:
+    def membership(self) -> MembershipList:
         """Who is in the VPN, as a value."""
         listed = self.published
         return MembershipList(

@@ -124,8 +124,8 @@ def tunnelled(declaration: Declaration, folder: Path) -> Iterator[Tunnelled]:
     wishes = [host(declaration, name) for name in _HOSTS.values()]
     with ExitStack() as stack:
         made = stack.enter_context(vpn(declaration, wishes, folder, slow=[_HOSTS[GATEWAY]]))
-        roll = made.authority.roll()
-        addresses = {who: str(roll.members[name].address) for who, name in _HOSTS.items()}
+        membership = made.authority.membership()
+        addresses = {who: str(membership.members[name].address) for who, name in _HOSTS.items()}
         stand = Tunnelled(made.prefix, addresses, stack, made)
         for who in _HOSTS:
             stand.run(who, "nft", _COUNT_MULTICAST)

@@ -247,8 +247,8 @@ def untouched(reach: Reach) -> None:
 
 def cut(reach: Reach) -> None:
     """Whose address is taken out of the set of members reaches nobody, though his tunnel is up; all others go on."""
-    roll = reach.made.authority.roll()
-    without = replace(roll, members={name: one for name, one in roll.members.items() if name != ZARCO})
+    membership = reach.made.authority.membership()
+    without = replace(membership, members={name: one for name, one in membership.members.items() if name != ZARCO})
     element = ("inet", TABLE, ADMITTED, f"{{ {reach.probes.ends[ZARCO]} }}")
     reach.made.run(SERVER, "nft", "delete", "element", *element)
     matrix(reach, policy(reach.made.declaration, without))

@@ -90,10 +90,10 @@ class Vpn:
         said = self.run(SERVER, "nft", "list", "counter", "inet", "p_atlantis_vpn", name)
         return int(said.partition("packets ")[2].split()[0])
 
-    def load(self, roll: MembershipList | None = None, declaration: Declaration | None = None) -> None:
+    def load(self, membership: MembershipList | None = None, declaration: Declaration | None = None) -> None:
         """Write what is live at the server, and load its firewall, as a push does."""
-        roll = roll or self.authority.roll()
-        for file in product.live_files(declaration or self.declaration, roll, self.authority.crl()):
+        membership = membership or self.authority.membership()
+        for file in product.live_files(declaration or self.declaration, membership, self.authority.crl()):
             write(self.placed(file.path), self.placed_text(file.content))
         self.run(SERVER, "nft", "-f", str(self.placed(product.FIREWALL)))
 

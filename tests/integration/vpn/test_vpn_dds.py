@@ -75,8 +75,8 @@ def test_who_hears_whom(tmp_path: Path) -> None:
         wishes.append(guest(declaration, partner, "laptop", Kind.LAPTOP))
         wishes.append(guest(declaration, partner, vehicle, Kind.ROBOT, vehicle))
     with vpn(declaration, wishes, tmp_path) as made:
-        members = made.authority.roll().members
-        declared = policy(declaration, made.authority.roll())
+        members = made.authority.membership().members
+        declared = policy(declaration, made.authority.membership())
         parties = {name: Party(name, member.address) for name, member in members.items()}
         # Both have to reach the other: discovery is a conversation.
         meet = {
@@ -108,7 +108,7 @@ def _speak(made: Vpn, name: str) -> Ear:
 
 
 def _profile(made: Vpn, name: str) -> str:
-    members = made.authority.roll().members
+    members = made.authority.membership().members
     dds = made.declaration.pilot.dds
     assert dds is not None
     if name not in made.declaration.hosts:

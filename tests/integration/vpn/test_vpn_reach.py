@@ -44,9 +44,9 @@ def reach(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reach]:
         wishes.append(guest(declaration, partner, "laptop", Kind.LAPTOP))
         wishes.append(guest(declaration, partner, vehicle, Kind.ROBOT, vehicle))
     with vpn(declaration, wishes, tmp_path_factory.mktemp("vpn")) as made:
-        roll = made.authority.roll()
-        ends = {name: str(member.address) for name, member in roll.members.items()} | BESIDE_ALL
-        yield Reach(made, Probes(made, ends, UDP_PORTS), policy(declaration, roll))
+        membership = made.authority.membership()
+        ends = {name: str(member.address) for name, member in membership.members.items()} | BESIDE_ALL
+        yield Reach(made, Probes(made, ends, UDP_PORTS), policy(declaration, membership))
 
 
 def test_everybody_reaches_whom_he_may_and_nobody_else(reach: Reach) -> None:
@@ -58,7 +58,7 @@ def test_everybody_reaches_whom_he_may_and_nobody_else(reach: Reach) -> None:
 
 def _cut_in_the_middle(reach: Reach) -> None:
     """Who is taken from the members is: nothing is flushed, his tunnel is still up, and all others go on."""
-    made, roll = reach.made, reach.made.authority.roll()
+    made, membership = reach.made, reach.made.authority.membership()
     listening = made.socket(ZARCO, socket.AF_INET, socket.SOCK_STREAM)
     listening.bind((reach.probes.ends[ZARCO], 2222))
     listening.listen()
@@ -66,7 +66,7 @@ def _cut_in_the_middle(reach: Reach) -> None:
     client.settimeout(20)
     client.connect((reach.probes.ends[ZARCO], 2222))
     server, _ = listening.accept()
-    without = _revoked(roll, ZARCO)
+    without = _revoked(membership, ZARCO)
     with server:
         client.sendall(b"one")
         assert server.recv(100) == b"one"
@@ -82,13 +82,13 @@ def _cut_in_the_middle(reach: Reach) -> None:
             end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\1\0\0\0\0\0\0\0")
         client.close()
     matrix(reach, policy(made.declaration, without), others=20)  # the connection that was cut is repeated, and reset
-    made.load(roll)
+    made.load(membership)
 
 
-def _revoked(roll: MembershipList, name: str) -> MembershipList:
-    member = roll.members[name]
+def _revoked(membership: MembershipList, name: str) -> MembershipList:
+    member = membership.members[name]
     dead = tuple(replace(one, standing=CertificateStatus.REVOKED) for one in member.certificates)
-    return replace(roll, members={**roll.members, name: replace(member, certificates=dead)})
+    return replace(membership, members={**membership.members, name: replace(member, certificates=dead)})
 
 
 @pytest.mark.campaign

@@ -121,7 +121,7 @@ class Office:
             certificates=(certificate,),
         )
 
-    def roll(self) -> MembershipList:
+    def membership(self) -> MembershipList:
         admitted = {name: one.member for name, one in self.identities.items() if self.wanted[name].admitted}
         return MembershipList(admitted, 1, "", NOW + timedelta(days=90), ())
 
@@ -149,7 +149,7 @@ class Office:
             .replace(server.FOLDER, str(folder))
             .replace("/run/atlantis-vpn", str(folder)),
         }
-        for file in server.live_files(self.declaration, self.roll(), self.crl()):
+        for file in server.live_files(self.declaration, self.membership(), self.crl()):
             files[file.path.removeprefix(f"{server.FOLDER}/").replace(server.FIREWALL, "vpn.nft")] = file.content
         for name, text in files.items():
             (folder / name).write_text(text)

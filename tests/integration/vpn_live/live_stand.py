@@ -107,7 +107,7 @@ class Record:
             return signer.revoke(names, "a test").common_names
 
     def address(self, name: str) -> str:
-        return str(self.authority.roll().members[name].address)
+        return str(self.authority.membership().members[name].address)
 
 
 def record(folder: Path) -> Record:
@@ -161,7 +161,7 @@ class Server(Computer):
 
     def drift(self) -> tuple[str, ...]:
         authority = self.record.authority
-        return live.drift(live.observe(self.link), live.desired_files(declaration(), authority), authority.roll())
+        return live.drift(live.observe(self.link), live.desired_files(declaration(), authority), authority.membership())
 
     def start(self, *words: str) -> None:
         """Start OpenVPN, and wait until it is up."""

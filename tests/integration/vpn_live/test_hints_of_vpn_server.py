@@ -177,7 +177,9 @@ def test_what_is_advised_is_typed(name: str, laptop: Laptop, server: Server) -> 
     if words[:2] == ["vpn", "sync"]:
         assert "PASS" in laptop.type("vpn", "status")
         assert (
-            live.drift(live.observe(server.link), live.desired_files(real(), laptop.authority), laptop.authority.roll())
+            live.drift(
+                live.observe(server.link), live.desired_files(real(), laptop.authority), laptop.authority.membership()
+            )
             == ()
         )
         assert server.names() == []

@@ -28,7 +28,7 @@ def seen(server: Server) -> tuple[tuple[str, ...], live.Pushed | None]:
 
 
 def standings(made: Record, name: str) -> dict[str, CertificateStatus]:
-    return {one.common_name: one.standing for one in made.authority.roll().members[name].certificates}
+    return {one.common_name: one.standing for one in made.authority.membership().members[name].certificates}
 
 
 def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ def test_the_server_itself_refuses_what_an_older_copy_signs(pilot: Pilot) -> Non
         evidence = server.revoke(*record.revoke(*names))
         assert (evidence.confirmed, evidence.out) == (False, False)
         assert "list in place" not in [step for step, _ in evidence.steps]
-        refusals.append(" ".join(evidence.told))
+        refusals.append(" ".join(evidence.notes))
         with pytest.raises(ServerRefused, match="a revoked member would come back"):
             live.push(declaration(), record.authority, server.link)
         pilot.nobody_is_readmitted()
@@ -197,7 +197,7 @@ def test_a_copy_that_is_lost_for_good_is_made_up_for_from_the_server(pilot: Pilo
     pilot.restored = False
     pilot.nobody_is_readmitted()
     assert pilot.desk.told("status")["exit"] == 0
-    assert not Authority.open(pilot.desk.authority).roll().members[pilot.lost].good
+    assert not Authority.open(pilot.desk.authority).membership().members[pilot.lost].good
     (pilot.desk.authority / "crl.pem").unlink()
     pilot.revoke()
     pilot.renew()

@@ -81,7 +81,7 @@ def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server)
                 assert echo.answers() == 0
             assert server.link.round_trips == asked + 1
             assert evidence.confirmed, evidence
-            assert (evidence.left, evidence.told) == ((), ())
+            assert (evidence.left, evidence.notes) == ((), ())
             assert [step for step, _ in evidence.steps] == ORDER
             assert [one.common_name for one in evidence.ended] == [name]
             assert all(reply.startswith("SUCCESS: ") for replies in evidence.replies for reply in replies)
@@ -140,16 +140,16 @@ def test_who_holds_the_socket_does_not_hold_the_traffic(server: Server) -> None:
         evidence = server.go_on()
         assert evidence is not None
         assert (evidence.out, evidence.dead, evidence.confirmed) == (True, False, False)
-        assert "silent for 2 s" in evidence.told[0]
-        assert evidence.told[1] == "no session is confirmed dead: the server does not answer"
+        assert "silent for 2 s" in evidence.notes[0]
+        assert evidence.notes[1] == "no session is confirmed dead: the server does not answer"
         assert echo.answers() == 0
-        assert server.record.authority.roll().queued == (name,)
+        assert server.record.authority.membership().queued == (name,)
         assert "cannot be asked who is connected" in " ".join(server.drift())
     evidence = server.go_on()
     assert evidence is not None
     assert evidence.confirmed
     assert [one.common_name for one in evidence.ended] == [name]
-    assert server.record.authority.roll().queued == ()
+    assert server.record.authority.membership().queued == ()
     assert server.go_on() is None
 
 
@@ -162,7 +162,7 @@ def test_a_server_that_is_down_has_no_sessions_and_one_that_may_not_be_is_not_tr
         evidence = server.go_on()
         assert evidence is not None
         assert (evidence.out, evidence.dead) == (True, False)
-        assert evidence.told == (
+        assert evidence.notes == (
             "no session is confirmed dead: the server has no management socket, and is not known to be down",
         )
         server.at("/run/no-systemd").unlink()
@@ -219,12 +219,12 @@ def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(serv
     (name,), (client,) = connected(server)
     made.revoke(name)
     with LocalLink(NAME, server.enter) as link:
-        (queued,) = made.authority.roll().queued
+        (queued,) = made.authority.membership().queued
         assert queued == name
         evidence = live.finish_revocations(declaration(), made.authority, link)
     assert evidence is not None
     assert evidence.confirmed
-    assert made.authority.roll().queued == ()
+    assert made.authority.membership().queued == ()
     assert client.ended() == 0
 
 
@@ -266,7 +266,7 @@ def test_another_run_on_the_server_holds_up_a_push_and_no_revocation(server: Ser
         evidence = server.throw_out(name)
         assert echo.answers() == 0
     assert evidence.confirmed
-    assert "another run is at work" in evidence.told[0]
+    assert "another run is at work" in evidence.notes[0]
     assert server.push().changes == ()
 
 

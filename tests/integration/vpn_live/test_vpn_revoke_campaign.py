@@ -45,7 +45,7 @@ def test_a_hundred_revocations(tmp_path: Path, capsys: pytest.CaptureFixture[str
                 evidence = server.revoke(*common_names)
                 ended = time.monotonic()
                 assert echo.answers() == 0
-            assert evidence.confirmed, (evidence.left, evidence.told, server.lives)
+            assert evidence.confirmed, (evidence.left, evidence.notes, server.lives)
             assert [one.common_name for one in evidence.ended] == [name]
             assert live.verify(server.link, evidence).confirmed
             asked = ended - evidence.seconds

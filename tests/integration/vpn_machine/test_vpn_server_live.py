@@ -30,7 +30,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
 
         def drift() -> tuple[str, ...]:
             wanted = live.desired_files(stand.declaration, stand.authority)
-            return live.drift(live.observe(link), wanted, stand.authority.roll())
+            return live.drift(live.observe(link), wanted, stand.authority.membership())
 
         assert live.push(stand.declaration, stand.authority, link).changes == ()
         assert drift() == ()
@@ -43,7 +43,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         client = stand.client(name).connect()
         assert client.pings()
         state = live.observe(link)
-        assert (state.active, state.asked, state.package is not None) == (True, True, True)
+        assert (state.active, state.is_live, state.package is not None) == (True, True, True)
         assert [one.common_name for one in state.sessions] == [name]
         wait(lambda: name in stand.read("/run/atlantis-vpn/status"), lambda: "no status was written")
         stand.machine.run("systemctl start atlantis-vpn-seen.service")

@@ -76,7 +76,7 @@ def test_it_is_hardened_and_starts_again_by_itself(server: Stand) -> None:
 
 def test_members_connect_as_the_record_says(server: Stand) -> None:
     fast, slow = (server.client(name).connect() for name in ("inesc-one", "iqua-slow"))
-    members = server.authority.roll().members
+    members = server.authority.membership().members
     for client, name in ((fast, "inesc-one"), (slow, "iqua-slow")):
         assert f"ifconfig {members[name].address} 255.255.0.0" in client.log
         assert client.pings()

@@ -188,7 +188,7 @@ def test_nothing_is_said_of_a_record_as_it_is(made: Stand) -> None:
     first, second, later, unchecked = found.words
     lines = _lines(made.folder)
     assert first.startswith(f"{lines} entries in all: the first {lines - 1} are as the CA key signed them on ")
-    assert second == f"the certificates and revocation list {made.authority.roll().crl_number} agree with them"
+    assert second == f"the certificates and revocation list {made.authority.membership().crl_number} agree with them"
     assert later == f"entries after line {lines - 1} are chained to them, and not signed"
     assert "is not checked here" in unchecked
 

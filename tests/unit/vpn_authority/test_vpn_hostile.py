@@ -87,7 +87,7 @@ def test_a_refused_name_leaves_nothing(tmp_path: Path) -> None:
                 with pytest.raises(UsageError):
                     signer.issue([wish], never)
         assert {path: path.stat().st_size for path in made.folder.rglob("*")} == before
-    assert made.authority.roll().members == {}
+    assert made.authority.membership().members == {}
 
 
 def test_the_good_ones_are_who_they_say(tmp_path: Path) -> None:

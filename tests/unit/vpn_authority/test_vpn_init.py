@@ -48,7 +48,7 @@ def test_what_lies_in_the_folder(tmp_path: Path) -> None:
     assert server.subject.get_attributes_for_oid(NameOID.COMMON_NAME)[0].value == "vpn-server"
     assert pki.issued_by(server, made.ca.certificate)
     assert made.authority.server() == NAMES
-    assert made.authority.roll().crl_number == 1
+    assert made.authority.membership().crl_number == 1
     assert made.authority.check() == []
 
 

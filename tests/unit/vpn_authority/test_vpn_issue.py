@@ -30,7 +30,7 @@ def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
     assert (certificate.not_valid_after_utc - certificate.not_valid_before_utc).days == 61
     assert identity.ca == (made.folder / "ca.crt").read_text()
     assert identity.cert == (made.folder / "certs" / "iqua-sparus2.pem").read_text()
-    assert identity.member == issued.member == made.authority.roll().members["iqua-sparus2"]
+    assert identity.member == issued.member == made.authority.membership().members["iqua-sparus2"]
     assert (issued.member.kind, issued.member.link, issued.member.vehicle) == (Kind.ROBOT, Link.SATELLITE, "sparus")
     assert issued.certificate.standing is CertificateStatus.ISSUED
     assert not issued.already
@@ -45,7 +45,7 @@ def test_it_is_recorded_before_it_is_handed_out(tmp_path: Path) -> None:
         mine = next(line for line in lines if line.get("common_name") == identity.certificate.common_name)
         assert int(mine["serial"], 16) == identity.certificate.serial
         assert mine["sha256"] == identity.certificate.sha256
-        seen_by_others = made.authority.roll().members[identity.member.name]
+        seen_by_others = made.authority.membership().members[identity.member.name]
         assert [one.reason for one in seen_by_others.certificates] == [NEVER_HANDED_OUT]
         assert seen_by_others.good == ()
         return made.deliver(identity)
@@ -132,14 +132,14 @@ def test_what_was_not_handed_out_is_revoked_and_made_anew(tmp_path: Path) -> Non
     made = stand(tmp_path)
     with pytest.raises(AuthorityFailed, match="what `iqua-b` gets cannot be written: disk on fire"):
         failing(made, "iqua-b", OSError(5, "disk on fire"))
-    roll = made.authority.roll()
-    assert [len(roll.members[f"iqua-{name}"].good) for name in "abc"] == [1, 0, 0]
+    membership = made.authority.membership()
+    assert [len(membership.members[f"iqua-{name}"].good) for name in "abc"] == [1, 0, 0]
     assert made.authority.check() == []
-    assert roll.queued == ()
+    assert membership.queued == ()
     made.issue("a", "b", "c")
-    roll = made.authority.roll()
-    assert [one.good[0].common_name for one in roll.members.values()] == ["iqua-a", "iqua-b.2", "iqua-c.2"]
-    assert [str(one.address) for one in roll.members.values()] == ["10.8.16.1", "10.8.16.2", "10.8.16.3"]
+    membership = made.authority.membership()
+    assert [one.good[0].common_name for one in membership.members.values()] == ["iqua-a", "iqua-b.2", "iqua-c.2"]
+    assert [str(one.address) for one in membership.members.values()] == ["10.8.16.1", "10.8.16.2", "10.8.16.3"]
     told = [entry.words for entry in made.authority.history()]
     assert any("iqua-b, iqua-c was never handed out, and is revoked" in words for words in told)
 
@@ -192,7 +192,7 @@ def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> No
 
     with made.signing() as signer, pytest.raises(AuthorityFailed, match="what `iqua-d110` gets cannot be written"):
         signer.issue(wishes, deliver)
-    assert sum(1 for one in made.authority.roll().members.values() if one.good) == 110
+    assert sum(1 for one in made.authority.membership().members.values() if one.good) == 110
     assert made.authority.check() == []
     with made.signing() as signer:
         issued = signer.issue(wishes, made.deliver)

@@ -66,7 +66,7 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
     older = (made.folder / "crl.pem").read_bytes()
     with made.signing() as signer:
         signer.revoke(["iqua-a"], "lost")
-        number = signer.roll.crl_number
+        number = signer.membership.crl_number
     (made.folder / "crl.pem").write_bytes(older)
     serial = made.identities[0].certificate.serial
     assert made.authority.check() == [
@@ -76,7 +76,7 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
     with pytest.raises(AuthorityDamaged, match="is not the list that was recorded last"):
         made.authority.crl()
     with made.signing() as signer:
-        assert signer.roll.crl_number == number + 1
+        assert signer.membership.crl_number == number + 1
     facts = pki.check_crl(made.authority.crl(), made.ca.certificate, above=number, now=datetime.now(UTC))
     assert serial in facts.serials
     assert made.authority.check() == []
@@ -136,7 +136,7 @@ def test_a_list_that_gets_old_is_signed_anew_in_passing(tmp_path: Path, monkeypa
     for days, number in ((29, 1), (31, 2), (32, 2)):
         at(monkeypatch, NOW + timedelta(days=days))
         with made.signing() as signer:
-            assert signer.roll.crl_number == number
+            assert signer.membership.crl_number == number
 
 
 def at(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
@@ -145,7 +145,7 @@ def at(monkeypatch: pytest.MonkeyPatch, moment: datetime) -> None:
 
 def signed(made: Stand) -> datetime:
     with made.signing() as signer:
-        facts = pki.check_crl(signer.publish(), made.ca.certificate, above=None, now=signer._desk.book.now())
+        facts = pki.check_crl(signer.publish(), made.ca.certificate, above=None, now=signer._session.ledger.now())
     return facts.this_update
 
 
@@ -186,7 +186,7 @@ def test_a_clock_that_was_ahead_is_got_rid_of_by_a_person_s_word(
         signed(made)
     with made.signing(trust_clock=True) as signer:
         # The list of the wrong clock is not valid yet, and would lock everybody out: there is a new one already.
-        assert signer.roll.crl_number == 4
+        assert signer.membership.crl_number == 4
         signer.issue([wish("a")], made.deliver)
     with made.signing():
         pass

@@ -86,8 +86,8 @@ def test_names_that_are_made_of_other_parts_are_taken(tmp_path: Path) -> None:
 
 
 def test_a_declared_host_keeps_its_name(tmp_path: Path) -> None:
-    roll = stand(tmp_path).authority.roll()
+    membership = stand(tmp_path).authority.membership()
     with pytest.raises(NameTaken, match="is the name of a declared host") as taken:
-        check_free("scc-gateway", "scc", "gateway", roll, {"scc-gateway"})
+        check_free("scc-gateway", "scc", "gateway", membership, {"scc-gateway"})
     assert taken.value.hint == "device=gateway-2, for instance"
-    assert check_free("scc-gateway", None, "scc-gateway", roll, {"scc-gateway"}) is None
+    assert check_free("scc-gateway", None, "scc-gateway", membership, {"scc-gateway"}) is None

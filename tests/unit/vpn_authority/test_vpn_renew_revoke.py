@@ -26,12 +26,12 @@ NOW = datetime.now(UTC)
 
 
 def standings(made: Stand, name: str) -> dict[str, str]:
-    return {one.common_name: one.standing.value for one in made.authority.roll().members[name].certificates}
+    return {one.common_name: one.standing.value for one in made.authority.membership().members[name].certificates}
 
 
 def on_list(made: Stand) -> set[str]:
     facts = pki.check_crl(made.authority.crl(), made.ca.certificate, above=None, now=datetime.now(UTC))
-    return {one.common_name for _, one in made.authority.roll().certificates() if one.serial in facts.serials}
+    return {one.common_name for _, one in made.authority.membership().certificates() if one.serial in facts.serials}
 
 
 def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) -> None:
@@ -52,7 +52,7 @@ def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) ->
         signer.publish()
     assert standings(made, "iqua-a") == {"iqua-a": "revoked", "iqua-a.2": "seen"}
     assert on_list(made) == {"iqua-a"}
-    assert made.authority.roll().queued == ("iqua-a",)
+    assert made.authority.membership().queued == ("iqua-a",)
     later = {"iqua-a": datetime.now(UTC) + timedelta(hours=1)}
     assert made.authority.seen(later).withdrawn == ("iqua-a",)
 
@@ -66,7 +66,7 @@ def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
         assert renewed.replaced == (() if number == 2 else (f"iqua-a.{number - 1}",))
         assert [one.common_name for one in renewed.member.good] == ["iqua-a", f"iqua-a.{number}"]
     assert on_list(made) == {"iqua-a.2", "iqua-a.3"}
-    assert made.authority.roll().queued == ("iqua-a.2", "iqua-a.3")
+    assert made.authority.membership().queued == ("iqua-a.2", "iqua-a.3")
 
 
 def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
 
     with made.signing() as signer, pytest.raises(Exception, match="No space left"):
         signer.renew("iqua-a", fail, RenewalRequest(link=Link.LTE))
-    member = made.authority.roll().members["iqua-a"]
+    member = made.authority.membership().members["iqua-a"]
     assert (member.link, [one.common_name for one in member.good]) == (Link.FIBRE, ["iqua-a"])
     assert on_list(made) == {"iqua-a.2"}
     with made.signing() as signer:
@@ -106,20 +106,20 @@ def test_a_revocation_takes_all_certificates_and_says_so_again(tmp_path: Path) -
     made.issue("a", "b", "c")
     with made.signing() as signer:
         signer.renew("iqua-a", made.deliver)
-        number = signer.roll.crl_number
+        number = signer.membership.crl_number
         first = signer.revoke(["iqua-a", "iqua-b", "iqua-a"], "lost at sea")
         again = signer.revoke(["iqua-a", "iqua-b"], "once more")
     assert first.common_names == again.common_names == ("iqua-a", "iqua-a.2", "iqua-b")
     assert first.members == again.members == ("iqua-a", "iqua-b")
     assert (first.already, again.already) == ((), ("iqua-a", "iqua-b"))
     assert first.crl == again.crl == made.authority.crl()
-    roll = made.authority.roll()
-    assert roll.crl_number == number + 1
-    assert roll.queued == first.common_names
-    assert {one.reason for one in roll.members["iqua-a"].certificates} == {"lost at sea"}
+    membership = made.authority.membership()
+    assert membership.crl_number == number + 1
+    assert membership.queued == first.common_names
+    assert {one.reason for one in membership.members["iqua-a"].certificates} == {"lost at sea"}
     assert on_list(made) == set(first.common_names)
     made.authority.settled(["iqua-a", "iqua-a.2", "iqua-c", "nobody"])
-    assert made.authority.roll().queued == ("iqua-b",)
+    assert made.authority.membership().queued == ("iqua-b",)
     assert made.authority.check() == []
 
 
@@ -149,7 +149,7 @@ def test_sightings_are_recorded_once_a_day(tmp_path: Path) -> None:
     made.authority.seen({})
     assert (made.folder / "ledger.jsonl").read_bytes() == before
     made.authority.seen({"iqua-a": NOW + timedelta(hours=24)})
-    (certificate,) = made.authority.roll().members["iqua-a"].certificates
+    (certificate,) = made.authority.membership().members["iqua-a"].certificates
     assert (certificate.standing, certificate.seen) == (
         CertificateStatus.SEEN,
         NOW.replace(tzinfo=UTC) + timedelta(hours=24),
@@ -182,7 +182,7 @@ def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) 
             withdrawn.add(record.common_name)
         if isinstance(record, records.RolledBack):
             withdrawn.update(set(record.common_names) - fold.delivered.keys())
-        good = {one.common_name for _, one in fold.roll().certificates() if one.good}
+        good = {one.common_name for _, one in fold.membership().certificates() if one.good}
         assert good <= fold.delivered.keys() - withdrawn
 
 

@@ -196,9 +196,9 @@ def without_authority_in_a_run(at: Laptop) -> str:
 
 
 def without_authority_for_the_server(at: Laptop) -> str:
-    roll = at.authority.roll()
+    membership = at.authority.membership()
     shutil.rmtree(at.folder / "vpn")
-    return refused(lambda: openvpn_server(real(), real().hosts["scc-vpn"], roll, at.folder / "vpn"))
+    return refused(lambda: openvpn_server(real(), real().hosts["scc-vpn"], membership, at.folder / "vpn"))
 
 
 def before_the_last_list(at: Laptop) -> None:
@@ -274,13 +274,13 @@ def a_gateway_without_identity(_at: Laptop) -> str:
 
 def a_strange_name(at: Laptop) -> str:
     at.type(*LAPTOP)
-    member = at.authority.roll().members["iqua-laptop"]
+    member = at.authority.membership().members["iqua-laptop"]
     (one,) = member.certificates
     return refused(lambda: ccd(member, replace(one, common_name="../x"), real()))
 
 
 def a_list_of_another(at: Laptop) -> str:
-    files = live_files(real(), at.authority.roll(), at.authority.crl(), ca=(at.folder / "vpn/ca.crt").read_text())
+    files = live_files(real(), at.authority.membership(), at.authority.crl(), ca=(at.folder / "vpn/ca.crt").read_text())
     return "\n".join(file.hint for file in files)
 
 
@@ -292,7 +292,7 @@ def of_an_older_copy(at: Laptop) -> str:
 
 def by_the_servers_clock(at: Laptop) -> str:
     new = vpn_server.Crl(signed=True, number=9, begins=0, ends=10)
-    assert at.authority.roll().crl_number >= 1
+    assert at.authority.membership().crl_number >= 1
     return refused(lambda: vpn_server.accept(new, None, 20.0))
 
 
@@ -300,7 +300,7 @@ def by_the_servers_clock(at: Laptop) -> str:
 
 Situation = tuple["Callable[[Laptop], str]", str, int, str]
 """What brings it about, the hint, how the advised command ends (of several, each), and what it then says."""
-LIST = ("`provision vpn list` names them all", 0, "iqua-laptop")
+LIST = ("`provision vpn list` lists them all", 0, "iqua-laptop")
 SITUATIONS: dict[str, Situation] = {
     "a member that is there": (
         twice,
@@ -338,7 +338,7 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "nobody ends soon": (
         lambda at: twice(at) and at.type("vpn", "renew", "all=30d", code=7),
-        "`provision vpn list` tells when they end",
+        "`provision vpn list` shows when they end",
         0,
         "until",
     ),
@@ -352,7 +352,7 @@ SITUATIONS: dict[str, Situation] = {
     ),
     "nobody is in": (
         lambda at: at.type("vpn", "list", code=7),
-        "`provision vpn onboard --help` says how somebody is let in",
+        "`provision vpn onboard --help` says how to add one",
         0,
         "provision vpn onboard",
     ),
@@ -465,11 +465,11 @@ def test_what_is_advised_is_typed(name: str, laptop: Laptop) -> None:
     commands = advised(said(brings(laptop), hint))
     assert commands
     for words in commands:
-        number = laptop.authority.roll().crl_number if (laptop.folder / "vpn").exists() else 0
+        number = laptop.authority.membership().crl_number if (laptop.folder / "vpn").exists() else 0
         printed = laptop.follow(words, code)
         assert says in printed
         if "--sign" in words:
-            assert laptop.authority.roll().crl_number > number
+            assert laptop.authority.membership().crl_number > number
             laptop.authority.crl()
         if words[0].startswith("site="):
             assert laptop.plays

@@ -39,7 +39,7 @@ SOUND = ServerState(
     package="2.6.14-0+deb12u2",
     unit={"ActiveState": "active", "SubState": "running"},
     sessions=(),
-    asked=True,
+    is_live=True,
     why="",
     at=NOW,
     seen={},
@@ -115,10 +115,10 @@ CASES: dict[str, tuple[dict[str, Any], str | None]] = {
         "the server's kernel may send ICMP redirects, by all, eth0: members would go past it",
     ),
     "down": (
-        {"unit": {"ActiveState": "failed", "SubState": "failed"}, "asked": False},
+        {"unit": {"ActiveState": "failed", "SubState": "failed"}, "is_live": False},
         "the server does not run: openvpn-server@atlantis.service is failed (failed)",
     ),
-    "held": ({"asked": False, "why": "silent"}, "the server cannot be asked who is connected: silent"),
+    "held": ({"is_live": False, "why": "silent"}, "the server cannot be asked who is connected: silent"),
     "fast": ({"clock_ahead_s": 61.0}, "the server's clock is 61 s ahead of this computer's"),
     "slow": ({"clock_ahead_s": -3600.0}, "the server's clock is 3600 s behind this computer's"),
     "no systemd": ({"unit": {}}, None),
@@ -193,7 +193,7 @@ def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> Non
 @pytest.mark.parametrize("lacks", ["out", "dead", "left", "told"])
 def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> None:
     whole: dict[str, Any] = {"out": True, "dead": True, "left": [], "told": []}
-    evidence = live.Evidence((), (), {}, out=False, dead=False, left=(), told=())
+    evidence = live.Evidence((), (), {}, out=False, dead=False, left=(), notes=())
     assert live.verify(Told("verify", **whole), evidence).confirmed
     wrongs: tuple[Any, ...] = ("no", 1, {})
     for wrong in wrongs:
@@ -218,4 +218,4 @@ def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -
     told = Told(**{**LOOKED, "seen": seen})
     state = observe(told)
     assert state.seen.keys() == names
-    assert (state.asked, state.active, state.crl) == (False, None, None)
+    assert (state.is_live, state.active, state.crl) == (False, None, None)

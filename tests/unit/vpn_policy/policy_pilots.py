@@ -81,7 +81,7 @@ def member(  # noqa: PLR0913 - what a member is
     )
 
 
-def roll(*members: Member) -> MembershipList:
+def membership(*members: Member) -> MembershipList:
     return MembershipList({one.name: one for one in members}, 1, "", _NOW, ())
 
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nft_walk import Packet, parse
-from policy_pilots import MEMBERS, MINE, TIME, member, pilot, roll
+from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 
 from atlantis_netcfg.declaration.model import VpnService
 from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE, firewall
@@ -47,7 +47,7 @@ _Expected = tuple[Packet, bool, tuple[str, ...]]
 
 def declared() -> tuple[str, Policy]:
     declaration = pilot({"inesc": ("sparus", "mares")}, services=(MINE, TIME))
-    return firewall(declaration, roll(*MEMBERS)), policy(declaration, roll(*MEMBERS))
+    return firewall(declaration, membership(*MEMBERS)), policy(declaration, membership(*MEMBERS))
 
 
 def battery(matrix: Policy) -> Iterator[_Expected]:
@@ -222,7 +222,7 @@ def test_an_address_leaves_the_set_of_members_alone() -> None:
     neighbours = [
         member(f"inesc-{last}", f"10.80.16.{last}", kind=Kind.LAPTOP, partner="inesc") for last in range(1, 7)
     ]
-    text = firewall(pilot(), roll(*neighbours))
+    text = firewall(pilot(), membership(*neighbours))
     delete = f"nft delete element inet {TABLE} {ADMITTED} {{ 10.80.16.3 }}"
     said = nft(text, delete, "&& nft list set inet", TABLE, ADMITTED)
     assert re.findall(r"10\.80\.16\.\d+(?:-[\d.]+)?", said) == [f"10.80.16.{last}" for last in (1, 2, 4, 5, 6)]
@@ -255,6 +255,6 @@ def test_nft_takes_every_declaration(keys: list[str], services: list[str], admit
         )
         for number in range(admitted if keys else 0)
     ]
-    text = firewall(declaration, roll(*members, *MEMBERS[:3]))
+    text = firewall(declaration, membership(*members, *MEMBERS[:3]))
     assert nft(text) == ""
     parse(text)

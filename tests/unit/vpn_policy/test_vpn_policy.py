@@ -4,7 +4,7 @@ from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Network
 
 import pytest
-from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, pilot, roll
+from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, membership, pilot
 
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
 from atlantis_netcfg.vpn.identity import Kind
@@ -71,7 +71,7 @@ def party(letter: str) -> Party:
 
 @pytest.fixture(scope="module")
 def matrix() -> Policy:
-    return policy(pilot({"inesc": ("sparus",)}), roll(*MEMBERS))
+    return policy(pilot({"inesc": ("sparus",)}), membership(*MEMBERS))
 
 
 @pytest.mark.parametrize("source", WHO)
@@ -93,7 +93,7 @@ BEGUN = (SSH, Flow(Protocol.TCP, 445), Flow(Protocol.TCP, 8729), Flow(Protocol.T
 def test_a_robot_in_a_lan_opens_nothing_at_another_site(matrix: Policy, robot: str, there: str) -> None:
     """As by a partner's, plugged in on the quay: SSH, SMB, the routers' API."""
     members = (*MEMBERS, member("te4sea-router", "10.80.0.31"))
-    found = policy(pilot({"inesc": ("sparus",)}), roll(*members))
+    found = policy(pilot({"inesc": ("sparus",)}), membership(*members))
     one, other = Party("robot", IPv4Address(robot)), Party("host", IPv4Address(there))
     if robot.rpartition(".")[0] != there.rpartition(".")[0]:
         assert not any(found.allows(one, other, flow) for flow in (*BEGUN, PING, *DDS))
@@ -127,7 +127,7 @@ def test_dds_ports_of_other_domains(domain: int, participants: int, first: int, 
     dds = Dds(distribution=RosDistribution.FOXY, domain=domain, participants=participants)
     declaration = pilot()
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
-    found = policy(changed, roll(*MEMBERS))
+    found = policy(changed, membership(*MEMBERS))
     around = range(first - 20, last + 20)
     ports = [one for one in around if found.allows(party("A"), party("C"), Flow(Protocol.UDP, one))]
     assert ports == list(range(first, last + 1))
@@ -136,7 +136,7 @@ def test_dds_ports_of_other_domains(domain: int, participants: int, first: int, 
 def test_without_dds_there_are_pings() -> None:
     declaration = pilot()
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": None}))
-    found = policy(changed, roll(*MEMBERS))
+    found = policy(changed, membership(*MEMBERS))
     assert found.allows(party("A"), party("C"), PING)
     assert not any(found.allows(party("A"), party("C"), Flow(Protocol.UDP, port)) for port in range(1, 65536, 7))
     assert not any(found.allows(party("A"), party("C"), flow) for flow in DDS)
@@ -147,21 +147,21 @@ def test_dds_of_the_lans() -> None:
     dds = Dds(distribution=RosDistribution.FOXY, over=DdsPath.LAN)
     changed = replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
     centre = Party("centre", IPv4Address("10.64.0.11"))
-    assert policy(changed, roll(*MEMBERS)).allows(party("A"), centre, DDS[0])
-    assert not policy(declaration, roll(*MEMBERS)).allows(party("A"), centre, DDS[0])
+    assert policy(changed, membership(*MEMBERS)).allows(party("A"), centre, DDS[0])
+    assert not policy(declaration, membership(*MEMBERS)).allows(party("A"), centre, DDS[0])
 
 
 def test_sees_is_both_ways_and_of_the_robot_alone() -> None:
-    found = policy(pilot({"inesc": ("sparus",)}), roll(*MEMBERS))
+    found = policy(pilot({"inesc": ("sparus",)}), membership(*MEMBERS))
     assert found.allows(party("P"), party("A"), DDS[0])
     assert not found.allows(party("P"), party("A"), SSH)
     assert not found.allows(party("I"), party("A"), PING)
-    without = policy(pilot(), roll(*MEMBERS))
+    without = policy(pilot(), membership(*MEMBERS))
     assert not without.allows(party("P"), party("A"), PING)
 
 
 def test_services_of_the_server_and_of_udp() -> None:
-    found = policy(pilot(services=(MINE, TIME)), roll(*MEMBERS))
+    found = policy(pilot(services=(MINE, TIME)), membership(*MEMBERS))
     for guest in "AZIPM":
         assert found.allows(party(guest), party("S"), Flow(Protocol.TCP, 8080))
         assert not found.allows(party(guest), party("S"), Flow(Protocol.UDP, 8080))
@@ -171,7 +171,7 @@ def test_services_of_the_server_and_of_udp() -> None:
 
 
 def test_without_its_router_a_site_is_nobody() -> None:
-    found = policy(pilot(), roll(*(one for one in MEMBERS if one.name != ROUTER)))
+    found = policy(pilot(), membership(*(one for one in MEMBERS if one.name != ROUTER)))
     for letter in "LTR":
         assert not found.allows(party("G"), party(letter), PING)
         assert not found.allows(party(letter), party("C"), PING)
@@ -187,13 +187,13 @@ def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
 
 
 def test_a_partners_device_that_is_called_like_a_router_brings_no_network() -> None:
-    found = policy(pilot(), roll(member(ROUTER, "10.80.16.9", kind=Kind.ROUTER, partner="inesc")))
+    found = policy(pilot(), membership(member(ROUTER, "10.80.16.9", kind=Kind.ROUTER, partner="inesc")))
     assert found.members[ROUTER] == (IPv4Network("10.80.16.9/32"),)
     assert not found.allows(Party("it", IPv4Address("10.80.16.9")), party("E"), PING)
 
 
 def test_a_host_that_is_declared_no_more_is_nobody() -> None:
-    assert policy(pilot(), roll(member("te4sea-old", "10.80.0.99"))).members == {}
+    assert policy(pilot(), membership(member("te4sea-old", "10.80.0.99"))).members == {}
 
 
 def test_every_zone_has_one_name(matrix: Policy) -> None:
@@ -208,7 +208,7 @@ def test_names_of_partners_and_of_our_own_zones_never_meet(matrix: Policy) -> No
 
 
 def test_nobody_is_in_an_empty_roll() -> None:
-    found = policy(pilot(), roll())
+    found = policy(pilot(), membership())
     assert found.admitted.networks == ()
     assert not found.allows(party("A"), party("C"), PING)
     assert found.allows(party("E"), party("S"), SSH), "the server's own LAN is not the tunnel's business"

@@ -46,7 +46,7 @@ def member(name: str, address: str, *certificates: Certificate, **told: Any) -> 
     return Member(name=name, address=IPv4Address(address), certificates=certificates or (certificate(name),), **fields)
 
 
-def roll(*members: Member) -> MembershipList:
+def membership(*members: Member) -> MembershipList:
     return MembershipList({one.name: one for one in members}, 1, "00", NOW, ())
 
 
@@ -67,7 +67,7 @@ def pilot(**vpn: Any) -> Declaration:  # noqa: ANN401 - of the VPN
 
 
 def test_it_is_final_data_without_secrets(authority: Path) -> None:
-    told = openvpn_server(SHIPPED, SERVER, roll(member("inesc-a", "10.80.16.1")), authority).as_dict()
+    told = openvpn_server(SHIPPED, SERVER, membership(member("inesc-a", "10.80.16.1")), authority).as_dict()
     text = json.dumps(told)
     assert json.loads(text) == told
     assert CANARY not in text
@@ -80,14 +80,14 @@ def test_it_is_final_data_without_secrets(authority: Path) -> None:
 def test_without_a_whole_authority_nothing_is_told(authority: Path, name: str) -> None:
     (authority / name).unlink()
     with pytest.raises(UsageError, match=name) as refused:
-        openvpn_server(SHIPPED, SERVER, roll(), authority)
+        openvpn_server(SHIPPED, SERVER, membership(), authority)
     assert "provision vpn init" in (refused.value.hint or "")
 
 
 def test_the_tunnel_starts_anew_for_its_own_files_alone(authority: Path) -> None:
-    configuration = openvpn_server(SHIPPED, SERVER, roll(), authority).configuration
+    configuration = openvpn_server(SHIPPED, SERVER, membership(), authority).configuration
     tunnel = next(unit for unit in configuration.units if unit.name.startswith("openvpn-server@"))
-    live = {file.path for file in live_files(SHIPPED, roll(member("inesc-a", "10.80.16.1")), b"")}
+    live = {file.path for file in live_files(SHIPPED, membership(member("inesc-a", "10.80.16.1")), b"")}
     assert live.isdisjoint(tunnel.after)
     assert {"/etc/openvpn/server/atlantis.conf", "/etc/openvpn/atlantis/server.key"} <= set(tunnel.after)
     firewall = next(unit for unit in configuration.units if FIREWALL in unit.after)
@@ -156,7 +156,7 @@ def test_each_good_certificate_has_a_file_and_no_other() -> None:
         member("inesc-b", "10.80.16.2", gone[0]),
         member("inesc-c", "10.80.16.3", gone[1], certificate("inesc-c.2")),
     )
-    files = {file.path: file.content for file in live_files(SHIPPED, roll(*members), b"list\n")}
+    files = {file.path: file.content for file in live_files(SHIPPED, membership(*members), b"list\n")}
     assert {path for path in files if path.startswith(CCD)} == {
         f"{CCD}/{name}" for name in ("inesc-a", "inesc-a.2", "inesc-c.2")
     }
@@ -171,7 +171,7 @@ def test_each_good_certificate_has_a_file_and_no_other() -> None:
 def test_what_is_no_name_of_ours_is_no_file(name: str) -> None:
     one = member("inesc-a", "10.80.16.1", certificate(name))
     with pytest.raises(UsageError, match="no common name"):
-        live_files(SHIPPED, roll(one), b"")
+        live_files(SHIPPED, membership(one), b"")
 
 
 def test_an_address_outside_the_vpn_is_refused() -> None:
