@@ -66,3 +66,24 @@ def test_a_router_on_the_quay(at: Quay) -> None:
     kept = files[-1].read_text(encoding="utf-8")
     assert json.loads(kept)["assumptions"] == tried["assumptions"]
     assert "10.64." not in kept.replace(str(at.state), "")
+
+
+@pytest.mark.slow
+@pytest.mark.namespace
+@pytest.mark.parametrize("version", ["7.16", "7.17.1"])
+def test_a_router_below_safe_mode_is_read_and_nothing_is_tried(at: Quay, version: str) -> None:
+    at.replace("old", version=version)
+    at.adopt()
+    before = at.export()
+    refused = at.provision("verify", "device=coastal-router", "--try", code=4)
+    assert refused.stdout == ""
+    assert "nothing was tried: this device has no safe mode for the API" in refused.stderr
+    assert "it came with RouterOS 7.18; without `--try` the device is only read" in refused.stderr
+    assert "Traceback" not in refused.stderr
+    assert not (at.state / "verify").exists()
+    told = at.json("verify", "device=coastal-router", "--try", code=4)
+    assert (told["exit"], [error["message"][:21] for error in told["errors"]]) == (4, ["nothing was tried: th"])
+    read = at.json("verify", "device=coastal-router", code=0)
+    assert read["version"].startswith(f"{version} ")
+    assert "PASS" in {row["verdict"] for row in read["assumptions"]}
+    assert at.export() == before
