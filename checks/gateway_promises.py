@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.elsewhere import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_conflicts import (
     OF_ALL,
     OF_AN_ACCOUNT,
     OF_SYSTEMD,

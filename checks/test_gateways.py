@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from cryptography.x509 import load_pem_x509_certificate
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.elsewhere import note, settings
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_conflicts import note, settings
 from atlantis_netcfg.vpn.client import SERVICE
 from checks.gateway_promises import BUILT, ENVIRONMENT, JOURNAL, LOCALE, SSHD
 

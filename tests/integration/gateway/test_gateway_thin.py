@@ -101,7 +101,7 @@ def test_an_ordinary_account_becomes_root_by_sudo(
     assert again["changes"] == []
     text = (stand.folder / "said").read_text()
     assert "module_args" not in text
-    assert text.count("SSH: EXEC") == len(("configure", "elsewhere")), "one command a call, and no other"
+    assert text.count("SSH: EXEC") == len(("configure", "env_conflicts")), "one command a call, and no other"
 
 
 def test_a_power_cut_while_the_tool_is_sent_leaves_nothing_that_a_repeat_does_not_mend(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.bundle import Store, StoredFile
 
 if TYPE_CHECKING:
@@ -123,6 +123,6 @@ def test_a_partners_sources_are_for_nobody_else(store: Store, tmp_path: Path) ->
 
 def test_a_full_disk_is_told_before_anything_is_sent(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _path: shutil._ntuple_diskusage(10**9, 10**9 - 10**6, 10**6))
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ModuleError) as caught:
         store.settle(ONE, held(CONTENT), check=False)
     assert str(caught.value) == "the bundle needs 16 MB on the computer, and 1 MB are free"

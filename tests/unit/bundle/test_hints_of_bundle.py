@@ -11,12 +11,11 @@ import pytest
 from bundle_made import HOST, WISH, folder, keys, manifest, signer
 from hints_said import advised, said
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_run, apt_words
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_messages, apt_run
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import Converge
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.operations import bundle as _make
 from atlantis_netcfg.operations import bundle as bundling
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.request import Mode
@@ -69,7 +68,7 @@ def at(  # noqa: PLR0913, PLR0917 - fixtures
 
     monkeypatch.setenv("ATLANTIS_STATE", str(place.state))
     monkeypatch.setattr(bundling, "made", made)
-    monkeypatch.setattr(_make, "wish_of", lambda *_, **__: WISH)
+    monkeypatch.setattr(bundling, "wish_of", lambda *_, **__: WISH)
     monkeypatch.setattr(Keys, "of", lambda _state: keys)
     return place
 
@@ -81,7 +80,7 @@ def damaged(at: Place) -> str:
 
 def lacking(at: Place) -> str:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_make, "wish_of", lambda *_, **__: replace(WISH, codename="jammy"))
+        patch.setattr(bundling, "wish_of", lambda *_, **__: replace(WISH, codename="jammy"))
         return at.checked(code=3)
 
 
@@ -103,13 +102,13 @@ def too_dear(_at: Place) -> str:
 
 
 def no_name(_at: Place) -> str:
-    found = apt_words.of_install("E: Temporary failure resolving 'archive.example.org'\n", ["chrony"])
+    found = apt_messages.of_install("E: Temporary failure resolving 'archive.example.org'\n", ["chrony"])
     return told(str(found.hint))
 
 
 def another_system(_at: Place) -> str:
     apt: Any = SimpleNamespace(tree=SimpleNamespace(read=lambda _: b"ID=debian\nVERSION_CODENAME=bookworm\n"))
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(ModuleError) as refused:
         apt_run.refuse_another_system(apt, "ubuntu", "focal", ())
     return told(str(refused.value.hint))
 

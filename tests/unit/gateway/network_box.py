@@ -16,8 +16,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     BACK_TIMER,
     Change,
 )
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import DesiredNetwork
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import Computer, Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import DesiredNetwork
 from atlantis_netcfg.gateway.network import gateway_network
 
 if TYPE_CHECKING:

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_words import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_messages import (
     of_install,
     of_update,
     others,
 )
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 CASES = sorted((Path(__file__).parent / "golden" / "apt").glob("*.txt"))
 RELEASE = "https://archive.example.org/ros jammy InRelease"
 
 
-def told(why: Refused | None) -> str:
+def told(why: ModuleError | None) -> str:
     return "nothing is wrong\n" if why is None else f"{why.message}\n-> {why.hint}\n"
 
 

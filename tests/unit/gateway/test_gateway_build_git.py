@@ -12,7 +12,7 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure, keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
 from atlantis_netcfg.emulator.lab.stubs.interop import LIBRARY, MESSAGES, InteropProjects, make_interop
 
@@ -97,7 +97,7 @@ def test_the_token_goes_to_its_own_server_only_and_is_written_nowhere(board: Boa
         assert other.requests
         assert not [one for one in other.requests if "with a token" in one]
         other.token = "another"
-        with pytest.raises(Refused, match=r"a submodule of .* could not be fetched"):
+        with pytest.raises(ModuleError, match=r"a submodule of .* could not be fetched"):
             board.fetch("v2", into="again")
         assert not [one for one in other.requests if "with a token" in one]
     assert [one for one in board.git.requests if "with a token" in one]
@@ -109,7 +109,7 @@ def test_the_token_goes_to_its_own_server_only_and_is_written_nowhere(board: Boa
 
 def test_a_deploy_token_goes_with_its_name(board: Board) -> None:
     board.fetch("v1", f"deployer:{TOKEN}")
-    with pytest.raises(Refused, match="does not accept the declared token"):
+    with pytest.raises(ModuleError, match="does not accept the declared token"):
         board.fetch("v1", "deployer:wrong", into="again")
 
 
@@ -118,7 +118,7 @@ def test_a_submodule_by_ssh_on_the_same_server_is_read_with_the_token(board: Boa
     board.fetch("v2")
     assert (board.folder / "library" / HEADER).is_file()
     board.projects.release("v3", submodule_at=f"git@gitlab.example.org:{MESSAGES}.git")
-    with pytest.raises(Refused, match=r"a submodule of .* is not at an https address"):
+    with pytest.raises(ModuleError, match=r"a submodule of .* is not at an https address"):
         board.fetch("v3", into="again")
 
 
@@ -128,15 +128,15 @@ def test_a_submodule_by_ssh_on_the_same_server_is_read_with_the_token(board: Boa
 )
 def test_what_is_no_revision_is_refused(board: Board, revision: str, words: str) -> None:
     board.projects.branch("daily")
-    with pytest.raises(Refused, match=words):
+    with pytest.raises(ModuleError, match=words):
         board.fetch(revision)
 
 
 def test_a_submodule_without_address_is_named(board: Board) -> None:
     board.projects.release("v2", submodule_at="../gone.git")
-    with pytest.raises(Refused, match=r"a submodule of .*there is no repository"):
+    with pytest.raises(ModuleError, match=r"a submodule of .*there is no repository"):
         board.fetch("v2")
-    with pytest.raises(Refused, match="no token is declared"):
+    with pytest.raises(ModuleError, match="no token is declared"):
         board.fetch("v1", None, into="again")
 
 
@@ -193,7 +193,7 @@ def test_a_link_that_stays_broken_is_told(board: Board) -> None:
     with socket.socket() as nobody:
         nobody.bind(("127.0.0.1", 0))
         board.git.url = f"http://127.0.0.1:{nobody.getsockname()[1]}"
-        with pytest.raises(Refused, match="could not be reached"):
+        with pytest.raises(ModuleError, match="could not be reached"):
             board.fetch("v1")
     assert sum(board.pauses) > 3 * 70
 
@@ -207,5 +207,5 @@ def test_a_folder_stands_for_all_servers(board: Board, tmp_path: Path) -> None:
     board.fetch("v1")
     assert (board.folder / "library" / HEADER).is_file()
     assert len(board.git.requests) == asked
-    with pytest.raises(Refused, match=r"does not hold http.*, revision v9"):
+    with pytest.raises(ModuleError, match=r"does not hold http.*, revision v9"):
         board.fetch("v9")

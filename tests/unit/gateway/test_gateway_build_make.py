@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import Make
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_words import CardFull
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_messages import CardFull
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,7 +63,7 @@ def test_what_an_attempt_left_is_removed_before_the_next(make: Make, tmp_path: P
 def test_a_failure_is_told_from_this_attempt_alone(make: Make, tmp_path: Path, script: str, words: str) -> None:
     (tmp_path / "log").write_text("y.cpp:9: error: of the attempt before\n")
     colcon(tmp_path, script)
-    with pytest.raises(Refused, match=words) as caught:
+    with pytest.raises(ModuleError, match=words) as caught:
         make.library()
     assert "attempt before" not in caught.value.message
     assert isinstance(caught.value, CardFull) == ("full" in words)
@@ -82,5 +82,5 @@ def test_a_program_that_does_not_find_its_library_is_no_build(make: Make, tmp_pa
     (install / "setup.sh").write_text(f"export LD_LIBRARY_PATH={tmp_path}\n")
     make.check()
     (install / "lib/libone.so").unlink()
-    with pytest.raises(Refused, match=r"examples/build/robot does not find library/install/lib/libone.so"):
+    with pytest.raises(ModuleError, match=r"examples/build/robot does not find library/install/lib/libone.so"):
         make.check()

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Plan, Repository, Shelf
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 PLAN = Plan(
@@ -119,7 +119,7 @@ def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.Monk
 def test_a_folder_in_the_place_of_a_link_is_left_alone(tmp_path: Path) -> None:
     shelf = Shelf(str(tmp_path))
     (tmp_path / "current").mkdir()
-    with pytest.raises(Refused, match="has to be a link"):
+    with pytest.raises(ModuleError, match="has to be a link"):
         shelf.use(made(shelf, "one"))
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Plan, Repository, Shelf
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, Places
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 
 URL, TOKEN = "https://git.example.org/c4i/library.git", "CANARY-of-a-visit"
 
@@ -101,7 +101,7 @@ def test_a_build_is_started_joined_taken_into_use_and_left_alone(gateway: Gatewa
     assert told["state"] == "running"
     again, second = gateway.visit()
     assert (again["run"], second.changes) == (told["run"], [])
-    with pytest.raises(Refused, match="still at work"):
+    with pytest.raises(ModuleError, match="still at work"):
         gateway.visit(started=told["run"])
     gateway.complete(told, ("a note",))
     ready, third = gateway.visit(started=told["run"])
@@ -140,7 +140,7 @@ def test_the_token_is_in_memory_only_and_goes_when_nothing_starts(gateway: Gatew
     assert TOKEN not in str(gateway.commands)
     gateway.starts = False
     gateway.running.clear()
-    with pytest.raises(Refused, match="systemd did not start the build"):
+    with pytest.raises(ModuleError, match="systemd did not start the build"):
         gateway.visit()
     assert not home.exists()
 
@@ -152,19 +152,19 @@ def test_what_runs_is_whole_and_fenced(gateway: Gateway) -> None:
     assert command[-4:-2] == ["/usr/bin/python3", "-I"]
     with zipfile.ZipFile(command[-2]) as program:
         names = {name.rpartition("/")[2] for name in program.namelist()}
-    assert {"__main__.py", "build_git.py", "build_make.py", "refused.py", "tree.py"} <= names
+    assert {"__main__.py", "build_git.py", "build_make.py", "errors.py", "filesystem.py"} <= names
 
 
 def test_a_failure_is_told_once_and_the_next_visit_starts_anew(gateway: Gateway) -> None:
     told, _ = gateway.visit()
     gateway.end(told, {"ok": False, "message": "no such header", "hint": "ask"})
-    with pytest.raises(Refused, match="no such header") as caught:
+    with pytest.raises(ModuleError, match="no such header") as caught:
         gateway.visit(started=told["run"])
     assert caught.value.hint == f"ask; all that was said: {told['log']} on the gateway"
     again, build = gateway.visit()
     assert build.changes == ["build of library v1 started"]
     gateway.end(again, None)
-    with pytest.raises(Refused, match="was cut off"):
+    with pytest.raises(ModuleError, match="was cut off"):
         gateway.visit(started=again["run"])
 
 
@@ -180,10 +180,10 @@ def test_another_declaration_ends_the_build_of_the_one_before(gateway: Gateway) 
 def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
     (tmp_path / "bin/colcon").unlink()
     (tmp_path / "bin/cmake").unlink()
-    with pytest.raises(Refused, match="the gateway lacks colcon, cmake to build with"):
+    with pytest.raises(ModuleError, match="the gateway lacks colcon, cmake to build with"):
         gateway.visit(examples=True)
     gateway.compiler = False
-    with pytest.raises(Refused, match=r"lacks colcon, c\+\+ to"):
+    with pytest.raises(ModuleError, match=r"lacks colcon, c\+\+ to"):
         gateway.visit()
     assert gateway.visit(check=True)[1].changes == ["build of the library, once its packages are installed"]
 

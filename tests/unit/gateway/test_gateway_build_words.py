@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import jobs_within
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_words import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_messages import (
     CardFull,
     Trouble,
     about_building,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.elsewhere import (
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_conflicts import (
     Setting,
     contradicting,
     note,
@@ -26,7 +26,7 @@ def found(root: Path, path: str, text: str) -> list[Setting]:
         place = root / name[1:]
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(content)
-    return contradicting(Tree(str(root)), {NAME: "0"}, frozenset({OURS}))
+    return contradicting(FileSystem(str(root)), {NAME: "0"}, frozenset({OURS}))
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_what_sets_nothing_else_is_not_told(path: str, line: str, tmp_path: Path
 def test_without_a_variable_nothing_is_looked_for(tmp_path: Path) -> None:
     (tmp_path / "etc").mkdir()
     (tmp_path / "etc" / "profile").write_text('if [ "$1" = x ]; then :; fi\n')
-    assert contradicting(Tree(str(tmp_path)), {}, frozenset()) == []
+    assert contradicting(FileSystem(str(tmp_path)), {}, frozenset()) == []
 
 
 def test_a_note_says_where_what_and_what_to_do() -> None:

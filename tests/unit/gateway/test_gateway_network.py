@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from network_pilots import coast
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_wish import OURS, same
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.network import gateway_network
 from atlantis_netcfg.image.facts import File, ImageFacts

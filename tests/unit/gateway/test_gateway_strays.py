@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.configure import Configure
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.wishes import Wishes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,8 +21,8 @@ KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": str(os.geteuid())
 
 
 def configured(root: Path, *, check: bool = False, **told: Any) -> list[str]:  # noqa: ANN401 - of the module
-    wishes = Wishes.of({"only": [FOLDER], **told})
-    configure = Configure(Tree(str(root)), wishes, check=check, run=lambda _argv: Done(0, ""))
+    wishes = DesiredState.of({"only": [FOLDER], **told})
+    configure = Configure(FileSystem(str(root)), wishes, check=check, run=lambda _argv: Done(0, ""))
     configure.converge({})
     return configure.changes
 
@@ -61,5 +61,5 @@ def test_a_folder_that_is_not_there_has_nothing_to_clear(tmp_path: Path) -> None
 
 
 def test_a_folder_is_named_from_the_root(tmp_path: Path) -> None:
-    with pytest.raises(Refused, match="`etc/ours` is no path from the root"):
+    with pytest.raises(ModuleError, match="`etc/ours` is no path from the root"):
         configured(tmp_path, only=["etc/ours"])

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.connection_test import SmokeTest
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Gateway:
         return self.address if argv[0] == "ip" else self.end
 
     def judge(self, *, check: bool = False) -> str:
-        told = TRIAL.judge(Tree(str(self.root)), check=check, run=self.run)
+        told = TRIAL.judge(FileSystem(str(self.root)), check=check, run=self.run)
         return f"{told.verdict}{'' if told.worth else ' (silent)'}: {told.words}"
 
 
@@ -71,7 +71,9 @@ def test_what_ends_by_itself_is_inconclusive_too(gateway: Gateway) -> None:
 
 def test_an_error_fails_and_is_tried_again(gateway: Gateway) -> None:
     gateway.end = Done(2, "starting\nerror: C4i does not answer\n")
-    with pytest.raises(Refused, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer") as caught:
+    with pytest.raises(
+        ModuleError, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer"
+    ) as caught:
         gateway.judge()
     assert "C4i" in caught.value.hint
     gateway.end = Done(124, "")
@@ -87,5 +89,5 @@ def test_without_the_vpn_it_is_not_started(gateway: Gateway, address: Done) -> N
 
 def test_a_program_that_is_not_there_is_named(gateway: Gateway) -> None:
     (gateway.root / "b/example-robot").unlink()
-    with pytest.raises(Refused, match="the build has no /b/example-robot"):
+    with pytest.raises(ModuleError, match="the build has no /b/example-robot"):
         gateway.judge()

@@ -11,8 +11,8 @@ import pytest
 from network_box import PATHS, Box, box, made, moved, settled, wish
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_change, network_guard
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import FOLDER, Computer
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 
 EVERY = pytest.mark.parametrize("by", list(PATHS))
 CLOUD = "/etc/netplan/50-cloud-init.yaml"
@@ -149,7 +149,7 @@ CASES: dict[str, tuple[dict[str, Any], str, str]] = {
 def test_nonsense_is_refused_before_anything_is_touched(box: Box, by: str, case: str) -> None:
     changes, said, hint = CASES[case]
     before = box.state()
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ModuleError) as caught:
         made(box, by, **changes).stage()
     assert said in caught.value.message
     assert hint in caught.value.hint
@@ -159,7 +159,7 @@ def test_nonsense_is_refused_before_anything_is_touched(box: Box, by: str, case:
 
 def test_what_netplan_does_not_take_is_refused_in_its_words(box: Box) -> None:
     content = wish("netplan").content.replace("10.64.1.10/24", "10.64.1.10")
-    with pytest.raises(Refused, match="is missing /prefixlength") as caught:
+    with pytest.raises(ModuleError, match="is missing /prefixlength") as caught:
         made(box, "netplan", content=content).stage()
     assert "/etc/netplan/10-atlantis.yaml:8:18" in caught.value.message
     assert not box.timer
@@ -167,7 +167,7 @@ def test_what_netplan_does_not_take_is_refused_in_its_words(box: Box) -> None:
 
 def test_a_tool_that_is_not_there_is_told(box: Box) -> None:
     (box.root / "usr/sbin/netplan").unlink()
-    with pytest.raises(Refused, match="netplan, which this computer does not have") as caught:
+    with pytest.raises(ModuleError, match="netplan, which this computer does not have") as caught:
         made(box, "netplan").stage()
     assert "apt-get install netplan.io" in caught.value.hint
 
@@ -189,7 +189,7 @@ def test_two_configurations_of_one_interface_do_not_fight(box: Box, by: str, pat
     (wants / "systemd-networkd.service").symlink_to("/lib/systemd/system/systemd-networkd.service")
     box.put(path, OTHERS[path])
     before = box.state()
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ModuleError) as caught:
         made(box, by).stage()
     assert path in caught.value.message
     assert f"`replaces: [{path}]`" in caught.value.hint
@@ -212,7 +212,7 @@ def test_what_somebody_lays_beside_ours_later_is_told(box: Box) -> None:
     settled(box, "netplan")
     box.put(CLOUD, OTHERS[CLOUD])
     change = made(box, "netplan")
-    with pytest.raises(Refused, match=r"the two would fight: /etc/netplan/50-cloud-init\.yaml"):
+    with pytest.raises(ModuleError, match=r"the two would fight: /etc/netplan/50-cloud-init\.yaml"):
         change.stage()
     assert change.changes == []
 
@@ -234,7 +234,7 @@ def test_a_file_of_another_interface_is_left_alone(box: Box, text: str) -> None:
 def test_entries_of_others_in_interfaces_are_not_lost(box: Box) -> None:
     box.put("/etc/network/interfaces", "auto lo\niface lo inet loopback\nsource interfaces.d/*\n")
     box.put("/etc/network/interfaces.d/sonar", "iface eth1 inet static\n    address 192.168.0.2/24\n")
-    with pytest.raises(Refused, match=r"lose their entries: eth1 \(/etc/network/interfaces.d/sonar\)") as caught:
+    with pytest.raises(ModuleError, match=r"lose their entries: eth1 \(/etc/network/interfaces.d/sonar\)") as caught:
         made(box, "ifupdown").stage()
     assert "by: networkd" in caught.value.hint
     assert made(box, "ifupdown", replaces=["/etc/network/interfaces"]).stage() is not None
@@ -259,7 +259,7 @@ def test_what_writes_names_of_servers_itself_is_left_to_it(box: Box) -> None:
 def test_no_timer_no_change(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = box.state()
     monkeypatch.setattr(box, "_systemd_run", lambda _words: Computer("/nowhere").run(("false",)))
-    with pytest.raises(Refused, match="systemd does not start what would guard the change; nothing was changed"):
+    with pytest.raises(ModuleError, match="systemd does not start what would guard the change; nothing was changed"):
         made(box, "networkd").stage()
     assert box.state() == before
     assert not box.queued

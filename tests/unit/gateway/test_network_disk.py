@@ -11,8 +11,8 @@ import pytest
 from network_box import PATHS, Box, box, made, moved, settled
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_guard
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import FOLDER, Computer
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 
 
 def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
@@ -30,7 +30,7 @@ def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
 def test_a_full_disk_is_told_and_nothing_is_changed(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = settled(box, "ifupdown")
     full(monkeypatch, "wanted.json")
-    with pytest.raises(Refused, match="is full"):
+    with pytest.raises(ModuleError, match="is full"):
         made(box, "ifupdown", **moved("ifupdown")).stage()
     assert box.state() == before
     assert box.text(f"{FOLDER}/pending") is None

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.configure import Configure
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run as really_run
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.tree import Tree
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.wishes import Wishes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,7 +48,7 @@ class Computer:
     def configure(self, *, check: bool = False, **told: Any) -> Configure:  # noqa: ANN401 - as the module has it
         told["files"] = [{**ME, **row} for row in told.get("files", [])]
         told["directories"] = [{**ME, **row} for row in told.get("directories", [])]
-        return Configure(Tree(str(self.root)), Wishes.of(told), check=check, run=self.run, sleep=self.sleep)
+        return Configure(FileSystem(str(self.root)), DesiredState.of(told), check=check, run=self.run, sleep=self.sleep)
 
     def converge(
         self,

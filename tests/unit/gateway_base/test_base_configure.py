@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from base_computer import ME, Computer, FakeUnit
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.configure import Module
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def test_what_is_in_the_way_is_refused_and_nothing_changed(computer: Computer, t
     computer.put("/a/f", "x")
     before = sorted(computer.root.rglob("*"))
     for check in (True, False):
-        with pytest.raises(Refused, match=re.escape(said)):
+        with pytest.raises(ModuleError, match=re.escape(said)):
             computer.converge(check=check, **{"links": [{"path": "/z/z", "target": "z"}], **told})
     after = [path for path in sorted(computer.root.rglob("*")) if "run" not in path.parts]
     assert after == before
@@ -154,7 +154,7 @@ def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) ->
         "files": [{"path": "/etc/first", "content": "new"}, {**WISHES["files"][0], "content": "evil\n"}],
     }
     for check in (True, False):
-        with pytest.raises(Refused, match=rf"sh does not accept the new {CONF}.*\n{CONF}: line 1: bad"):
+        with pytest.raises(ModuleError, match=rf"sh does not accept the new {CONF}.*\n{CONF}: line 1: bad"):
             computer.converge(check=check, **told)
         assert computer.snapshot() == before
     assert computer.ran == []
@@ -163,7 +163,7 @@ def test_nothing_is_changed_when_one_file_is_not_accepted(computer: Computer) ->
 def test_a_secret_is_shown_nowhere(computer: Computer) -> None:
     computer.put("/a/b", "hush, old\n")
     told: dict[str, Any] = {"files": [{"path": "/a/b", "secret_content": "hush, new\n", "validate": GOOD}]}
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ModuleError) as caught:
         computer.converge(**told)
     assert "hush" not in caught.value.message
     assert "bad" not in caught.value.message
@@ -176,7 +176,7 @@ def test_a_secret_is_shown_nowhere(computer: Computer) -> None:
 def test_a_validator_that_is_not_installed(computer: Computer) -> None:
     told = file(validate=["no-such-program", "%s"])
     assert computer.converge(check=True, **told) == ["file /a/b"]
-    with pytest.raises(Refused, match="`no-such-program`, which has to accept /a/b, is not installed"):
+    with pytest.raises(ModuleError, match="`no-such-program`, which has to accept /a/b, is not installed"):
         computer.converge(**told)
     assert computer.snapshot() == {}
 
@@ -218,7 +218,7 @@ def test_a_card_that_takes_no_more_is_left_as_it_was(
     files = [{"path": f"/etc/{name}", "content": "new"} for name in ("first", "second")]
     with monkeypatch.context() as patched:
         patched.setattr(os, "write", full)
-        with pytest.raises(Refused, match=said):
+        with pytest.raises(ModuleError, match=said):
             computer.converge(**{**WISHES, "files": files})
     assert computer.snapshot() == before
     assert computer.converge(files=files) == ["file /etc/first", "file /etc/second"]
@@ -238,7 +238,7 @@ def test_two_runs_do_not_mix(computer: Computer) -> None:
     with lock.open() as holder:
         fcntl.flock(holder, fcntl.LOCK_EX)
         assert computer.converge(check=True, **file()) == ["file /a/b"]
-        with pytest.raises(Refused, match=r"another run is at work .*: process 77, begun from 192\.0\.2\.7"):
+        with pytest.raises(ModuleError, match=r"another run is at work .*: process 77, begun from 192\.0\.2\.7"):
             computer.converge(**file())
     assert computer.converge(**file(), environment={"SSH_CONNECTION": "192.0.2.9 5 192.0.2.1 22"}) == ["file /a/b"]
     assert lock.read_text() == f"process {os.getpid()}, begun from 192.0.2.9"
@@ -249,7 +249,7 @@ def test_a_step_that_fails_tells_its_last_lines_and_is_done_again(computer: Comp
     computer.converge(**told)
     computer.answers["make"] = Done(2, "".join(f"line {number}\n" for number in range(40)))
     told["files"] = file("y")["files"]
-    with pytest.raises(Refused, match=r"step `make` failed \(exit 2\):\nline 32\n(line 3\d\n)+line 39$"):
+    with pytest.raises(ModuleError, match=r"step `make` failed \(exit 2\):\nline 32\n(line 3\d\n)+line 39$"):
         computer.converge(**told)
     computer.answers["make"] = Done(0, "note: by the way\nnothing\n")
     told["files"] = file("x")["files"]  # what it had succeeded with before it failed
@@ -363,7 +363,7 @@ def test_a_file_that_is_no_longer_accepted_is_a_finding_although_it_is_unchanged
 def test_a_file_that_is_not_accepted_and_has_to_be_still_stops_everything(computer: Computer) -> None:
     told = {**OPTIONAL, "files": [*OPTIONAL["files"], {"path": "/etc/must.conf", "content": "bad\n", "validate": GOOD}]}
     before = computer.snapshot()
-    with pytest.raises(Refused, match=r"sh does not accept the new /etc/must\.conf, so that nothing was changed"):
+    with pytest.raises(ModuleError, match=r"sh does not accept the new /etc/must\.conf, so that nothing was changed"):
         computer.converge(**told)
     assert computer.snapshot() == before
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from base_computer import Computer, FakeUnit
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -81,7 +81,7 @@ def test_what_cannot_be_enabled_is_left(computer: Computer, state: str) -> None:
 def test_a_unit_that_is_not_there(computer: Computer) -> None:
     told: dict[str, Any] = {"units": [{"name": "chrony", "enabled": True, "active": True}]}
     assert computer.converge(check=True, **told) == ["unit chrony enabled", "unit chrony started"]
-    with pytest.raises(Refused, match="there is no unit chrony on this computer") as caught:
+    with pytest.raises(ModuleError, match="there is no unit chrony on this computer") as caught:
         computer.converge(**told)
     assert "not installed" in caught.value.hint
 
@@ -96,7 +96,7 @@ def test_a_unit_that_is_not_there(computer: Computer) -> None:
 )
 def test_a_unit_that_does_not_run_is_told(computer: Computer, unit: FakeUnit, said: str) -> None:
     computer.units["daemon"] = unit
-    with pytest.raises(Refused, match=said):
+    with pytest.raises(ModuleError, match=said):
         computer.converge(**wishes())
     computer.units["daemon"] = FakeUnit(active="active")  # mended by hand, with a file of whatever time
     assert computer.converge(**wishes()) == ["unit daemon restarted"]

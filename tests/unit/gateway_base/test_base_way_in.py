@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from base_computer import Computer
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 KEYS = f"{pwd.getpwuid(os.geteuid()).pw_dir}/.ssh/authorized_keys"
 FILES = [{"path": "/etc/x", "content": "x"}]
@@ -36,7 +36,7 @@ def test_who_stays_admitted_may_change(computer: Computer, address: str) -> None
 @pytest.mark.parametrize("check", [True, False])
 def test_who_would_be_shut_out_is_refused(computer: Computer, address: str, check: bool) -> None:  # noqa: FBT001
     way_in = {"admit": ["192.0.2.0/28", "203.0.113.0/24"], "hint": "do that"}
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(ModuleError) as caught:
         computer.converge(check=check, files=FILES, way_in=way_in, environment=session(address))
     plain = address.partition("%")[0]
     assert caught.value.message == (
@@ -48,7 +48,7 @@ def test_who_would_be_shut_out_is_refused(computer: Computer, address: str, chec
 
 
 def test_the_port_of_the_session_stays_open(computer: Computer) -> None:
-    with pytest.raises(Refused, match="came in on port 2222, and SSH would be admitted on port 22 only"):
+    with pytest.raises(ModuleError, match="came in on port 2222, and SSH would be admitted on port 22 only"):
         computer.converge(files=FILES, way_in={"port": 22}, environment=session("192.0.2.7", 2222))
 
 
@@ -60,7 +60,7 @@ def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) 
     if text is not None:
         computer.put(KEYS, text)
     me = pwd.getpwuid(os.geteuid()).pw_name
-    with pytest.raises(Refused, match=f"account {me} has no key to log in with") as caught:
+    with pytest.raises(ModuleError, match=f"account {me} has no key to log in with") as caught:
         computer.converge(files=FILES, way_in={"key": True})
     assert f"ssh-copy-id {me}@" in caught.value.hint
     computer.put(KEYS, 'from="192.0.2.0/24" ssh-ed25519 AAAAC3Nz technician\n')
@@ -69,14 +69,14 @@ def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) 
 
 def test_the_key_is_that_of_who_has_logged_in(computer: Computer) -> None:
     computer.put(KEYS, "ssh-ed25519 AAAAC3Nz technician\n")
-    with pytest.raises(Refused, match="account nobody has no key"):
+    with pytest.raises(ModuleError, match="account nobody has no key"):
         computer.converge(files=FILES, way_in={"key": True}, environment={"SUDO_USER": "nobody"})
 
 
 def test_a_session_is_found_where_sudo_has_hidden_it() -> None:
     """As sudo does it: the variable is in the environment of an ancestor only."""
     program = (
-        "from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.way_in import client\n"
+        "from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ssh_access import client\n"
         "print(client({}))"
     )
     done = subprocess.run(

@@ -218,8 +218,8 @@ ELSEWHERE = {
     "atlantis_netcfg/checklist/runner/remote_process.py",
     # Programs that run on a board, in Python's standard library alone; install.py removes its own leftovers.
     "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/plugin_utils/board/install.py",
-    "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/placing.py",
-    "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/network_wish.py",
+    "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/file_transaction.py",
+    "atlantis_netcfg/ansible_collections/atlantis/netcfg/plugins/module_utils/network_desired.py",
 }
 
 

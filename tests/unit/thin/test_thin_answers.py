@@ -39,7 +39,7 @@ def said(stdout: str, stderr: str = "", rc: int = 0, **more: Any) -> dict[str, A
 
 
 @pytest.mark.parametrize(
-    "name", ["configure", "packages", "build", "bundle", "clock", "network", "elsewhere", "connection_test"]
+    "name", ["configure", "packages", "build", "bundle", "clock", "network", "env_conflicts", "connection_test"]
 )
 def test_a_module_is_asked_by_the_very_spec_that_it_asks_by(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module(f"{MODULES}.{name}")
@@ -58,7 +58,7 @@ def test_a_module_is_asked_by_the_very_spec_that_it_asks_by(name: str, monkeypat
 
 
 def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[str]) -> None:
-    module = importlib.import_module(f"{MODULES}.elsewhere")
+    module = importlib.import_module(f"{MODULES}.env_conflicts")
     with patch_module_args({"variables": {}, "why": "because", "_ansible_check_mode": True}), pytest.raises(SystemExit):
         module.main()
     told = json.loads(capsys.readouterr().out)

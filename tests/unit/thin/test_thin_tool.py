@@ -33,8 +33,8 @@ def sent(folder: Path, made: tool.Tool, packed: bytes | None = None) -> subproce
     """What a gateway does with a tool that it did not have, and with a module behind it."""
     packed = made.packed if packed is None else packed
     return subprocess.run(
-        [sys.executable, "-I", tool.INSTALL, folder, made.sha256, str(len(made.packed)), basic.MARK, "elsewhere"],
-        input=packed + asked("elsewhere", ELSEWHERE),
+        [sys.executable, "-I", tool.INSTALL, folder, made.sha256, str(len(made.packed)), basic.MARK, "env_conflicts"],
+        input=packed + asked("env_conflicts", ELSEWHERE),
         capture_output=True,
         check=False,
     )
@@ -130,8 +130,8 @@ def test_a_tool_is_put_in_its_place_runs_and_older_ones_go(tmp_path: Path) -> No
     (left,) = folder.iterdir()
     assert (left.name, left.read_bytes(), left.stat().st_mode & 0o777) == (f"{made.sha256}.pyz", made.content, 0o644)
     again = subprocess.run(
-        [sys.executable, "-I", left, "elsewhere"],
-        input=asked("elsewhere", ELSEWHERE),
+        [sys.executable, "-I", left, "env_conflicts"],
+        input=asked("env_conflicts", ELSEWHERE),
         capture_output=True,
         check=False,
     )
@@ -168,7 +168,10 @@ def test_a_tool_that_is_in_use_stays(tmp_path: Path) -> None:
     sent(tmp_path, made)
     (used,) = tmp_path.iterdir()
     running = subprocess.Popen(
-        [sys.executable, "-I", used, "elsewhere"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-I", used, "env_conflicts"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     try:
         while not any(str(used.stat().st_ino) in line for line in Path("/proc/locks").read_text().splitlines()):
@@ -176,7 +179,7 @@ def test_a_tool_that_is_in_use_stays(tmp_path: Path) -> None:
         install._sweep(str(tmp_path), "newer.pyz")
         assert used.exists()
     finally:
-        out, _ = running.communicate(asked("elsewhere", ELSEWHERE))
+        out, _ = running.communicate(asked("env_conflicts", ELSEWHERE))
     assert basic.MARK in out.decode()
     install._sweep(str(tmp_path), "newer.pyz")
     assert not used.exists()

@@ -15,7 +15,7 @@ from hints_said import advised, said
 from vpn_desk import NOBODY, PASSPHRASE, declared, founded
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.cli import _session, _vpn, main
 from atlantis_netcfg.cli._playbook import Outcome
 from atlantis_netcfg.core.errors import NetcfgError
@@ -147,7 +147,7 @@ def laptop(
 
 def refused(act: Callable[[], object]) -> str:
     """The words of an error that no command of ours lets through: an earlier check of the command has the same."""
-    with pytest.raises((NetcfgError, Refused)) as told:
+    with pytest.raises((NetcfgError, ModuleError)) as told:
         act()
     return str(getattr(told.value, "hint", ""))
 

@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_cut
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_disconnect
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_cut import Ending, Unheard, peer
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_disconnect import (
+    Ending,
+    Unheard,
+    peer,
+)
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Busy, Closed, Down
 
 if TYPE_CHECKING:
@@ -108,7 +112,7 @@ def test_an_address_counts_whatever_its_name() -> None:
 def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
     assert end(OpenVpn([session(7, "iqua-d0")], returns=2)).left == []
     server = OpenVpn([session(7, "iqua-d0")], returns=99)
-    assert [one["cid"] for one in end(server).left] == [7 + vpn_cut._ROUNDS]
+    assert [one["cid"] for one in end(server).left] == [7 + vpn_disconnect._ROUNDS]
 
 
 @pytest.mark.parametrize(
@@ -117,7 +121,7 @@ def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
         (OpenVpn([session(7, "iqua-d0")], chatty=True), []),
         (
             OpenVpn([session(7, "iqua-d0")], nft=1),
-            ["their packets are not kept away: nft: Error: no such thing"] * vpn_cut._ROUNDS,
+            ["their packets are not kept away: nft: Error: no such thing"] * vpn_disconnect._ROUNDS,
         ),
         (OpenVpn([session(7, "iqua-d0", "[2001:db8::7]:40000")]), []),
     ],
@@ -125,7 +129,7 @@ def test_who_comes_back_is_ended_again_and_not_for_ever() -> None:
 )
 def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """OpenVPN would end for everybody."""
-    monkeypatch.setattr(vpn_cut, "_QUIET_S", 0)
+    monkeypatch.setattr(vpn_disconnect, "_QUIET_S", 0)
     ending = end(server)
     assert not [act for act in server.acts if act.startswith("kill")]
     assert "halt 7" in server.acts

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
 from atlantis_netcfg.vpn import pki
 
 if TYPE_CHECKING:
@@ -47,14 +47,14 @@ def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> Non
     found = read(tmp_path, listed(ca=ca))
     assert found is not None
     assert not found.signed
-    with pytest.raises(Refused, match="of another authority"):
+    with pytest.raises(ModuleError, match="of another authority"):
         vpn_server.accept(found, None, NOW.timestamp())
 
 
 @pytest.mark.parametrize("pem", [b"", b"no list\n", listed()[:200]], ids=["empty", "text", "cut"])
 def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
     assert read(tmp_path, pem) is None
-    with pytest.raises(Refused, match="cannot be read"):
+    with pytest.raises(ModuleError, match="cannot be read"):
         vpn_server.accept(None, None, NOW.timestamp())
 
 
@@ -68,7 +68,7 @@ def test_what_is_no_list_is_none(tmp_path: Path, pem: bytes) -> None:
 )
 def test_a_list_that_would_harm_is_refused(tmp_path: Path, number: int, day: int, words: str) -> None:
     old, new = read(tmp_path, listed(7)), read(tmp_path, listed(number))
-    with pytest.raises(Refused, match=words):
+    with pytest.raises(ModuleError, match=words):
         vpn_server.accept(new, old, (NOW + timedelta(days=day)).timestamp())
 
 
@@ -106,7 +106,7 @@ def test_the_serials_are_read(tmp_path: Path) -> None:
 )
 def test_a_list_of_a_restored_authority_is_refused(tmp_path: Path, new: bytes, words: str) -> None:
     old = read(tmp_path, revoking(7, A))
-    with pytest.raises(Refused, match=words) as refused:
+    with pytest.raises(ModuleError, match=words) as refused:
         vpn_server.accept(read(tmp_path, new), old, NOW.timestamp())
     assert "a revoked member would come back" in refused.value.message
 

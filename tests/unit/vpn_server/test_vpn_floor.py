@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.refused import Refused
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.version_floor import Branch, Floor, hold
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.minimum_version import Branch, Floor, hold
 from atlantis_netcfg.vpn.server import FLOOR
 
 DECLARED = Floor(
@@ -64,12 +64,12 @@ def test_what_is_mended_passes(upstream: str, package: str) -> None:
     ],
 )
 def test_what_is_not_is_refused_with_what_to_do(upstream: str, package: str) -> None:
-    with pytest.raises(Refused, match="holes that are known") as refused:
+    with pytest.raises(ModuleError, match="holes that are known") as refused:
         held(upstream, package)
     assert "apt-get install openvpn" in refused.value.hint
 
 
 def test_in_a_plan_what_is_not_there_yet_passes() -> None:
     assert held("", absent_passes=True) == ""
-    with pytest.raises(Refused, match="does not tell its version"):
+    with pytest.raises(ModuleError, match="does not tell its version"):
         held("")

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .apt_messages import of_install, of_update, others
 from .apt_run import fits, half_done, installed, refuse_another_system, wait_for_others
 from .apt_sources import check_key
-from .apt_words import of_install, of_update, others
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Callable, Collection, Mapping, Sequence
@@ -73,7 +73,7 @@ def bytes_of_lists(apt: Apt) -> int | None:
 
 
 def refuse_if_full(apt: Apt, costs: Costs) -> None:
-    """Raise Refused where the disk cannot take it; places of one file system count together."""
+    """Raise ModuleError where the disk cannot take it; places of one file system count together."""
     needed: dict[int, tuple[str, int]] = {}
     for place, size in (("/usr", costs.room + _SPARE_BYTES), (_ARCHIVES, costs.download)):
         real = Path(apt.tree.at(place))
@@ -85,7 +85,7 @@ def refuse_if_full(apt: Apt, costs: Costs) -> None:
         result = os.statvfs(apt.tree.at(place))
         free = result.f_bavail * result.f_frsize
         if free < size:
-            raise Refused(
+            raise ModuleError(
                 f"the disk of the computer is too full: {in_words(size)} are needed at {place}, "
                 f"{in_words(free)} are free",
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; "
@@ -157,7 +157,7 @@ class Converge:
         """What was there when the first change was made."""
 
     def run(self, *, check: bool) -> Outcome:
-        """Look, and unless it is only a check, do what is missing. Raises Refused."""
+        """Look, and unless it is only a check, do what is missing. Raises ModuleError."""
         self._preflight()
         before = installed(self.apt)
         left = half_done(self.apt, before)
@@ -202,7 +202,7 @@ class Converge:
             if is_now is not None and is_now.is_installed and fits(is_now.version, version):
                 continue
             if is_now is not None and is_now.is_installed and is_now.is_held:
-                raise Refused(
+                raise ModuleError(
                     f"somebody holds {name} at {is_now.version}; declared is {version}",
                     f"let it go on the computer: `apt-mark unhold {name}`; or declare the version that it has",
                 )
@@ -250,9 +250,9 @@ class Converge:
             text = "an unknown size, mostly 10 to 40 MB" if size is None else f"up to {in_words(size)}"
             raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
 
-    def _too_dear(self, what: str) -> Refused:
+    def _too_dear(self, what: str) -> ModuleError:
         why = f" ({self.desired.limit_words})" if self.desired.limit_words else ""
-        return Refused(
+        return ModuleError(
             f"{what}; {in_words(self.desired.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
             "type the same with --accept-cost; or bring the packages: `provision bundle site=…`, then `--offline`",
         )
@@ -290,7 +290,7 @@ class Converge:
         if left or self.apt.get("check").code:
             try:
                 self._act([*_INSTALL, "-f", "install"], [])
-            except Refused:
+            except ModuleError:
                 if not left or any(package.name not in missing for package in left):
                     raise
 
@@ -299,13 +299,13 @@ class Converge:
         known = self._known(missing)
         without = [name for name in missing if name not in known]
         if without:
-            raise Refused(
+            raise ModuleError(
                 f"no source of the computer has {', '.join(without)}",
                 "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
             if not any(fits(item, version) for item in known[name]):
-                raise Refused(
+                raise ModuleError(
                     f"{name} {version} is not to be had; there is {', '.join(dict.fromkeys(known[name]))}",
                     "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
                 )
@@ -351,7 +351,7 @@ class Converge:
         if not check:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
             if still:
-                raise Refused(
+                raise ModuleError(
                     f"apt says that all went well, but {', '.join(dict.fromkeys(still))} is not as declared",
                     "`dpkg --audit` and `apt-cache policy` on the computer show what is wrong",
                 )

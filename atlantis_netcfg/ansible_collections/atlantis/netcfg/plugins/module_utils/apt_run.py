@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Callable, Sequence
 
-    from .tree import Tree
+    from .filesystem import FileSystem
 
 __all__ = [
     "Apt",
@@ -60,11 +60,11 @@ class Output:
     output: str
 
 
-def bundle_of(tree: Tree, folder: str) -> str:
-    """The one line of sources that a bundle is: a flat signed repository with its own key. Raises Refused."""
+def bundle_of(tree: FileSystem, folder: str) -> str:
+    """The one line of sources that a bundle is: a flat signed repository with its own key. Raises ModuleError."""
     for name in ("InRelease", _KEY):
         if tree.read(f"{folder}/{name}") is None:
-            raise Refused(
+            raise ModuleError(
                 f"{folder} is no offline bundle, or only half of one: {name} is missing",
                 "copy the bundle to the computer again",
             )
@@ -74,19 +74,19 @@ def bundle_of(tree: Tree, folder: str) -> str:
 def refuse_another_system(
     apt: Apt, distribution: str | None, codename: str | None, architectures: Sequence[str]
 ) -> None:
-    """Raise Refused where the computer runs another system than all this is made for; None: any is good."""
+    """Raise ModuleError where the computer runs another system than all this is made for; None: any is good."""
     text = (apt.tree.read("/etc/os-release") or b"").decode(errors="replace")
     pairs = (line.partition("=") for line in text.splitlines())
     values = {name: value.strip().strip("'\"") for name, _, value in pairs}
     is_now = (values.get("ID", "?"), values.get("VERSION_CODENAME", "?"))
     desired = (distribution or is_now[0], codename or is_now[1])
     if is_now != desired:
-        raise Refused(
+        raise ModuleError(
             f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired)}",
             "make a card with the right system (`provision image --help`), or declare the release that fits this one",
         )
     if architectures and apt.architecture not in architectures:
-        raise Refused(
+        raise ModuleError(
             f"the computer is {apt.architecture}; what is declared exists for {', '.join(architectures)}",
             "declare another release or source",
         )
@@ -98,7 +98,7 @@ class Apt:
     `wait_s`: how long it waits for another apt or dpkg to let go.
     """
 
-    def __init__(self, tree: Tree, bundle: str | None = None, wait_s: int = 300) -> None:
+    def __init__(self, tree: FileSystem, bundle: str | None = None, wait_s: int = 300) -> None:
         self.tree = tree
         self.bundle = bundle
         self.wait_s = wait_s
@@ -150,7 +150,7 @@ class Apt:
             )
             code = done.returncode
         except FileNotFoundError:
-            raise Refused(f"`{argv[0]}` is not on this computer", "it has to be a Debian or an Ubuntu") from None
+            raise ModuleError(f"`{argv[0]}` is not on this computer", "it has to be a Debian or an Ubuntu") from None
         finally:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
@@ -232,7 +232,7 @@ def installed(apt: Apt) -> dict[str, Package]:
     local = apt.architecture
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
     if output.code:
-        raise Refused(
+        raise ModuleError(
             f"dpkg cannot read its database: {output.output.strip()}",
             "`cp /var/lib/dpkg/status-old /var/lib/dpkg/status` brings the state before the last change back",
         )
@@ -261,15 +261,15 @@ def fits(version: str, desired: str | None) -> bool:
     return desired is None or version == desired or (desired.endswith("*") and fnmatchcase(version, desired))
 
 
-def wait_for_others(tree: Tree, wait_s: float, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Wait until no other apt or dpkg is at work. Raises Refused with who it is."""
+def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], None] = time.sleep) -> None:
+    """Wait until no other apt or dpkg is at work. Raises ModuleError with who it is."""
     until = time.monotonic() + wait_s
     while True:
         holder = next((found for found in (_holder(tree, lock) for lock in _LOCKS) if found), None)
         if holder is None:
             return
         if time.monotonic() >= until:
-            raise Refused(
+            raise ModuleError(
                 f"another program is installing packages for more than {wait_s:.0f} s: {holder}",
                 "let it come to its end (`ps -ef | grep -e apt -e dpkg` shows it), and type the same again; on a new "
                 "board it is mostly the system's own first update",
@@ -277,7 +277,7 @@ def wait_for_others(tree: Tree, wait_s: float, sleep: Callable[[float], None] = 
         sleep(_POLL_S)
 
 
-def _holder(tree: Tree, lock: str) -> str | None:
+def _holder(tree: FileSystem, lock: str) -> str | None:
     """Who holds a lock of fcntl(2), if anybody does; such locks end with their process, whatever file is left."""
     try:
         with Path(tree.at(lock)).open("rb+") as file:

@@ -10,15 +10,15 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from .errors import ModuleError
+from .filesystem import Stamps
 from .openpgp import NotAKey, public_keys
-from .refused import Refused
-from .tree import Stamps
 
 if TYPE_CHECKING:
     from typing import Mapping, Sequence
 
+    from .filesystem import FileSystem
     from .openpgp import PublicKey
-    from .tree import Tree
 
 __all__ = ["Key", "Sources", "check_key"]
 
@@ -41,7 +41,7 @@ def key_of(parameter: Mapping[str, str]) -> Key:
     try:
         content = base64.b64decode(parameter["content_base64"], validate=True)
     except binascii.Error:
-        raise Refused(f"the key for {parameter['path']} did not arrive whole", "type the same again") from None
+        raise ModuleError(f"the key for {parameter['path']} did not arrive whole", "type the same again") from None
     return Key(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
 
 
@@ -50,9 +50,11 @@ def check_key(key: Key, now: float) -> str | None:
     try:
         found = public_keys(key.content)
     except NotAKey as why:
-        raise Refused(f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size") from None
+        raise ModuleError(
+            f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size"
+        ) from None
     if [public_key.fingerprint for public_key in found] != [key.fingerprint]:
-        raise Refused(
+        raise ModuleError(
             f"the key for {key.path} is {', '.join(item.fingerprint for item in found)}, declared is {key.fingerprint}",
             "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
         )
@@ -62,14 +64,14 @@ def check_key(key: Key, now: float) -> str | None:
 def _in_time(key: PublicKey, now: float) -> str | None:
     today = _day(now)
     if now < key.renewed:
-        raise Refused(
+        raise ModuleError(
             f"the clock of the computer says {today}; the key {key.fingerprint} was made on {_day(key.renewed)}",
             "set the clock: `date --set '2026-01-31 12:00'` until a time server is reached",
         )
     if key.expires is None or now < key.expires - _WARN_DAYS * _DAY_S:
         return None
     if now >= key.expires:
-        raise Refused(
+        raise ModuleError(
             f"the key {key.fingerprint} expired on {_day(key.expires)}; the computer's clock says {today}",
             "put the renewed key into the declaration (`key_file`); if the clock is wrong, set it",
         )
@@ -83,7 +85,7 @@ def _day(seconds: float) -> str:
 class Sources:
     """The files below /etc/apt and of keys that are ours: `files` maps a path to its content, keys come first."""
 
-    def __init__(self, tree: Tree, files: Mapping[str, bytes], absent: Sequence[str] = ()) -> None:
+    def __init__(self, tree: FileSystem, files: Mapping[str, bytes], absent: Sequence[str] = ()) -> None:
         self.tree = tree
         self.files = dict(files)
         self.absent = tuple(absent)

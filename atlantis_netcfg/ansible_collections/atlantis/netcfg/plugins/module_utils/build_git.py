@@ -24,9 +24,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from .build_messages import Trouble, about_git, last_words, trouble
 from .build_plan import is_commit
-from .build_words import Trouble, about_git, last_words, trouble
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Callable, Iterable
@@ -41,10 +41,12 @@ _USER = "oauth2"
 
 
 def keep(folder: str, name: str, url: str, token: str) -> None:
-    """Keep the token of the repository `name` in `folder`, which is in memory. Raises Refused."""
+    """Keep the token of the repository `name` in `folder`, which is in memory. Raises ModuleError."""
     server = urlsplit(url).netloc
     if not re.fullmatch(r"[A-Za-z0-9.-]+(:[0-9]+)?", server) or not token.isprintable():
-        raise Refused(f"no token can be used for {url}", "its address is like https://gitlab.example.org/group/project")
+        raise ModuleError(
+            f"no token can be used for {url}", "its address is like https://gitlab.example.org/group/project"
+        )
     user, colon, password = token.partition(":")
     if not colon:
         user, password = _USER, token
@@ -137,7 +139,7 @@ class Git:
     sleep: Callable[[float], None] = time.sleep
 
     def fetch(self, seed: str | None) -> str:
-        """Bring the sources to the revision and give its commit; `seed` is a folder to start from. Raises Refused."""
+        """Fetch the sources of the revision, give its commit; `seed` is a folder to start from. Raises ModuleError."""
         try:
             return self._fetch(seed)
         except _Failed as failed:
@@ -203,7 +205,7 @@ class Git:
     def _no_branch(self) -> None:
         revision = self.repository.revision
         if self._online("ls-remote", "--heads", "origin", f"refs/heads/{revision}").strip():
-            raise Refused(
+            raise ModuleError(
                 f"`{revision}` is a branch of {self.repository.url}, which means something else every day",
                 "declare a tag, or the commit: `git ls-remote URL` shows both",
             )
@@ -226,7 +228,7 @@ class Git:
         lines = self._git("submodule", "status", "--recursive").splitlines()
         absent = [line[1:].split()[1] for line in lines if line[0] in "-U"]
         if absent:
-            raise Refused(
+            raise ModuleError(
                 f"the submodule {absent[0]} of {self.repository.url}, revision {self.repository.revision}, is missing",
                 "the partner has to complete .gitmodules in the repository",
             )
@@ -236,7 +238,9 @@ class Git:
         if trouble(failed.output) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
             return failed
         refused = self._refused(failed)
-        return Refused(f"a submodule of {self.repository.url} could not be fetched: {refused.message}", refused.hint)
+        return ModuleError(
+            f"a submodule of {self.repository.url} could not be fetched: {refused.message}", refused.hint
+        )
 
     def _online(self, *words: str) -> str:
         """Run a command that needs the link: while that is broken, again after a pause."""
@@ -282,10 +286,10 @@ class Git:
                 if file.endswith(".lock"):
                     os.unlink(os.path.join(folder, file))
 
-    def _refused(self, failed: _Failed) -> Refused:
+    def _refused(self, failed: _Failed) -> ModuleError:
         repository = self.repository
         if self.offline is not None and trouble(failed.output) in (Trouble.GONE, Trouble.REVISION):
-            return Refused(
+            return ModuleError(
                 f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
                 f"{last_words(failed.output)}",
                 "make the bundle anew where there is internet, after the last change of the declaration",

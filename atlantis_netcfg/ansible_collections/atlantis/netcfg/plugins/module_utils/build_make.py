@@ -26,9 +26,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .build_git import Git, configure
+from .build_messages import CardFull, about_building
 from .build_plan import Plan, Shelf, is_commit
-from .build_words import CardFull, about_building
-from .refused import Refused, in_words
+from .errors import ModuleError, in_words
 
 if TYPE_CHECKING:
     from typing import Callable, Iterator
@@ -64,16 +64,18 @@ class Make:
             shutil.rmtree(os.path.join(self.folder, name), ignore_errors=True)
 
     def library(self) -> None:
-        """`colcon build`, one package after the other; compilers of one package run side by side. Raises Refused."""
+        """`colcon build`, one package after the other; one package compiles in parallel. Raises ModuleError."""
         self._run("the library", "library", "colcon build --executor sequential")
         install = os.path.join(self.folder, "library", "install")
         if not os.path.isfile(os.path.join(install, "setup.sh")) or not any(
             os.path.isdir(os.path.join(install, name)) for name in os.listdir(install)
         ):
-            raise Refused("colcon found no package in the library", "compare its address and revision with the partner")
+            raise ModuleError(
+                "colcon found no package in the library", "compare its address and revision with the partner"
+            )
 
     def examples(self) -> None:
-        """`cmake ..` and `make`, with the library sourced. Raises Refused."""
+        """`cmake ..` and `make`, with the library sourced. Raises ModuleError."""
         os.mkdir(os.path.join(self.folder, "examples", "build"))
         self._run("the examples", "examples/build", "cmake .. && make", sourced=True)
 
@@ -83,7 +85,7 @@ class Make:
             shutil.rmtree(os.path.join(self.folder, name), ignore_errors=True)
 
     def check(self) -> None:
-        """See that everything that was built finds its libraries. Raises Refused."""
+        """See that everything that was built finds its libraries. Raises ModuleError."""
         programs = sorted(self._binaries())
         # ldd ends with 1 for what is linked statically, which lacks nothing.
         text = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, sourced=True)
@@ -92,7 +94,7 @@ class Make:
             if line.endswith(":") and not line.startswith("\t"):
                 program = os.path.relpath(line[:-1], self.folder)
             elif "not found" in line:
-                raise Refused(
+                raise ModuleError(
                     f"what was built does not run: {program} does not find {line.split()[0].rstrip(':')}",
                     "the partner who made it can read this; the build in use stays as it was",
                 )
@@ -176,7 +178,7 @@ def main(job_file: str) -> int:
         notes = work(job, os.path.dirname(job_file))
         outcome = {"run": job["run"], "ok": True, "notes": notes}
         _say(f"complete after {time.monotonic() - began:.0f} s")
-    except Refused as refused:
+    except ModuleError as refused:
         outcome = {"run": job["run"], "ok": False, "message": refused.message, "hint": refused.hint}
         _say(f"failed after {time.monotonic() - began:.0f} s: {refused.message}")
     with open(f"{job['outcome']}.new", "w", encoding="utf-8") as file:
@@ -186,7 +188,7 @@ def main(job_file: str) -> int:
 
 
 def work(job: dict[str, Any], home: str, sleep: Callable[[float], None] = time.sleep) -> list[str]:
-    """Fetch, build, check, complete; gives notes for a person. Raises Refused. Tokens in `home` are gone afterwards."""
+    """Fetch, build, check, complete; gives notes for a person, and removes the tokens in `home`. Raises ModuleError."""
     plan = Plan.of(job["plan"])
     shelf = Shelf(job["prefix"])
     folder = shelf.at(plan.key)
@@ -264,7 +266,7 @@ def _say(line: str) -> None:
 
 
 def _stop(*_: object) -> None:
-    raise Refused("the build was stopped before it was complete", "type the same again: what was fetched is kept")
+    raise ModuleError("the build was stopped before it was complete", "type the same again: what was fetched is kept")
 
 
 if __name__ == "__main__":

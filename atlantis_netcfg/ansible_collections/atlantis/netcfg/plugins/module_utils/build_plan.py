@@ -23,8 +23,8 @@ import shutil
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from .refused import Refused, in_words
-from .tree import Tree
+from .errors import ModuleError, in_words
+from .filesystem import FileSystem
 
 if TYPE_CHECKING:
     from typing import Collection, Mapping
@@ -33,7 +33,7 @@ __all__ = ["MARKER", "Plan", "Repository", "Shelf", "is_commit"]
 
 MARKER = "build.json"
 _KEY_DIGITS = 12
-_TREE = Tree()
+_TREE = FileSystem()
 
 
 def is_commit(revision: str) -> bool:
@@ -194,7 +194,9 @@ class Shelf:
     def _link(self, name: str, key: str) -> None:
         path = os.path.join(self.prefix, name)
         if os.path.isdir(path) and not os.path.islink(path):
-            raise Refused(f"{path} is a folder, and has to be a link to a build", f"move it away: mv {path} {path}.old")
+            raise ModuleError(
+                f"{path} is a folder, and has to be a link to a build", f"move it away: mv {path} {path}.old"
+            )
         _TREE.link(path, os.path.join("builds", key))
         _TREE.sync(path)
 

@@ -19,11 +19,11 @@ import zipfile
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from . import build_git, build_make, build_plan, build_words, refused, tree
+from . import build_git, build_make, build_messages, build_plan, errors, filesystem
 from .build_git import keep
 from .build_plan import Plan, Repository, Shelf
+from .errors import ModuleError, in_words
 from .programs import is_there, run, succeed
-from .refused import Refused, in_words
 
 if TYPE_CHECKING:
     from typing import Callable, Mapping
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Build", "Places", "compiler", "pack"]
 
-_MODULES = (build_git, build_make, build_plan, build_words, refused, tree)
+_MODULES = (build_git, build_make, build_plan, build_messages, errors, filesystem)
 """What the program of the build consists of; that they are imported here brings them to the gateway."""
 _RUNNING = ("active", "activating", "deactivating", "reloading")
 _FENCE = (
@@ -103,7 +103,7 @@ class Build:
     notes: list[str] = field(default_factory=list)
 
     def visit(self, started: str | None) -> dict[str, Any]:
-        """Bring the build forward; `started` is the run whose end is to be told. Raises Refused."""
+        """Bring the build forward; `started` is the run whose end is to be told. Raises ModuleError."""
         try:
             return self._visit(started)
         except OSError as error:
@@ -123,7 +123,7 @@ class Build:
             return {**values, "state": "ready", "commits": marker["commits"]}
         if self._runs(plan.key):
             if started is not None:
-                raise Refused(
+                raise ModuleError(
                     f"the build of {plan.words} is still at work on the gateway",
                     f"type the same again later: it goes on by itself; {values['log']} shows how far it is",
                 )
@@ -203,7 +203,7 @@ class Build:
         command += [f"--property={item}" for item in properties]
         return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
 
-    def _ended(self, plan: Plan, started: str) -> Refused:
+    def _ended(self, plan: Plan, started: str) -> ModuleError:
         """Why there is no build although it has been started."""
         try:
             with open(self.places.outcome(plan.key), encoding="utf-8") as file:
@@ -213,22 +213,24 @@ class Build:
         log = self.places.log(plan.key)
         if outcome.get("run") == started and not outcome.get("ok"):
             hint = outcome["hint"]
-            return Refused(outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway")
-        return Refused(
+            return ModuleError(
+                outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway"
+            )
+        return ModuleError(
             f"the build of {plan.words} was cut off: the gateway lost its power, or the build was ended there",
             f"type the same again: it goes on with what it has fetched; all that was said: {log} on the gateway",
         )
 
     def _prerequisites(self, found: str | None) -> None:
         if not os.path.isfile(self.ros_setup):
-            raise Refused(
+            raise ModuleError(
                 f"ROS 2 is not installed on the gateway: there is no {self.ros_setup}",
                 "declare `ros2:` beside `interop:`, with the release that is meant",
             )
         desired = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
         missing = [name for name in desired if not is_there(name)] + ([] if found else ["c++"])
         if missing:
-            raise Refused(
+            raise ModuleError(
                 f"the gateway lacks {', '.join(missing)} to build with",
                 "the packages of `interop.packages` bring them: build-essential, cmake, git; colcon comes with ROS 2",
             )

@@ -13,19 +13,19 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from . import way_in
-from .placing import Placing, clear, strays
+from . import ssh_access
+from .errors import ModuleError
+from .file_transaction import FileTransaction, clear, strays
+from .filesystem import ABSENT, Stamps
 from .programs import last_lines, run, succeed
-from .refused import Refused
-from .tree import ABSENT, Stamps
-from .way_in import alone
+from .ssh_access import alone
 
 if TYPE_CHECKING:
     from typing import Callable, Iterable, Mapping
 
+    from .desired_state import DesiredState, Step, Unit
+    from .filesystem import FileSystem
     from .programs import Done
-    from .tree import Tree
-    from .wishes import Step, Unit, Wishes
 
 __all__ = ["Configure"]
 
@@ -72,7 +72,7 @@ class Systemd:
         desired = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
         done = self.run(["systemctl", "show", "--property", desired, "--", name])
         if done.code != 0:
-            raise Refused(
+            raise ModuleError(
                 f"systemd does not answer:\n{last_lines(done.output)}",
                 "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
             )
@@ -113,7 +113,7 @@ class Systemd:
         if state.active in ("active", "reloading") or (not waited and state.active == "activating"):
             return
         if state.active == "inactive" and not state.condition:
-            raise Refused(
+            raise ModuleError(
                 f"unit {name} did not start: a condition of its unit file does not hold on this computer",
                 f"`systemctl status {name}` names the condition",
             )
@@ -121,9 +121,9 @@ class Systemd:
             return
         raise self._failure(f"unit {name} does not stay up: it is {state.active} ({state.sub})", name)
 
-    def _failure(self, what: str, name: str) -> Refused:
+    def _failure(self, what: str, name: str) -> ModuleError:
         text = last_lines(self.run(["journalctl", "--unit", name, "--lines", "8", "--output", "cat", "--quiet"]).output)
-        return Refused(
+        return ModuleError(
             what + (f":\n{text}" if text else ""),
             f"on the computer: `systemctl status {name}`, `journalctl -eu {name}`",
         )
@@ -139,8 +139,8 @@ class Configure:
 
     def __init__(
         self,
-        tree: Tree,
-        wishes: Wishes,
+        tree: FileSystem,
+        wishes: DesiredState,
         *,
         check: bool = False,
         run: Callable[[list[str]], Done] = run,
@@ -164,8 +164,8 @@ class Configure:
         """What the paths of this call will hold, where they are not written yet."""
 
     def converge(self, environment: Mapping[str, str]) -> None:
-        """Do it. Raises `Refused`; `changes` then tells what was done before."""
-        way_in.hold(self.wishes.way_in, self.tree, environment)
+        """Do it. Raises `ModuleError`; `changes` then tells what was done before."""
+        ssh_access.hold(self.wishes.way_in, self.tree, environment)
         if self.check:
             self._all()
         else:
@@ -187,7 +187,7 @@ class Configure:
     def _place(self) -> None:
         left = strays(self.tree, self.wishes)
         self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *left))
-        placing = Placing(self.tree, self.wishes, self.run)
+        placing = FileTransaction(self.tree, self.wishes, self.run)
         if self.check:
             placing.validate_aside()
             self._to_come = {
@@ -263,13 +263,15 @@ class Configure:
         if not unit.enabled and not unit.active:
             return None
         if state.load == "masked":
-            raise Refused(
+            raise ModuleError(
                 f"unit {unit.name} is masked: somebody has forbidden that it starts",
                 f"if it shall start: `systemctl unmask {unit.name}`",
             )
         if self.check:
             return state
-        raise Refused(f"there is no unit {unit.name} on this computer", "the package that brings it is not installed")
+        raise ModuleError(
+            f"there is no unit {unit.name} on this computer", "the package that brings it is not installed"
+        )
 
     def _order(self, unit: Unit, state: State, desired: dict[str, str]) -> bool:
         """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""

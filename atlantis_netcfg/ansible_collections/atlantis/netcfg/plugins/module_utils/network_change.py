@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from . import network_files, network_guard
+from .errors import ModuleError, in_words
+from .network_desired import OURS, DesiredNetwork, same
 from .network_files import state_of
 from .network_guard import (
     APPLIED,
@@ -28,8 +30,6 @@ from .network_guard import (
     addresses,
     running,
 )
-from .network_wish import OURS, DesiredNetwork, same
-from .refused import Refused, in_words
 
 if TYPE_CHECKING:
     from typing import Any
@@ -216,7 +216,7 @@ class Change:
         interfaces = self._interfaces()
         with computer.alone():
             if computer.load(PENDING) is not None:
-                raise Refused("another run is changing the network of this computer", "let it come to its end")
+                raise ModuleError("another run is changing the network of this computer", "let it come to its end")
             active = self._networkd("is-active", "active")
             previous = {
                 "files": [state_of(computer, entry["path"]) for entry in desired],
@@ -239,7 +239,7 @@ class Change:
             computer.write(PENDING, json.dumps({"id": name, "unconfirmed": silent}))
             try:
                 self._arm()
-            except Refused:
+            except ModuleError:
                 computer.remove(PENDING)
                 raise
         return name
@@ -250,19 +250,19 @@ class Change:
         window_s = APPLY_AFTER_S + self.desired.rollback_s
         self._systemd_run((f"--unit={BACK}", f"--on-active={window_s:.0f}s", "--timer-property=AccuracySec=100ms"))
         if self.computer.run(("systemctl", "is-active", BACK_TIMER)).output != "active":
-            raise Refused("the timer that would take the change back does not run; nothing was changed")
+            raise ModuleError("the timer that would take the change back does not run; nothing was changed")
         self.computer.run(("systemctl", "reset-failed", APPLY_UNIT))
         try:
             here = (f"--unit={APPLY_UNIT}", f"--working-directory={FOLDER}")
             self._systemd_run(("--no-block", "--collect", *here, *program("apply")))
-        except Refused:
+        except ModuleError:
             self.computer.run(("systemctl", "stop", BACK_TIMER))
             raise
 
     def _systemd_run(self, words: tuple[str, ...]) -> None:
         done = self.computer.run(("systemd-run", *words))
         if done.code:
-            raise Refused(
+            raise ModuleError(
                 f"systemd does not start what would guard the change; nothing was changed: {done.output}",
                 "`systemctl status` there tells how it is",
             )
@@ -294,7 +294,7 @@ class Change:
         if not armed:
             self._take_back_now()
         if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
-            raise Refused(
+            raise ModuleError(
                 "an earlier change of the network still waits for its confirmation",
                 f"`systemctl status {BACK}` there tells why it was not taken back",
             )

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 from dataclasses import dataclass
 
-from .refused import Refused
+from .errors import ModuleError
 
 __all__ = ["Done", "is_there", "last_lines", "run", "succeed"]
 
@@ -61,4 +61,4 @@ def succeed(done: Done, what: str, hint: str = "") -> None:
     """Raise with the last lines unless the program succeeded."""
     if done.code != 0:
         text = last_lines(done.output)
-        raise Refused(f"{what} (exit {done.code})" + (f":\n{text}" if text else " without a word"), hint)
+        raise ModuleError(f"{what} (exit {done.code})" + (f":\n{text}" if text else " without a word"), hint)

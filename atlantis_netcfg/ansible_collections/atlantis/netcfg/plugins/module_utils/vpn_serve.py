@@ -25,12 +25,12 @@ import sys
 import zlib
 from typing import TYPE_CHECKING, Any
 
-from .placing import Placing, clear, strays
-from .refused import Refused, in_words
-from .vpn_cut import Ending, Unheard, revoke, verify
+from .desired_state import DesiredState
+from .errors import ModuleError, in_words
+from .file_transaction import FileTransaction, clear, strays
+from .ssh_access import alone
+from .vpn_disconnect import Ending, Unheard, revoke, verify
 from .vpn_server import ANSWERS, DOWN, Place, Server
-from .way_in import alone
-from .wishes import Wishes
 
 if TYPE_CHECKING:
     from typing import Callable, Mapping, Sequence
@@ -107,7 +107,7 @@ def _firewall(server: Server) -> dict[str, Any]:
     try:
         members = server.firewall.members()
         as_file = server.firewall.is_as(server.tree.at(server.place.firewall)) if members is not None else False
-    except Refused as refused:
+    except ModuleError as refused:
         return {"members": None, "as_file": None, "firewall_why": refused.message}
     return {"members": members, "as_file": as_file, "firewall_why": ""}
 
@@ -135,13 +135,13 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
         if lacks:
             return {"lacks": lacks, "changes": [], "ended": [], "told": []}
         values = {"files": whole, "only": list(only)}
-        wishes = Wishes.of(values)
+        wishes = DesiredState.of(values)
         left = strays(server.tree, wishes)
-        wishes = Wishes.of({**values, "absent": left})
+        wishes = DesiredState.of({**values, "absent": left})
         contents = {file.path: file.content for file in wishes.files}
         _hold_list(server, contents.get(server.place.crl))
         before = set(server.admitted())
-        placing = Placing(server.tree, wishes, server.run)
+        placing = FileTransaction(server.tree, wishes, server.run)
         placing.place()
         clear(server.tree, wishes, left)
         changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall)), *_redirects(server)]
@@ -234,7 +234,7 @@ def _answer(line: bytes) -> dict[str, Any]:
         number = requested.pop("id")
         server = Server(Place(**requested.pop("place")))
         return {"id": number, "done": _DOES[requested.pop("do")](server, **requested)}
-    except Refused as refused:
+    except ModuleError as refused:
         return {"id": number, "refused": refused.message, "hint": refused.hint}
     except OSError as error:
         reply = in_words(error, str(error.filename or "a file"))

@@ -20,9 +20,9 @@ from dataclasses import dataclass, field
 from ipaddress import ip_address, ip_network, summarize_address_range
 from typing import TYPE_CHECKING, Any
 
+from .errors import ModuleError
+from .filesystem import FileSystem, Stamps
 from .programs import last_lines, run
-from .refused import Refused
-from .tree import Stamps, Tree
 from .vpn_management import Busy, Closed, Down, Torn, opened, sessions, written
 
 if TYPE_CHECKING:
@@ -72,9 +72,9 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
     A restored older copy of the authority gives out the numbers of the lists that it does not know a second time.
     """
     if new is None:
-        raise Refused("the new list of revoked certificates cannot be read", _HINT)
+        raise ModuleError("the new list of revoked certificates cannot be read", _HINT)
     if not new.signed:
-        raise Refused(
+        raise ModuleError(
             "the new list of revoked certificates is of another authority than this server: OpenVPN would let every "
             "revoked member in",
             "the server was set up by another authority: `provision site=…` brings this one's",
@@ -82,13 +82,13 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
     if old is not None and old.signed and new != old:
         _follow(new, old)
     if new.begins > now:
-        raise Refused(
+        raise ModuleError(
             f"by the server's clock ({_words(now)}) the new list of revoked certificates is not valid yet: nobody "
             "could connect any more",
             "set the clocks right: `date` on both computers, `timedatectl` on the server",
         )
     if new.ends <= now:
-        raise Refused(
+        raise ModuleError(
             f"by the server's clock ({_words(now)}) the new list of revoked certificates has expired: nobody could "
             "connect any more",
             "`date` on the server; if it is right, `provision vpn sync --sign` signs a new list",
@@ -105,7 +105,7 @@ def _follow(new: Crl, old: Crl) -> None:
         why = f"has number {new.number}, as the server's, and is another one"
     elif new.number > old.number:
         why = f"lacks {lost} of the certificates that are revoked on the server"
-    raise Refused(
+    raise ModuleError(
         f"the new list of revoked certificates {why}: with it a revoked member would come back",
         f"this is not the newest copy of the authority: find the one with which list {old.number} was made; "
         "`provision vpn status` tells what the server knows beyond this one, and what to do if that copy is lost",
@@ -129,12 +129,12 @@ class Firewall:
     """The table of this computer."""
 
     place: Place
-    tree: Tree
+    tree: FileSystem
     stamps: Stamps
     run: Callable[[list[str]], Done]
 
     def load(self, content: bytes, source: str) -> None:
-        """Load `source`, a file with that content, and note it where the role's unit would. Raises `Refused`."""
+        """Load `source`, a file with that content, and note it where the role's unit would. Raises `ModuleError`."""
         name, desired = self._stamp(content)
         self.stamps.begin(name, desired)
         self.load_only(source)
@@ -144,7 +144,7 @@ class Firewall:
         """Load a file, and in the same act other words of nft, without a note."""
         done = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
         if done.code != 0:
-            raise Refused(
+            raise ModuleError(
                 f"the firewall of the VPN could not be loaded, and is what it was (exit {done.code}):\n"
                 f"{last_lines(done.output)}",
                 "on the server: `nft -c -f` and the file's name tells more",
@@ -164,7 +164,7 @@ class Firewall:
             self.run(["nft", "delete", "element", *self.place.table.split(), self.place.members, f"{{ {address} }}"])
 
     def loaded(self) -> list[dict[str, Any]] | None:
-        """The table as the kernel has it; None: it has none. Raises `Refused` where nft does not answer."""
+        """The table as the kernel has it; None: it has none. Raises `ModuleError` where nft does not answer."""
         done = self.run(["nft", "-j", "-s", "list", "table", *self.place.table.split()])
         return _objects(done)
 
@@ -195,11 +195,11 @@ def _objects(done: Done) -> list[dict[str, Any]] | None:
     if done.code != 0:
         if "No such file or directory" in done.output:
             return None
-        raise Refused(f"nft does not answer (exit {done.code}):\n{last_lines(done.output)}", "install nftables")
+        raise ModuleError(f"nft does not answer (exit {done.code}):\n{last_lines(done.output)}", "install nftables")
     try:
         return list(json.loads(done.output)["nftables"])
     except (ValueError, KeyError, TypeError) as error:
-        raise Refused(f"nft answers what is no JSON: {last_lines(done.output)}", "") from error
+        raise ModuleError(f"nft answers what is no JSON: {last_lines(done.output)}", "") from error
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:
@@ -238,7 +238,7 @@ class Server:
     """The files, the firewall and the conversation of one server. `run` and `now` are given by tests."""
 
     place: Place
-    tree: Tree = field(default_factory=Tree)
+    tree: FileSystem = field(default_factory=FileSystem)
     run: Callable[[list[str]], Done] = run
     now: Callable[[], float] = time.time
 
@@ -255,7 +255,7 @@ class Server:
     def must_be(self) -> None:
         """Refuse a computer on which the server was never set up."""
         if self.tree.read(self.place.ca) is None:
-            raise Refused(
+            raise ModuleError(
                 "no server of the VPN was ever set up on this computer",
                 "`provision site=…` does that; then type the same again",
             )
@@ -271,7 +271,7 @@ class Server:
         return read(path or self.tree.at(self.place.crl), self.tree.at(self.place.ca), self.run)
 
     def hold(self, beside: str) -> None:
-        """Refuse a list that must not take the place of the one that is there. Raises `Refused`."""
+        """Refuse a list that must not take the place of the one that is there. Raises `ModuleError`."""
         there = self.tree.read(self.place.crl) is not None
         accept(self.crl(beside), self.crl() if there else None, self.now())
 

@@ -100,7 +100,7 @@ from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.build_plan import Repository
 from ..module_utils.build_start import Build, Places
-from ..module_utils.refused import Refused
+from ..module_utils.errors import ModuleError
 
 _TEXT = {"type": "str", "required": True}
 _REPOSITORY = {"url": _TEXT, "revision": _TEXT, "token": {"type": "str", "no_log": True}}
@@ -133,7 +133,7 @@ def main() -> None:
     )
     try:
         result = build.visit(data["started"])
-    except Refused as refused:
+    except ModuleError as refused:
         values = {"changed": bool(build.changes), "changes": build.changes, "notes": build.notes}
         module.fail_json(msg=refused.message, hint=refused.hint, **values)
     module.exit_json(changed=bool(build.changes), changes=build.changes, notes=build.notes, **result)

@@ -1,4 +1,4 @@
-"""Module `atlantis.netcfg.bundle`: the gateway's end of carrying a bundle; `atlantis.netcfg.carry` calls it.
+"""Module `atlantis.netcfg.bundle`: the gateway's end of carrying a bundle; `atlantis.netcfg.bundle_copy` calls it.
 
 Below `/var/lib/atlantis/bundle`:
 
@@ -61,7 +61,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.refused import Refused, in_words
+from ..module_utils.errors import ModuleError, in_words
 
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
@@ -111,7 +111,7 @@ class Store:
         return os.path.join(self._incoming, f"{name}.tar")
 
     def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> Settled:
-        """Take in what has arrived, and put the bundle together once nothing is missing. Raises Refused.
+        """Take in what has arrived, and put the bundle together once nothing is missing. Raises ModuleError.
 
         `files` None: those that were told when the bundle was put together. `check`: change nothing.
         """
@@ -199,7 +199,7 @@ class Store:
             place = os.path.dirname(place)
         needed, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
         if missing and free < needed:
-            raise Refused(
+            raise ModuleError(
                 f"the bundle needs {needed / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
             )
@@ -283,7 +283,7 @@ def main() -> None:
     store = Store(FOLDER, int(owner) if owner.isdigit() else None)
     try:
         settled = store.settle(name, files, check=module.check_mode)
-    except Refused as why:
+    except ModuleError as why:
         module.fail_json(msg=why.message, hint=why.hint, changes=[])
         return
     module.exit_json(

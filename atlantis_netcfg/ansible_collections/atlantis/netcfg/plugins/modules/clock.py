@@ -44,8 +44,8 @@ from typing import TYPE_CHECKING
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils.errors import ModuleError
 from ..module_utils.programs import is_there, run
-from ..module_utils.refused import Refused
 
 if TYPE_CHECKING:
     from typing import Callable
@@ -78,9 +78,9 @@ class Clock:
         self.notes: list[str] = []
 
     def converge(self, now: float, tolerance_s: float = TOLERANCE_S) -> None:
-        """Set the clock to `now`, in seconds since 1970, unless it is near, or follows a better one. Raises Refused."""
+        """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
-            raise Refused(
+            raise ModuleError(
                 f"your own computer says that it is {_in_words(now)}, so that no other clock can be set by it",
                 "set the clock of your own computer, and type the same again",
             )
@@ -99,7 +99,7 @@ class Clock:
         try:
             self.write(now)
         except OSError as error:
-            raise Refused(
+            raise ModuleError(
                 f"the clock of this computer is {off}, and may not be set here: {error.strerror}. "
                 "Keys and certificates do not hold with such a clock",
                 "a container has the clock of its computer: set it there, or give the container CAP_SYS_TIME",
@@ -132,7 +132,7 @@ def main() -> None:
     clock = Clock(check=module.check_mode)
     try:
         clock.converge(module.params["now"], module.params["tolerance_s"])
-    except Refused as refused:
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint, changes=[])
     module.exit_json(changed=bool(clock.changes), changes=clock.changes, notes=clock.notes)
 

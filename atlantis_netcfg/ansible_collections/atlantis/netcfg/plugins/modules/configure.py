@@ -168,9 +168,9 @@ from typing import Any
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.configure import Configure
-from ..module_utils.refused import Refused
-from ..module_utils.tree import Tree
-from ..module_utils.wishes import Wishes
+from ..module_utils.desired_state import DesiredState
+from ..module_utils.errors import ModuleError
+from ..module_utils.filesystem import FileSystem
 
 
 def _strings() -> dict[str, Any]:
@@ -239,10 +239,10 @@ def main() -> None:
     module = Module(ARGUMENTS, supports_check_mode=True)
     done: list[str] = []
     try:
-        configure = Configure(Tree(), Wishes.of(module.params), check=module.check_mode)
+        configure = Configure(FileSystem(), DesiredState.of(module.params), check=module.check_mode)
         done = configure.changes
         configure.converge(os.environ)
-    except Refused as refused:
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint, changes=done, changed=bool(done))
     module.exit_json(
         changed=bool(done),

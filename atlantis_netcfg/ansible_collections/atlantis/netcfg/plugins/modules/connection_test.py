@@ -65,10 +65,10 @@ from typing import TYPE_CHECKING, Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.build_words import last_words
+from ..module_utils.build_messages import last_words
+from ..module_utils.errors import ModuleError
+from ..module_utils.filesystem import FileSystem, Stamps
 from ..module_utils.programs import run
-from ..module_utils.refused import Refused
-from ..module_utils.tree import Stamps, Tree
 
 if TYPE_CHECKING:
     from typing import Callable
@@ -105,8 +105,8 @@ class SmokeTest:
     """The VPN's: without an address on it nothing can be connected."""
     seconds: int
 
-    def judge(self, tree: Tree, *, check: bool, run: Callable[[list[str]], Done] = run) -> Verdict:
-        """INCONCLUSIVE, or SKIP with its reason. Raises Refused where the program fails."""
+    def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], Done] = run) -> Verdict:
+        """INCONCLUSIVE, or SKIP with its reason. Raises ModuleError where the program fails."""
         name = os.path.basename(self.program)
         stamps, desired = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, desired):
@@ -121,10 +121,10 @@ class SmokeTest:
             return Verdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
-                raise Refused(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
+                raise ModuleError(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
         done = run(self._command(tree))
         if done.code not in (0, _STILL_RUNS):
-            raise Refused(
+            raise ModuleError(
                 f"FAIL: {name} ended with {done.code} after its start:\n{last_words(done.output)}",
                 "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
                 " read its words",
@@ -134,14 +134,14 @@ class SmokeTest:
         seen = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
         return Verdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
 
-    def _command(self, tree: Tree) -> list[str]:
+    def _command(self, tree: FileSystem) -> list[str]:
         command = ["systemd-run", "--quiet", "--collect", "--wait", "--pipe", f"--uid={self.user}"]
         if tree.find(self.environment) is not None:
             command += [f"--property=EnvironmentFile={self.environment}"]
         words = [self.sourced, os.path.dirname(self.program), str(self.seconds), self.program, self.config]
         return [*command, "/bin/sh", "-c", _COMMAND, "sh", *words]
 
-    def _digests(self, tree: Tree) -> dict[str, str]:
+    def _digests(self, tree: FileSystem) -> dict[str, str]:
         paths = (self.program, self.config, self.environment, self.built)
         return {path: hashlib.sha256(tree.read(path) or b"").hexdigest() for path in paths}
 
@@ -155,8 +155,8 @@ def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     try:
-        result = SmokeTest(**module.params).judge(Tree(), check=module.check_mode)
-    except Refused as refused:
+        result = SmokeTest(**module.params).judge(FileSystem(), check=module.check_mode)
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     notes = [result.words] if result.worth else []
     module.exit_json(changed=False, changes=[], verdict=result.verdict, msg=result.words, notes=notes)

@@ -83,10 +83,10 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils.errors import ModuleError
 from ..module_utils.network_change import BACK, Change
+from ..module_utils.network_desired import DesiredNetwork
 from ..module_utils.network_files import Computer
-from ..module_utils.network_wish import DesiredNetwork
-from ..module_utils.refused import Refused
 
 _TEXT = {"type": "str", "required": True}
 ARGUMENTS = {
@@ -141,7 +141,7 @@ def main() -> None:
     module = AnsibleModule(ARGUMENTS, **RULES, supports_check_mode=True)
     try:
         result = _result(module.params, check=module.check_mode)
-    except Refused as refused:
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     if "msg" in result:
         module.fail_json(**result)

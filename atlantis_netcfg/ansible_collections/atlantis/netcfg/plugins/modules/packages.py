@@ -108,8 +108,8 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils.apt_converge import Converge, DesiredPackages
 from ..module_utils.apt_run import Apt
 from ..module_utils.apt_sources import Sources, key_of
-from ..module_utils.refused import Refused
-from ..module_utils.tree import Tree
+from ..module_utils.errors import ModuleError
+from ..module_utils.filesystem import FileSystem
 
 _FILE = {"path": {"type": "str", "required": True}, "content": {"type": "str", "required": True}}
 ARGUMENTS: dict[str, Any] = {
@@ -155,7 +155,7 @@ def main() -> None:
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
     requested = module.params
     expected = requested["expected"] or {}
-    tree = Tree()
+    tree = FileSystem()
     converge = None
     try:
         keys = [key_of(key) for key in requested["keys"]]
@@ -173,7 +173,7 @@ def main() -> None:
         diffs = {path: sources.before_and_after(path) for path in [*sources.changed, *sources.in_the_way]}
         converge = Converge(Apt(tree, requested["offline"], requested["wait_s"]), sources, desired)
         outcome = converge.run(check=module.check_mode)
-    except Refused as why:
+    except ModuleError as why:
         done = converge.done() if converge is not None else []
         module.fail_json(msg=why.message, hint=why.hint, changes=done, changed=bool(done))
         return

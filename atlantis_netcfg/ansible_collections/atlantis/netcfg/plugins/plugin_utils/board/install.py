@@ -21,7 +21,7 @@ import tempfile
 import zipfile
 from typing import Any
 
-WORDS = "atlantis/module_utils/refused.py"
+WORDS = "atlantis/module_utils/errors.py"
 """In the tool: what an error of the operating system means for a person."""
 
 
@@ -38,7 +38,7 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     try:
         _place(folder, name, tool)
     except OSError as error:
-        words: dict[str, Any] = {"__name__": "refused"}
+        words: dict[str, Any] = {"__name__": "errors"}
         exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
         refused = words["in_words"](error, folder)
         _fail(mark, refused.message, refused.hint)

@@ -10,23 +10,23 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .errors import ModuleError
 from .programs import is_there, last_lines
-from .refused import Refused
 
 if TYPE_CHECKING:
     from typing import Callable, Iterator
 
+    from .desired_state import DesiredState, File, Owned
+    from .filesystem import FileSystem, Found
     from .programs import Done
-    from .tree import Found, Tree
-    from .wishes import File, Owned, Wishes
 
-__all__ = ["Placing", "clear", "strays"]
+__all__ = ["FileTransaction", "clear", "strays"]
 
 
-class Placing:
+class FileTransaction:
     """The first half of a call. It is made by reading, and refuses what cannot be replaced; `place` writes."""
 
-    def __init__(self, tree: Tree, wishes: Wishes, run: Callable[[list[str]], Done]) -> None:
+    def __init__(self, tree: FileSystem, wishes: DesiredState, run: Callable[[list[str]], Done]) -> None:
         self.tree = tree
         self.wishes = wishes
         self.run = run
@@ -153,7 +153,7 @@ class Placing:
             self.tree.remove_directory(directory)
 
     def _ask(self, file: File, beside: str) -> None:
-        """Raise `Refused` where a file is not accepted, or leave it out."""
+        """Raise `ModuleError` where a file is not accepted, or leave it out."""
         program, end = file.validate[0], "which stays as it was" if file.finding else "so that nothing was changed"
         if not is_there(program):
             why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
@@ -166,7 +166,7 @@ class Placing:
 
     def _leave(self, file: File, why: str, hint: str) -> None:
         if not file.finding:
-            raise Refused(why, hint)
+            raise ModuleError(why, hint)
         self.left[file.path] = (f"{file.finding}: {why}", hint)
         self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
@@ -175,9 +175,11 @@ class Placing:
         if found is None or found.kind in kinds:
             return found
         if "directory" in kinds and found.kind == "link" and Path(self.tree.at(path)).is_dir():
-            raise Refused(f"{path} is a link to a directory, and has to be one itself", f"look at it: `ls -l {path}`")
+            raise ModuleError(
+                f"{path} is a link to a directory, and has to be one itself", f"look at it: `ls -l {path}`"
+            )
         what = {"directory": "a directory", "file": "a file", "link": "a link"}.get(found.kind, "a device or a socket")
-        raise Refused(
+        raise ModuleError(
             f"{path} is {what}, and has to be {_as(kinds)}. Nothing was changed",
             f"look at it, and move it away: `ls -ld {path}`",
         )
@@ -214,14 +216,14 @@ def _difference(path: str, before: str, after: str) -> dict[str, str]:
     return {"before_header": path, "after_header": path, "before": before, "after": after}
 
 
-def strays(tree: Tree, wishes: Wishes) -> tuple[str, ...]:
+def strays(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
     """Files and links, at any depth, below the folders `only`; a link to a directory is not followed."""
     kinds = (wishes.directories, wishes.files, wishes.links)
     declared = {item.path for kind in kinds for item in kind} | {*wishes.absent}
     return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared)
 
 
-def clear(tree: Tree, wishes: Wishes, removed: tuple[str, ...]) -> None:
+def clear(tree: FileSystem, wishes: DesiredState, removed: tuple[str, ...]) -> None:
     """Remove the directories that have become empty, up to the folders `only`, which stay."""
     for folder in map(Path, wishes.only):
         below = {above for path in removed for above in Path(path).parents if folder in above.parents}
@@ -229,7 +231,7 @@ def clear(tree: Tree, wishes: Wishes, removed: tuple[str, ...]) -> None:
             tree.remove_directory(str(empty))
 
 
-def _below(tree: Tree, folder: str) -> Iterator[str]:
+def _below(tree: FileSystem, folder: str) -> Iterator[str]:
     root = Path(tree.root)
     for at, directories, files in os.walk(tree.at(folder)):
         links = [name for name in directories if Path(at, name).is_symlink()]

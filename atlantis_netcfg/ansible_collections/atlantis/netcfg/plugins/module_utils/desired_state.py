@@ -6,12 +6,12 @@ import posixpath
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Iterable, Mapping
 
-__all__ = ["Brought", "Check", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn", "Wishes"]
+__all__ = ["Brought", "Check", "DesiredState", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn"]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class WayIn:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class DesiredState:
     """All that one call brings about."""
 
     directories: tuple[Directory, ...] = ()
@@ -119,7 +119,7 @@ class Wishes:
     way_in: WayIn = field(default_factory=WayIn)
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Wishes:
+    def of(cls, values: Mapping[str, Any]) -> DesiredState:
         """Read the parameters of the module."""
         wishes = cls(
             directories=tuple(
@@ -150,14 +150,14 @@ def _file(row: Mapping[str, Any]) -> File:
     secret = row.get("secret_content")
     content = secret if secret is not None else row.get("content")
     if content is None:
-        raise Refused(
+        raise ModuleError(
             f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"
         )
     validate = tuple(row.get("validate") or ())
     if row.get("finding") and not validate:
-        raise Refused(f"file {row['path']}: nothing can be found of it without a validator", "give `validate`")
+        raise ModuleError(f"file {row['path']}: nothing can be found of it without a validator", "give `validate`")
     if validate and not any("%s" in word for word in validate):
-        raise Refused(f"file {row['path']}: its validator has no %s", "put %s where the name of the file belongs")
+        raise ModuleError(f"file {row['path']}: its validator has no %s", "put %s where the name of the file belongs")
     return File(
         path=row["path"],
         content=content.encode(),
@@ -194,16 +194,16 @@ def _mode(row: Mapping[str, Any], default: str) -> int:
     except ValueError:
         mode = -1
     if not 0 <= mode <= 0o7777:  # noqa: PLR2004 - chmod(2)
-        raise Refused(f"{row['path']}: `{text}` is no mode", 'a mode is four octal digits in quotes, like "0644"')
+        raise ModuleError(f"{row['path']}: `{text}` is no mode", 'a mode is four octal digits in quotes, like "0644"')
     return mode
 
 
-def _check_paths(wishes: Wishes) -> None:
+def _check_paths(wishes: DesiredState) -> None:
     kinds = (wishes.directories, wishes.files, wishes.links)
     paths = [item.path for kind in kinds for item in kind] + list(wishes.absent)
     for path in (*paths, *wishes.only):
         if not path.startswith("/") or posixpath.normpath(path) != path or path == "/":
-            raise Refused(f"`{path}` is no path from the root", "write it in full, like /etc/hosts")
+            raise ModuleError(f"`{path}` is no path from the root", "write it in full, like /etc/hosts")
     _check_once("path", paths)
 
 
@@ -211,5 +211,5 @@ def _check_once(what: str, names: Iterable[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            raise Refused(f"{what} {name} is declared twice", "declare it once")
+            raise ModuleError(f"{what} {name} is declared twice", "declare it once")
         seen.add(name)

@@ -1,11 +1,11 @@
-"""Module `atlantis.netcfg.version_floor`: a program that is too old for what it is trusted with is not started."""
+"""Module `atlantis.netcfg.minimum_version`: a program that is too old for what it is trusted with is not started."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
 from __future__ import annotations
 
 DOCUMENTATION = r"""
-module: version_floor
+module: minimum_version
 short_description: Refuse a program whose version is known to be unsafe
 description:
   - Reads the version of the program that is installed, and that of its Debian package, and changes nothing.
@@ -32,7 +32,7 @@ author: ATLANTIS pilot team
 
 EXAMPLES = r"""
 - name: Refuse an OpenVPN with known holes
-  atlantis.netcfg.version_floor:
+  atlantis.netcfg.minimum_version:
     program: /usr/sbin/openvpn
     package: openvpn
     branches: [{branch: "2.6", upstream: "2.6.21", packages: ["2.6.14-0+deb12u2"]}]
@@ -56,8 +56,8 @@ from typing import TYPE_CHECKING, Any
 
 from ansible.module_utils.basic import AnsibleModule
 
+from ..module_utils.errors import ModuleError
 from ..module_utils.programs import run
-from ..module_utils.refused import Refused
 
 if TYPE_CHECKING:
     from typing import Callable
@@ -86,13 +86,13 @@ class Floor:
 
 
 def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], Done] = run) -> str:
-    """Give the version that is installed. Raises Refused where it is too old, or where it cannot be told."""
+    """Give the version that is installed. Raises ModuleError where it is too old, or where it cannot be told."""
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
         return ""
     found = re.match(r"\S+ (\d+(?:\.\d+)+)", result.output)
     if found is None:
-        raise Refused(
+        raise ModuleError(
             f"{floor.program} does not tell its version, so that it is not started",
             f"`{floor.program} --version` on that computer; its package is {floor.package}",
         )
@@ -102,7 +102,7 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     if _passes(floor, upstream, version, run):
         return version or upstream
     desired = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
-    raise Refused(
+    raise ModuleError(
         f"{floor.package} {version or upstream} has holes that are known and mended: {desired}, or later, is needed."
         " It was not started",
         f"on that computer: `apt-get update && apt-get install {floor.package}`; "
@@ -161,7 +161,7 @@ def main() -> None:
     branches = tuple(Branch(item["branch"], item["upstream"], tuple(item["packages"])) for item in result["branches"])
     try:
         version = hold(Floor(result["program"], result["package"], branches), absent_passes=module.check_mode)
-    except Refused as refused:
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     module.exit_json(changed=False, version=version)
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .refused import Refused, in_words
+from .errors import ModuleError, in_words
 
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
 
-    from .tree import Tree
-    from .wishes import WayIn
+    from .desired_state import WayIn
+    from .filesystem import FileSystem
 
 __all__ = ["alone", "hold"]
 
@@ -63,24 +63,24 @@ _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
 """How the kinds of keys begin that sshd(8) takes."""
 
 
-def hold(way_in: WayIn, tree: Tree, environment: Mapping[str, str]) -> None:
+def hold(way_in: WayIn, tree: FileSystem, environment: Mapping[str, str]) -> None:
     """Refuse what would lock out the person who asks for it; a run without an SSH session only has its keys checked."""
     result = client(environment)
     if result is not None and way_in.admit and not _admitted(result.address, way_in.admit):
-        raise Refused(
+        raise ModuleError(
             f"you work from {result.address}, which could not log in afterwards: SSH would be admitted from "
             f"{', '.join(way_in.admit)} only. Nothing was changed",
             way_in.hint,
         )
     if result is not None and way_in.port is not None and result.port != way_in.port:
-        raise Refused(
+        raise ModuleError(
             f"your session came in on port {result.port}, and SSH would be admitted on port {way_in.port} only. "
             "Nothing was changed",
             way_in.hint,
         )
     if way_in.key and not _has_key(tree, _account(environment)):
         account = _account(environment)
-        raise Refused(
+        raise ModuleError(
             f"account {account} has no key to log in with, and passwords would no longer do. Nothing was changed",
             f"bring your key there first: `ssh-copy-id {account}@` and the name of this computer",
         )
@@ -101,7 +101,7 @@ def _account(environment: Mapping[str, str]) -> str:
     return environment.get("SUDO_USER") or pwd.getpwuid(os.geteuid()).pw_name
 
 
-def _has_key(tree: Tree, account: str) -> bool:
+def _has_key(tree: FileSystem, account: str) -> bool:
     home = pwd.getpwnam(account).pw_dir
     for name in ("authorized_keys", "authorized_keys2"):
         for line in (tree.read(f"{home}/.ssh/{name}") or b"").splitlines():
@@ -115,7 +115,7 @@ FILE = "/run/lock/atlantis-configure"
 
 
 @contextlib.contextmanager
-def alone(tree: Tree, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
+def alone(tree: FileSystem, environment: Mapping[str, str] = os.environ) -> Iterator[None]:
     """Hold the lock of the computer, which the kernel lets go with the process, however it ends."""
     try:
         Path(tree.at(FILE)).parent.mkdir(parents=True, exist_ok=True)
@@ -127,7 +127,7 @@ def alone(tree: Tree, environment: Mapping[str, str] = os.environ) -> Iterator[N
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             holder = os.pread(handle, 200, 0).decode(errors="replace").strip()
-            raise Refused(
+            raise ModuleError(
                 f"another run is at work on this computer: {holder or 'it has not text its name yet'}",
                 "let it come to its end, and type the same again; a run whose link broke goes on for a while",
             ) from None

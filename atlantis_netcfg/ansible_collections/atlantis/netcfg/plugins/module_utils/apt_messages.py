@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Iterable, Sequence
@@ -166,7 +166,7 @@ _PROGRESS = re.compile(r"\d%")
 _SAYS = re.compile(r"^(?:[EWN]|Err:\d+):? ")
 
 
-def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> Refused | None:
+def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> ModuleError | None:
     """What hindered an update of the lists of packages from `urls`; None: nothing did, for them and `architecture`."""
     missing = f"doesn't support architecture '{architecture}'"
     lines = [line for line in problems(text) if "doesn't support architecture" not in line or missing in line]
@@ -179,7 +179,7 @@ def of_update(text: str, code: int, urls: Sequence[str], architecture: str) -> R
     return (_first(_SOURCES, lines) or _raw("the lists of packages could not be updated", text)) if code else None
 
 
-def of_install(text: str, names: Iterable[str]) -> Refused:
+def of_install(text: str, names: Iterable[str]) -> ModuleError:
     """What hindered apt or dpkg from installing."""
     script = _SCRIPT.search(text)
     lines = text.splitlines()
@@ -187,7 +187,7 @@ def of_install(text: str, names: Iterable[str]) -> Refused:
     if full is not None:
         return full
     if script is not None:
-        return Refused(
+        return ModuleError(
             f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(text, script.start())}",
             "what it says above is the reason; after it is mended type the same again: it goes on from there",
         )
@@ -213,13 +213,13 @@ def problems(text: str) -> list[str]:
     return found
 
 
-def _first(rows: Iterable[_Row], lines: Sequence[str], **more: str) -> Refused | None:
+def _first(rows: Iterable[_Row], lines: Sequence[str], **more: str) -> ModuleError | None:
     for row in rows:
         for line in lines:
             match = re.search(row.pattern, line)
             if match is not None:
                 groups = {**more, **{name: text or "" for name, text in match.groupdict().items()}}
-                return Refused(row.message.format(**groups), row.hint.format(**groups))
+                return ModuleError(row.message.format(**groups), row.hint.format(**groups))
     return None
 
 
@@ -228,6 +228,6 @@ def _around(text: str, at: int) -> str:
     return "\n".join(lines[-_LINES:])
 
 
-def _raw(what: str, text: str) -> Refused:
+def _raw(what: str, text: str) -> ModuleError:
     lines = [line.rstrip() for line in text.splitlines() if line.strip() and not _PROGRESS.search(line)]
-    return Refused(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")
+    return ModuleError(f"{what}:\n" + "\n".join(lines[-_LINES:]), "the words above are those of apt")

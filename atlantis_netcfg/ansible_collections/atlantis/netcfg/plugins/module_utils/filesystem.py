@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
-from .refused import Refused, in_words
+from .errors import ModuleError, in_words
 
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
 
-__all__ = ["ABSENT", "Found", "Stamps", "Tree"]
+__all__ = ["ABSENT", "FileSystem", "Found", "Stamps"]
 
 
 _PERMISSIONS = 0o7777
@@ -44,7 +44,7 @@ class Found:
     target: str = ""
 
 
-class Tree:
+class FileSystem:
     """The file system below `root`: `/` on a gateway, a folder in a test."""
 
     def __init__(self, root: str = "/") -> None:
@@ -71,7 +71,7 @@ class Tree:
         except FileNotFoundError:
             return None
         except NotADirectoryError:
-            raise Refused(
+            raise ModuleError(
                 f"{path} cannot be made: something above it is a file, and has to be a directory",
                 f"look at `namei -l {path}`",
             ) from None
@@ -93,14 +93,16 @@ class Tree:
         try:
             return int(owner) if owner.isdigit() else pwd.getpwnam(owner).pw_uid
         except KeyError:
-            raise Refused(f"there is no account `{owner}` on this computer", f"make it: `adduser {owner}`") from None
+            raise ModuleError(
+                f"there is no account `{owner}` on this computer", f"make it: `adduser {owner}`"
+            ) from None
 
     def gid(self, group: str) -> int:
         """The number of a group."""
         try:
             return int(group) if group.isdigit() else grp.getgrnam(group).gr_gid
         except KeyError:
-            raise Refused(f"there is no group `{group}` on this computer", f"make it: `addgroup {group}`") from None
+            raise ModuleError(f"there is no group `{group}` on this computer", f"make it: `addgroup {group}`") from None
 
     def missing_above(self, path: str) -> list[str]:
         """The directories above `path` that are not there yet, the highest first."""
@@ -108,7 +110,7 @@ class Tree:
         above = os.path.dirname(path)
         while above != "/" and not os.path.isdir(self.at(above)):
             if os.path.lexists(self.at(above)):
-                raise Refused(f"{above} is in the way: it has to be a directory", f"look at it: `ls -l {above}`")
+                raise ModuleError(f"{above} is in the way: it has to be a directory", f"look at it: `ls -l {above}`")
             missing.insert(0, above)
             above = os.path.dirname(above)
         return missing
@@ -244,7 +246,7 @@ _BEGUN = "begun"
 class Stamps:
     """The stamps of a computer, one file each."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: FileSystem) -> None:
         self.tree = tree
 
     def holds(self, name: str, desired: Mapping[str, str]) -> bool:

@@ -20,8 +20,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from .errors import ModuleError
 from .network_guard import addresses
-from .refused import Refused
 
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
@@ -217,7 +217,7 @@ class DesiredNetwork:
 
     @classmethod
     def of(cls, parameters: Mapping[str, Any]) -> DesiredNetwork:
-        """From a module's parameters. Raises `Refused` for an address that its tool would choke on."""
+        """From a module's parameters. Raises `ModuleError` for an address that its tool would choke on."""
         values = {name: parameters[name] for name in cls.__dataclass_fields__}
         values.update(mode=int(parameters["mode"], 8), replaces=tuple(parameters["replaces"]))
         made = cls(**values)
@@ -229,13 +229,15 @@ class DesiredNetwork:
         try:
             interface, gateway = ipaddress.IPv4Interface(self.address), ipaddress.IPv4Address(self.gateway)
         except ValueError as error:
-            raise Refused(
+            raise ModuleError(
                 f"the address of {self.interface} is not valid: {error}", "an address is like 10.64.1.10/24"
             ) from None
         if "/" not in self.address:
-            raise Refused(f"the address {self.address} has no prefix length", f"an address is like {self.address}/24")
+            raise ModuleError(
+                f"the address {self.address} has no prefix length", f"an address is like {self.address}/24"
+            )
         if gateway not in interface.network or gateway == interface.ip:
-            raise Refused(
+            raise ModuleError(
                 f"{self.gateway} cannot be the gateway of {self.address}: it is not another address of"
                 f" {interface.network}",
                 "look at `lan` of the site",
@@ -292,31 +294,31 @@ class DesiredNetwork:
                 return  # no such interface, or no route: then the table knows nobody either
 
     def hold(self, computer: Computer) -> None:
-        """Raise `Refused` where the change cannot come well, before anything is touched."""
+        """Raise `ModuleError` where the change cannot come well, before anything is touched."""
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
-            raise Refused(
+            raise ModuleError(
                 f"the network shall be configured by {self.by}, which this computer does not have",
                 f"`apt-get install {package}` there, or declare another `network: {{by: …}}`",
             )
         there = sorted(os.listdir(computer.at("/sys/class/net")))
         if self.interface not in there:
             others = ", ".join(name for name in there if name != "lo") or "none"
-            raise Refused(
+            raise ModuleError(
                 f"there is no interface {self.interface}; there is: {others}", "correct `network: {interface: …}`"
             )
         complaint = {"netplan": self._by_netplan, "ifupdown": self._by_ifupdown, "networkd": self._by_networkd}[self.by]
         if text := complaint(computer):
-            raise Refused(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
+            raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
     def hold_alone(self, computer: Computer) -> None:
-        """Raise `Refused` where another file configures the interface, too, also if ours is there already."""
+        """Raise `ModuleError` where another file configures the interface, too, also if ours is there already."""
         others = claims(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
             listed = ", ".join(others)
             hint = f"let them go with the change by `replaces: [{listed}]` in `network` of the host"
             what = f"{self.interface} is configured by other files, too, and the two would fight: {listed}"
-            raise Refused(what, hint)
+            raise ModuleError(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:
             self._hold_whole(computer)
 
@@ -327,7 +329,7 @@ class DesiredNetwork:
         there = [(path, name) for path, name in stanzas(computer) if path not in self.replaces and name != "lo"]
         if there:
             lost = dict.fromkeys(f"{name} ({path})" for path, name in there)
-            raise Refused(
+            raise ModuleError(
                 f"{INTERFACES} is somebody else's; these interfaces would lose their entries: {', '.join(lost)}",
                 f"if they may: `replaces: [{INTERFACES}]` in `network` of the host; else declare `by: networkd`",
             )

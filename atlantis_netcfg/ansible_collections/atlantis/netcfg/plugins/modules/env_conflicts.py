@@ -1,11 +1,11 @@
-"""Module `atlantis.netcfg.elsewhere`: which other files of a computer set variables of the environment otherwise."""
+"""Module `atlantis.netcfg.env_conflicts`: which other files of a computer set environment variables otherwise."""
 
 # ruff: noqa: E402, TID252 - a module begins with its documentation, and Ansible ships what is imported relatively
 
 from __future__ import annotations
 
 DOCUMENTATION = r"""
-module: elsewhere
+module: env_conflicts
 short_description: Tell where else variables of the environment are set, and to what
 description:
   - Reads the files from which logins and services have their environment, of the system and of every account.
@@ -29,7 +29,7 @@ author: ATLANTIS pilot team
 
 EXAMPLES = r"""
 - name: Look for what would keep ROS 2 on this computer
-  atlantis.netcfg.elsewhere:
+  atlantis.netcfg.env_conflicts:
     variables: {ROS_LOCALHOST_ONLY: "0"}
     ours: [/etc/atlantis/ros.env]
     why: with it ROS 2 does not leave this computer
@@ -50,8 +50,8 @@ from typing import TYPE_CHECKING
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.refused import Refused
-from ..module_utils.tree import Tree
+from ..module_utils.errors import ModuleError
+from ..module_utils.filesystem import FileSystem
 
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
@@ -87,7 +87,7 @@ class Setting:
     value: str
 
 
-def contradicting(tree: Tree, desired: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
+def contradicting(tree: FileSystem, desired: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
     """Every place outside the files `ours` that sets one of these variables to another value than the wanted one."""
     return [
         setting
@@ -104,7 +104,7 @@ def note(setting: Setting, why: str) -> str:
     return f"{place} sets {setting.name}={setting.value}: {why}; take that line out, and log in anew"
 
 
-def _places(tree: Tree) -> Iterator[str]:
+def _places(tree: FileSystem) -> Iterator[str]:
     """Files that are there; links among them are read, since a shell reads them too."""
     accounts = (tree.read("/etc/passwd") or b"").decode(errors="replace").splitlines()
     homes = {fields[_HOME] for fields in (line.split(":") for line in accounts) if len(fields) > _HOME}
@@ -136,8 +136,8 @@ def main() -> None:
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     variables = {name: str(value) for name, value in module.params["variables"].items()}
     try:
-        found = contradicting(Tree(), variables, frozenset(module.params["ours"]))
-    except Refused as refused:
+        found = contradicting(FileSystem(), variables, frozenset(module.params["ours"]))
+    except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
     module.exit_json(changed=False, changes=[], notes=[note(setting, module.params["why"]) for setting in found])
 

@@ -6,7 +6,7 @@ import re
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from .refused import Refused
+from .errors import ModuleError
 
 if TYPE_CHECKING:
     from typing import Iterable
@@ -24,7 +24,7 @@ _ECHOES = re.compile(r"^(make(\[\d+\])?: \*\*\*|gmake(\[\d+\])?: \*\*\*|Failed  
 """Lines that only say that something before them went wrong."""
 
 
-class CardFull(Refused):
+class CardFull(ModuleError):
     """There is no room for the build: what there is of it is in the way."""
 
 
@@ -84,79 +84,79 @@ def trouble(text: str) -> Trouble:
     return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), Trouble.OTHER)
 
 
-def about_git(text: str, url: str, revision: str, *, tokened: bool) -> Refused:  # noqa: PLR0911 - one for each trouble
+def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleError:  # noqa: PLR0911 - one for each trouble
     """A failure of git in words; `tokened`: a token is declared for this repository."""
     kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
     last = last_words(text)
     if kind is Trouble.CERTIFICATE:
-        return Refused(
+        return ModuleError(
             f"the certificate of {host} is not accepted:\n{last}",
             "look at the gateway's clock first: `date`. If it is right, and the server's certificate is of an authority"
             " of its own, put that authority's file to /usr/local/share/ca-certificates/NAME.crt on the gateway and run"
             " `update-ca-certificates` there",
         )
     if kind is Trouble.TOKEN and not tokened:
-        return Refused(
+        return ModuleError(
             f"{host} asks who reads {url}, and no token is declared for it",
             "ask the partner for a token that may read the repository, and declare it as `token:` (ansible-vault)",
         )
     if kind is Trouble.TOKEN:
-        return Refused(
+        return ModuleError(
             f"{host} does not accept the declared token for {url}",
             "it may have expired, or lack the right `read_repository`: ask the partner for a new one; a deploy token of"
             " GitLab goes with a name, and is declared as NAME:TOKEN",
         )
     if kind is Trouble.GONE:
         seen = "the token may not see it" if tokened else "it is only seen with a token, and none is declared"
-        return Refused(f"there is no repository at {url}, or {seen}", "open the address in a browser, and compare")
+        return ModuleError(f"there is no repository at {url}, or {seen}", "open the address in a browser, and compare")
     if kind is Trouble.REVISION:
-        return Refused(
+        return ModuleError(
             f"there is no revision {revision} in {url}",
             "`git ls-remote --tags URL` lists its tags; a commit is given by all of its 40 hex digits",
         )
     if kind is Trouble.SUBMODULE:
-        return Refused(
+        return ModuleError(
             f"a submodule of {at} cannot be fetched: the repository does not say where it is:\n{last}",
             "the partner has to complete .gitmodules in the repository",
         )
     if kind is Trouble.ACCOUNT:
-        return Refused(
+        return ModuleError(
             f"a submodule of {at} is not at an https address, and would need an account of the gateway's own:\n{last}",
             "the partner has to give it an https address in .gitmodules",
         )
     if kind is Trouble.SPACE:
         return _full(f"while {at} was fetched")
     if kind is Trouble.LINK:
-        return Refused(
+        return ModuleError(
             f"{host} could not be reached, or the link broke, while {at} was fetched:\n{last}",
             "look at the links of the site, then type the same again: what has come already is kept",
         )
-    return Refused(f"git could not fetch {at}:\n{last}", "")
+    return ModuleError(f"git could not fetch {at}:\n{last}", "")
 
 
-def about_building(what: str, text: str) -> Refused:
+def about_building(what: str, text: str) -> ModuleError:
     """A failure of colcon, cmake, make or a compiler in words."""
     last = last_words(text)
     if re.search(r"No space left on device|Disk quota exceeded", text):
         return _full(f"while {what} was built")
     if re.search(r"Killed signal|virtual memory exhausted|Cannot allocate memory|out of memory|\bKilled\b", text):
-        return Refused(
+        return ModuleError(
             f"the memory of the gateway did not suffice to build {what}:\n{last}",
             "stop what else runs there, or add swap, and type the same again",
         )
     if missing := re.search(r"package configuration file provided by\s+\"([^\"]+)\"", text):
-        return Refused(
+        return ModuleError(
             f"to build {what}, cmake wants `{missing.group(1)}`, which is not installed on the gateway",
             "find its package (`apt-file search NAMEConfig.cmake`), and add it to `interop.packages`",
         )
     if missing := re.search(r"fatal error: (\S+): No such file or directory", text):
-        return Refused(
+        return ModuleError(
             f"to build {what}, the header {missing.group(1)} is wanted, which is not there:\n{last}",
             "find its package (`apt-file search HEADER`), and add it to `interop.packages`",
         )
-    return Refused(f"{what} could not be built:\n{last}", "the partner who made it can read this")
+    return ModuleError(f"{what} could not be built:\n{last}", "the partner who made it can read this")
 
 
 def last_words(text: str) -> str:
@@ -170,7 +170,7 @@ def _once(lines: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _full(when: str) -> Refused:
+def _full(when: str) -> ModuleError:
     return CardFull(
         f"the card of the gateway became full {when}",
         "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h; df -i` tells where it is"

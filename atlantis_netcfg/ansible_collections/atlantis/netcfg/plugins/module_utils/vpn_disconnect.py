@@ -23,11 +23,11 @@ import time
 from ipaddress import IPv4Address, ip_address, ip_network
 from typing import TYPE_CHECKING, Any
 
+from .errors import ModuleError
 from .programs import last_lines
-from .refused import Refused
+from .ssh_access import alone
 from .vpn_management import Busy, Closed, Down, Torn
 from .vpn_server import ANSWERS, BUSY, DOWN
-from .way_in import alone
 
 if TYPE_CHECKING:
     from typing import Callable, Collection, Mapping, Sequence
@@ -239,7 +239,7 @@ class _Act:
         """Whether it was done."""
         try:
             act(*arguments)
-        except Refused as refused:
+        except ModuleError as refused:
             self.messages.append(f"{refused.message}; {refused.hint}" if refused.hint else refused.message)
             return False
         return True
@@ -256,7 +256,7 @@ def revoke(
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(alone(server.tree))
-        except Refused as busy:
+        except ModuleError as busy:
             # Whoever holds it may put older files back, which the second look tells. To wait for him would be worse.
             act.messages.append(busy.message)
         unheard = Unheard(server, ending.look(server))
@@ -288,12 +288,12 @@ def revoke(
 
 
 def _hold_list(server: Server, file: Mapping[str, Any] | None) -> None:
-    """Lay it beside its place. Raises `Refused` for one that must not get there."""
+    """Lay it beside its place. Raises `ModuleError` for one that must not get there."""
     if file is None or server.tree.read(server.place.crl) == file["content"].encode():
         return
     try:
         server.hold(_stage(server, file))
-    except Refused:
+    except ModuleError:
         server.tree.unstage(server.place.crl)
         raise
 
@@ -317,7 +317,7 @@ def _close(server: Server, file: Mapping[str, Any] | None, addresses: Sequence[s
         server.firewall.load_only(beside, unheard.text)
         unheard.holds = True
         server.tree.put(server.place.firewall)
-    except Refused:
+    except ModuleError:
         server.firewall.take_out(addresses)
         raise
     finally:
@@ -378,7 +378,7 @@ def verify(
 def _passing(server: Server, addresses: Sequence[str]) -> list[str]:
     try:
         inside = server.firewall.members()
-    except Refused as refused:
+    except ModuleError as refused:
         return [refused.message]
     if inside is None:
         return ["the firewall is not loaded"]

@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.carry`: bring a bundle to the host of this task; only what is missing goes over the link.
+"""Action `atlantis.netcfg.bundle_copy`: copy a bundle to the host of this task; only what is missing is sent.
 
 It opens the bundle, asks the board, and sends what is missing as one archive. When the link breaks, what has arrived
 whole is kept, and the next time the rest is sent. In check mode nothing is sent.

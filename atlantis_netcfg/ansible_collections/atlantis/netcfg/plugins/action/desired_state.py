@@ -1,4 +1,4 @@
-"""Action `atlantis.netcfg.wanted`: what the gateways of a play should hold, for the role that asks.
+"""Action `atlantis.netcfg.desired_state`: what the gateways of a play should hold, for the role that asks.
 
 It runs once for the whole play and contacts nothing; `per_host` of its result holds one entry a gateway, final data
 without templates and without secrets.

@@ -7,12 +7,12 @@ import errno
 import shutil
 from pathlib import Path
 
-__all__ = ["Refused", "in_words"]
+__all__ = ["ModuleError", "in_words"]
 
 _SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
-class Refused(Exception):
+class ModuleError(Exception):
     """The computer was not brought to what is declared; `hint` is what to do about it."""
 
     def __init__(self, message: str, hint: str = "") -> None:
@@ -21,28 +21,28 @@ class Refused(Exception):
         self.hint = hint
 
 
-def in_words(error: OSError, path: str) -> Refused:
+def in_words(error: OSError, path: str) -> ModuleError:
     """What an error of the operating system at `path` means for a person."""
     if error.errno in _SPACE:
-        return Refused(
+        return ModuleError(
             f"the file system of {path} is full{_left(path)}",
             "`df -h; df -i` tells where; `apt-get clean` and `journalctl --vacuum-size=50M` make room",
         )
     if error.errno == errno.EROFS:
-        return Refused(
+        return ModuleError(
             f"the file system of {path} can only be read",
             "`dmesg | tail -n 30` tells whether the card is failing; a reboot may bring it back for a while",
         )
     if error.errno in (errno.EACCES, errno.EPERM):
-        return Refused(
+        return ModuleError(
             f"{path} may not be changed: {error.strerror}",
             "the toolkit needs root: let the account use sudo; `lsattr` tells whether somebody froze the file",
         )
     if error.errno == errno.EIO:
-        return Refused(
+        return ModuleError(
             f"{path}: the card answers with read or write errors", "replace the card; `dmesg` has the details"
         )
-    return Refused(f"{path}: {error.strerror or error}", "")
+    return ModuleError(f"{path}: {error.strerror or error}", "")
 
 
 def _left(path: str) -> str:
