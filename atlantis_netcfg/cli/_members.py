@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
     from atlantis_netcfg.operations.vpn.server import Deployed, Server
-    from atlantis_netcfg.vpn.authority import Authority, Revoked
+    from atlantis_netcfg.vpn.authority import Authority, RevocationResult
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["bringing", "close", "close_revoked", "close_synced", "hold", "outlet"]
@@ -118,7 +118,7 @@ def bringing(declaration: Declaration, member: Member) -> str:
     return f"provision site={declaration.hosts[member.name].site} only={member.name}"
 
 
-def close_revoked(arguments: Arguments, revoked: Revoked, deployed: Deployed) -> ExitCode:
+def close_revoked(arguments: Arguments, revoked: RevocationResult, deployed: Deployed) -> ExitCode:
     """Tell who is out, and by which evidence."""
     from atlantis_netcfg.cli import _vpn
 

@@ -10,7 +10,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
-from atlantis_netcfg.vpn.authority import Authority, Delivered
+from atlantis_netcfg.vpn.authority import Authority, HandoutFile
 from atlantis_netcfg.vpn.enrolment_package import identity_file
 
 if TYPE_CHECKING:
@@ -36,10 +36,10 @@ def found(declaration: Declaration, folder: Path) -> Path:
     hosts = folder / "hosts"
     hosts.mkdir(mode=0o700, exist_ok=True)
 
-    def deliver(identity: Identity) -> Delivered:
+    def deliver(identity: Identity) -> HandoutFile:
         path, data = hosts / f"{identity.member.name}.identity", identity_file(identity).reveal().encode()
         write_atomically(path, data)
-        return Delivered(str(path), hashlib.sha256(data).hexdigest())
+        return HandoutFile(str(path), hashlib.sha256(data).hexdigest())
 
     with authority.unlocked(lambda: passphrase, _WHO) as signer:
         signer.issue([request_of(declaration, DeviceWords(host=name)) for name in computers(declaration)], deliver)

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.requests import computers
 from atlantis_netcfg.vpn import enrolment_package as handouts
-from atlantis_netcfg.vpn.authority import Authority, Delivered, Issued, ServerNames
+from atlantis_netcfg.vpn.authority import Authority, HandoutFile, IssueResult, ServerNames
 from atlantis_netcfg.vpn.enrolment_package import server_name
 from atlantis_netcfg.vpn.names import check_free
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import EnrolmentRequest, RenewalRequest, Revoked, Signer
+    from atlantis_netcfg.vpn.authority import EnrolmentRequest, RenewalRequest, RevocationResult, Signer
     from atlantis_netcfg.vpn.identity import Identity, Member
 
 
@@ -78,7 +78,7 @@ class HandoutTarget:
 class HandedOut:
     """A member, its newest certificate, and the file for the person who has the device."""
 
-    issued: Issued
+    issued: IssueResult
     file: Path
     copy: Path | None = None
     passphrase: Secret | None = None
@@ -123,7 +123,7 @@ class Onboarding:
         if member.partner is None and not path.exists():
             path = handouts.host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
-        return HandedOut(Issued(member, newest, Delivered(str(path), digest), already=True), path)
+        return HandedOut(IssueResult(member, newest, HandoutFile(str(path), digest), already=True), path)
 
     def issue(self, requests: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
@@ -138,11 +138,11 @@ class Onboarding:
         with self.operator.unlocked(passphrase) as signer:
             return tuple(self._handed_out(signer.renew(member.name, self._deliver, change)) for member in members)
 
-    def _handed_out(self, issued: Issued) -> HandedOut:
+    def _handed_out(self, issued: IssueResult) -> HandedOut:
         name = issued.certificate.common_name
         return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
 
-    def _deliver(self, identity: Identity) -> Delivered:
+    def _deliver(self, identity: Identity) -> HandoutFile:
         """Write the member's file, before the record says that it has one."""
         recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
@@ -156,15 +156,15 @@ class Onboarding:
         private_directory(place.parent)
         write_atomically(place, made.data)
         self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
-        return Delivered(str(place), made.sha256)
+        return HandoutFile(str(place), made.sha256)
 
-    def _keep(self, identity: Identity) -> Delivered:
+    def _keep(self, identity: Identity) -> HandoutFile:
         """The identity of a declared computer, for the role that brings it there."""
         data = handouts.identity_file(identity).reveal().encode()
         place = handouts.host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
-        return Delivered(str(place), sha256(data).hexdigest())
+        return HandoutFile(str(place), sha256(data).hexdigest())
 
     def _copied(self, name: str, data: bytes) -> Path | None:
         if self.target.copies is None:
@@ -203,7 +203,7 @@ def reason_of(typed: str | None) -> str:
 
 def revoke(
     operator: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
-) -> Revoked:
+) -> RevocationResult:
     """Record it and publish the list; nothing is asked of the server here."""
     with operator.unlocked(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)

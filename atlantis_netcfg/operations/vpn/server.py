@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.operations.vpn.live import Evidence
-    from atlantis_netcfg.vpn.authority import Authority, Revoked
+    from atlantis_netcfg.vpn.authority import Authority, RevocationResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Server(Protocol):
     def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:
         """Bring it to what is recorded."""
 
-    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:
+    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:
         """The same, and see that those who were revoked are dead."""
 
 
@@ -78,7 +78,7 @@ class NoPush:
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
         return Deployed((line,), deployed=False)
 
-    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as above
+    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as above
         """Tell that whoever is connected stays so: nobody may take this for done."""
         waits = OutcomeUnknown(
             f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "
@@ -164,7 +164,7 @@ class Connected:
             values,
         )
 
-    def cut(self, authority: Authority, revoked: Revoked, notify: Subscriber = ignore) -> Deployed:
+    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber = ignore) -> Deployed:
         """End their sessions at once, and look; then all the rest that is recorded."""
         names = tuple(dict.fromkeys([*revoked.common_names, *authority.membership().queued]))
         if self._away:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.authority.model import Delivered, ServerNames
+    from atlantis_netcfg.vpn.authority.model import HandoutFile, ServerNames
     from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
     from atlantis_netcfg.vpn.ledger import Entry, LedgerState
 
@@ -286,7 +286,7 @@ class Authority:
             out = [entry for entry in ledger_session.state.membership().queued if entry in desired]
             ledger_session.write([records.Settled(common_name=item) for item in out], new_operation())
 
-    def delivered(self, common_name: str, delivered: Delivered, who: str = "") -> None:
+    def delivered(self, common_name: str, delivered: HandoutFile, who: str = "") -> None:
         """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
         with self._writing(who) as (ledger_session, _):
             good = {

@@ -65,7 +65,7 @@ class RenewalRequest:
 
 
 @dataclass(frozen=True, slots=True)
-class Delivered:
+class HandoutFile:
     """The one file that a member gets: it is on disk, whole, mode 0600."""
 
     path: str
@@ -73,12 +73,12 @@ class Delivered:
 
 
 @dataclass(frozen=True, slots=True)
-class Issued:
+class IssueResult:
     """A member with its newest certificate."""
 
     member: Member
     certificate: Certificate
-    delivered: Delivered
+    delivered: HandoutFile
     already: bool = False
     """It was so before: nothing new was made."""
     replaced: tuple[str, ...] = ()
@@ -86,7 +86,7 @@ class Issued:
 
 
 @dataclass(frozen=True, slots=True)
-class Revoked:
+class RevocationResult:
     """What must be dead now."""
 
     common_names: tuple[str, ...]

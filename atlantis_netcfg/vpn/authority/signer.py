@@ -18,11 +18,11 @@ from atlantis_netcfg.vpn.authority import files
 from atlantis_netcfg.vpn.authority.files import CRL
 from atlantis_netcfg.vpn.authority.ledger_session import new_operation
 from atlantis_netcfg.vpn.authority.model import (
-    Delivered,
     EnrolmentRequest,
-    Issued,
+    HandoutFile,
+    IssueResult,
     RenewalRequest,
-    Revoked,
+    RevocationResult,
     ServerNames,
     os_errors_as,
 )
@@ -58,7 +58,7 @@ def hand_out(
     session: SigningSession,
     command: records.Command,
     planned: Sequence[Planned],
-    deliver: Callable[[Identity], Delivered],
+    deliver: Callable[[Identity], HandoutFile],
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
 
@@ -85,7 +85,7 @@ def _names(planned: Sequence[Planned]) -> tuple[str, ...]:
 
 
 def _batch(
-    session: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], Delivered]
+    session: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], HandoutFile]
 ) -> None:
     made = [_made(session, item) for item in planned]
     session.ledger.write([entry.record for entry in made], operation)
@@ -102,7 +102,7 @@ def _batch(
             session.ledger.write(done, operation)
 
 
-def _handed_out(planned: Planned, delivered: Delivered) -> Iterator[records.Record]:
+def _handed_out(planned: Planned, delivered: HandoutFile) -> Iterator[records.Record]:
     yield records.Delivered(common_name=planned.common_name, path=delivered.path, sha256=delivered.sha256)
     for old in planned.replaces:
         yield records.Revoked(common_name=old, reason=REPLACED)
@@ -176,10 +176,10 @@ class Signer:
     def issue(
         self,
         requests: Sequence[EnrolmentRequest],
-        deliver: Callable[[Identity], Delivered],
+        deliver: Callable[[Identity], HandoutFile],
         *,
         reserved: Collection[IPv4Address] = (),
-    ) -> tuple[Issued, ...]:
+    ) -> tuple[IssueResult, ...]:
         """Make members, all checked before the first is made; results are in the order of the requests.
 
         `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved` are
@@ -194,8 +194,8 @@ class Signer:
         return tuple(self._issued(request.name, already=request.name not in names) for request in requests)
 
     def renew(
-        self, name: str, deliver: Callable[[Identity], Delivered], change: RenewalRequest | None = None
-    ) -> Issued:
+        self, name: str, deliver: Callable[[Identity], HandoutFile], change: RenewalRequest | None = None
+    ) -> IssueResult:
         """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
 
         Successors that were handed out before and never seen are revoked (`Issued.replaced`).
@@ -204,7 +204,7 @@ class Signer:
         hand_out(self._session, "renew", [planned], deliver)
         return self._issued(name, replaced=planned.replaces)
 
-    def revoke(self, names: Sequence[str], reason: str) -> Revoked:
+    def revoke(self, names: Sequence[str], reason: str) -> RevocationResult:
         """Revoke every certificate of these members, and publish the list. The names never return.
 
         Once more for members that are revoked: nothing new is recorded, the answer is the same.
@@ -226,7 +226,7 @@ class Signer:
                 crl = (self._session.folder / CRL).read_bytes()
         handed_out = self._session.ledger.state.delivered
         every = (entry.common_name for member in members for entry in member.certificates)
-        return Revoked(
+        return RevocationResult(
             common_names=tuple(item for item in every if item in handed_out),
             members=tuple(member.name for member in members),
             crl=crl,
@@ -283,12 +283,12 @@ class Signer:
         self._session.ledger.write([records.Committed()], operation)
         return pem
 
-    def _issued(self, name: str, *, already: bool = False, replaced: tuple[str, ...] = ()) -> Issued:
+    def _issued(self, name: str, *, already: bool = False, replaced: tuple[str, ...] = ()) -> IssueResult:
         state = self._session.ledger.state
         member = state.member(name)
         newest = member.good[-1]
         last = state.delivered[newest.common_name]
-        return Issued(member, newest, Delivered(last.path, last.sha256), already, replaced)
+        return IssueResult(member, newest, HandoutFile(last.path, last.sha256), already, replaced)
 
 
 def _revocable(member: Member) -> list[Certificate]:

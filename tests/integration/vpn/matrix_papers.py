@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
-from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
+from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.enrolment_package import identity_file, profile
 from atlantis_netcfg.vpn.identity import Kind
@@ -33,7 +33,7 @@ def issued(declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder:
     return authority
 
 
-def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> Delivered:
+def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> HandoutFile:
     """A gateway's own configuration, everybody else's profile."""
     name = identity.member.name
     path, declared = folder / f"{name}.ovpn", declaration.hosts.get(name)
@@ -44,7 +44,7 @@ def _deliver(declaration: Declaration, folder: Path, identity: Identity) -> Deli
         write(path, next(one.content for one in files if one.path == CONF).replace(IDENTITY, str(key)))
     else:
         write(path, profile(declaration, identity).reveal())
-    return Delivered(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
+    return HandoutFile(str(path), hashlib.sha256(path.read_bytes()).hexdigest())
 
 
 def write(path: Path, text: str) -> None:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from multiprocessing.connection import Connection
 
-    from atlantis_netcfg.vpn.authority import Delivered, Signer
+    from atlantis_netcfg.vpn.authority import HandoutFile, Signer
     from atlantis_netcfg.vpn.identity import Identity
 
 KEY = "ca-key-of-the-test.pem"
@@ -68,7 +68,7 @@ def _ca(work: Path) -> pki.Ca | None:
 
 
 def _sign(signer: Signer, folder: Path, command: str, names: list[str]) -> None:
-    def deliver(identity: Identity) -> Delivered:
+    def deliver(identity: Identity) -> HandoutFile:
         return handed_to(folder, identity)
 
     if command == "issue":

@@ -26,7 +26,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
+from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
@@ -83,9 +83,9 @@ class Record:
         with self.authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
             yield signer
 
-    def deliver(self, identity: Identity) -> Delivered:
+    def deliver(self, identity: Identity) -> HandoutFile:
         self.identities[identity.certificate.common_name] = identity
-        return Delivered("nowhere", "00" * 32)
+        return HandoutFile("nowhere", "00" * 32)
 
     def onboard(self, count: int = 1) -> list[str]:
         """So many new members of a partner, by their names."""

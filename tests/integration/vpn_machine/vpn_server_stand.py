@@ -25,7 +25,7 @@ from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, 
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.members import server_names
-from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest
+from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.authority.authority import unseal_ca
 from atlantis_netcfg.vpn.enrolment_package import profile
 from atlantis_netcfg.vpn.identity import Identity, Kind, Link
@@ -151,19 +151,19 @@ class Stand:
         return (self.folder / "said").read_text()
 
     def issue(self, *wishes: EnrolmentRequest) -> None:
-        def deliver(identity: Identity) -> Delivered:
+        def deliver(identity: Identity) -> HandoutFile:
             return self._keep(identity)
 
         with self.authority._signing(self.ca, "tester") as signer:
             signer.issue(wishes, deliver)
 
-    def _keep(self, identity: Identity) -> Delivered:
+    def _keep(self, identity: Identity) -> HandoutFile:
         text = profile(self.declaration, identity).reveal()
         self.profiles[identity.certificate.common_name] = text
         self.secrets |= _lines(identity.key.reveal()) | _lines(identity.wrap_key.reveal())
         path = self.folder / f"{identity.certificate.common_name}.ovpn"
         write_atomically(path, text.encode())
-        return Delivered(str(path), hashlib.sha256(text.encode()).hexdigest())
+        return HandoutFile(str(path), hashlib.sha256(text.encode()).hexdigest())
 
     def laptop(self, device: str, partner: str = "inesc", link: Link = Link.FIBRE) -> str:
         """A device of a partner; gives its name."""

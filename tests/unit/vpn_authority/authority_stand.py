@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.vpn.authority import Authority, Delivered, EnrolmentRequest, ServerNames
+from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.authority.authority import unseal_ca
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.names import member_name
@@ -36,13 +36,13 @@ def wish(device: str, partner: str = "iqua", **fields: Any) -> EnrolmentRequest:
     return EnrolmentRequest(name=member_name(partner, device), partner=partner, device=device, **given)
 
 
-def handed_to(folder: Path, identity: Identity) -> Delivered:
+def handed_to(folder: Path, identity: Identity) -> HandoutFile:
     """Write what a member gets, as the hand-out does."""
     place = folder / "handouts" / identity.certificate.common_name
     place.mkdir(mode=0o700, exist_ok=True)
     data = f"{identity.cert}{identity.key.reveal()}{identity.wrap_key.reveal()}".encode()
     write_atomically(place / "member.txt", data)
-    return Delivered(str(place / "member.txt"), hashlib.sha256(data).hexdigest())
+    return HandoutFile(str(place / "member.txt"), hashlib.sha256(data).hexdigest())
 
 
 @dataclass
@@ -62,7 +62,7 @@ class Stand:
         """As `unlocked`, with the key that was unsealed once."""
         return self.authority._signing(self.ca, "tester", **options)
 
-    def deliver(self, identity: Identity) -> Delivered:
+    def deliver(self, identity: Identity) -> HandoutFile:
         self.identities.append(identity)
         return handed_to(self.folder, identity)
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.vpn.authority import Delivered, EnrolmentRequest, NameRefused
+from atlantis_netcfg.vpn.authority import EnrolmentRequest, HandoutFile, NameRefused
 from atlantis_netcfg.vpn.identity import Kind
 from atlantis_netcfg.vpn.names import check_name, member_name
 
@@ -72,7 +72,7 @@ def wishes(text: str) -> Iterator[EnrolmentRequest]:
     yield EnrolmentRequest(text, Kind.ROBOT, "iqua", "sparus2", pool=POOL)
 
 
-def never(_: Identity) -> Delivered:
+def never(_: Identity) -> HandoutFile:
     pytest.fail("a refused name was handed out")
 
 

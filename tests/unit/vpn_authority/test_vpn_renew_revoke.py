@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Delivered, NoSuchMember, RenewalRequest, SessionObservation
+from atlantis_netcfg.vpn.authority import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
 from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, Kind, Link, Wrap
 from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
 
@@ -89,7 +89,7 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
 
-    def fail(_: object) -> Delivered:
+    def fail(_: object) -> HandoutFile:
         raise OSError(28, "No space left on device")
 
     with made.signing() as signer, pytest.raises(Exception, match="No space left"):
@@ -209,13 +209,13 @@ def issued(name: str) -> records.Issued:
 def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    made.authority.delivered("iqua-a", Delivered("elsewhere", "00"))
+    made.authority.delivered("iqua-a", HandoutFile("elsewhere", "00"))
     last = made.authority.handed_out("iqua-a")
     assert last is not None
     assert last.path == "elsewhere"
     with made.signing() as signer:
-        assert signer.issue([wish("a")], made.deliver)[0].delivered == Delivered("elsewhere", "00")
+        assert signer.issue([wish("a")], made.deliver)[0].delivered == HandoutFile("elsewhere", "00")
         signer.revoke(["iqua-a"], "lost")
     for name in ("iqua-a", "nobody"):
         with pytest.raises(UsageError, match=f"`{name}` is no certificate in use"):
-            made.authority.delivered(name, Delivered("x", "00"))
+            made.authority.delivered(name, HandoutFile("x", "00"))
