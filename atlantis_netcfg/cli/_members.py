@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
     from atlantis_netcfg.operations.vpn.server import Deployed, Server
-    from atlantis_netcfg.vpn.authority import Authority, RevocationResult
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import RevocationResult
     from atlantis_netcfg.vpn.identity import Member
 
 __all__ = ["bringing", "close", "close_revoked", "close_synced", "hold", "outlet"]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.members import OperatorContext
     from atlantis_netcfg.operations.vpn.server import Server
-    from atlantis_netcfg.vpn.authority import Authority
+    from atlantis_netcfg.vpn.authority.authority import Authority
 
 __all__ = [
     "AGAIN",
@@ -64,7 +64,7 @@ def folder(arguments: Arguments) -> Path:
 
 def opened(arguments: Arguments) -> Authority:
     """The authority. Raises NoAuthority."""
-    from atlantis_netcfg.vpn.authority import Authority
+    from atlantis_netcfg.vpn.authority.authority import Authority
 
     return Authority.open(folder(arguments))
 

@@ -39,7 +39,7 @@ def run(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli import _members, _vpn
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.vpn.enrolment_package import accept
+    from atlantis_netcfg.vpn.enrolment_package.package import accept
 
     declaration = _vpn.declared(arguments)
     data = _bytes(Path(arguments.word("file")), "the hand-out")

@@ -38,7 +38,7 @@ def run(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import chosen
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.members import existing_authority, refuse_example_authority, server_names
-    from atlantis_netcfg.vpn.authority import Authority
+    from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
     declaration, folder = _vpn.declared(arguments), _vpn.folder(arguments)

@@ -10,8 +10,9 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
-from atlantis_netcfg.vpn.authority import Authority, HandoutFile
-from atlantis_netcfg.vpn.enrolment_package import identity_file
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import HandoutFile
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 
 if TYPE_CHECKING:
     from pathlib import Path

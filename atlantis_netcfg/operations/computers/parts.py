@@ -70,7 +70,7 @@ def _client(declaration: Declaration, host: Host, request: Request) -> Mapping[s
 
 def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """Not pure: the roll and the list are the authority's. Raises NoAuthority, AuthorityDamaged."""
-    from atlantis_netcfg.vpn.authority import Authority  # noqa: PLC0415 - most runs have no server of the VPN
+    from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - most runs have no server of the VPN
 
     authority = Authority.open(request.vpn)
     authority.crl()  # neither a foreign list nor one that has expired leaves this computer
@@ -87,7 +87,8 @@ def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
     servers = [host.name for host in hosts if is_server(host)]
     if not servers:
         return
-    from atlantis_netcfg.vpn.authority import Authority, NoAuthority  # noqa: PLC0415 - as above
+    from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - as above
+    from atlantis_netcfg.vpn.authority.model import NoAuthority  # noqa: PLC0415 - as above
 
     try:
         Authority.open(request.vpn)

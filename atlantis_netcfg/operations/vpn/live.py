@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.parts import File
     from atlantis_netcfg.operations.vpn.link import ServerLink
-    from atlantis_netcfg.vpn.authority import Authority, SessionObservation
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import SessionObservation
     from atlantis_netcfg.vpn.identity import MembershipList
 
 __all__ = [

@@ -16,9 +16,10 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.requests import computers
-from atlantis_netcfg.vpn import enrolment_package as handouts
-from atlantis_netcfg.vpn.authority import Authority, HandoutFile, IssueResult, ServerNames
-from atlantis_netcfg.vpn.enrolment_package import server_name
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import HandoutFile, IssueResult, ServerNames
+from atlantis_netcfg.vpn.enrolment_package.package import OneTimePassphrase, Recipient, handout, host_identity
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, server_name
 from atlantis_netcfg.vpn.names import check_free
 
 if TYPE_CHECKING:
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import EnrolmentRequest, RenewalRequest, RevocationResult, Signer
+    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, RenewalRequest, RevocationResult
+    from atlantis_netcfg.vpn.authority.signer import Signer
     from atlantis_netcfg.vpn.identity import Identity, Member
 
 
@@ -121,7 +123,7 @@ class Onboarding:
         newest = member.good[-1]
         path = _place(self.operator.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
-            path = handouts.host_identity(self.operator.authority.folder, member.name)
+            path = host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
         return HandedOut(IssueResult(member, newest, HandoutFile(str(path), digest), already=True), path)
 
@@ -149,8 +151,8 @@ class Onboarding:
             delivered = self._keep(identity)
             if recipient is None and self.target.copies is None:
                 return delivered
-        sealing = handouts.OneTimePassphrase() if recipient is None else handouts.Recipient(recipient)
-        made = handouts.handout(self.declaration, identity, sealing, contact=self.target.contact)
+        sealing = OneTimePassphrase() if recipient is None else Recipient(recipient)
+        made = handout(self.declaration, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
         place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
@@ -160,8 +162,8 @@ class Onboarding:
 
     def _keep(self, identity: Identity) -> HandoutFile:
         """The identity of a declared computer, for the role that brings it there."""
-        data = handouts.identity_file(identity).reveal().encode()
-        place = handouts.host_identity(self.operator.authority.folder, identity.member.name)
+        data = identity_file(identity).reveal().encode()
+        place = host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
         return HandoutFile(str(place), sha256(data).hexdigest())

@@ -12,13 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.vpn.authority import NONE_SIGNED, AuthorityDamaged
+from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
 from atlantis_netcfg.vpn.identity import CertificateStatus
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.vpn.authority import Agreement, Authority, Entry
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.check import Agreement
     from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
+    from atlantis_netcfg.vpn.ledger.file import Entry
 
 __all__ = [
     "audit",

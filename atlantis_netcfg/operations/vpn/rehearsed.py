@@ -10,7 +10,7 @@ from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.enrolment_package import identity_file
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Member, Wrap
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.vpn import names
-from atlantis_netcfg.vpn.authority import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
+from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 from atlantis_netcfg.vpn.pki import check_recipient

@@ -42,7 +42,7 @@ from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.operations.vpn.router_import import RouterImport
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.vpn import routeros
-from atlantis_netcfg.vpn.enrolment_package import read_identity
+from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import KeyType
 
 if TYPE_CHECKING:

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.operations.vpn.live import Evidence
-    from atlantis_netcfg.vpn.authority import Authority, RevocationResult
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import RevocationResult
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.operations.vpn.live import ServerState
     from atlantis_netcfg.operations.vpn.server import Connected
-    from atlantis_netcfg.vpn.authority import Authority
+    from atlantis_netcfg.vpn.authority.authority import Authority
 
 __all__ = ["StatusItem", "VpnStatus", "vpn_status"]
 

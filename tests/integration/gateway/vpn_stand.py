@@ -9,7 +9,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.enrolment_package import identity_file
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.routeros import DeviceMode, Mode
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
 from atlantis_netcfg.operations.upgrade import Waiting
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
-from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
-from atlantis_netcfg.vpn.enrolment_package import identity_file, profile
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, profile
 from atlantis_netcfg.vpn.identity import Kind
 
 if TYPE_CHECKING:

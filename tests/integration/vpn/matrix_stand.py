@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
     from atlantis_netcfg.vpn.identity import MembershipList
 
 NET, SERVER = "net", "server"

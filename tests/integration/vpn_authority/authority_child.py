@@ -24,13 +24,14 @@ from authority_stand import NAMES, PASSPHRASE, Stand, handed_to, stand, wish
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from multiprocessing.connection import Connection
 
-    from atlantis_netcfg.vpn.authority import HandoutFile, Signer
+    from atlantis_netcfg.vpn.authority.model import HandoutFile
+    from atlantis_netcfg.vpn.authority.signer import Signer
     from atlantis_netcfg.vpn.identity import Identity
 
 KEY = "ca-key-of-the-test.pem"

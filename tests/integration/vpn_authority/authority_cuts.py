@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import authority_witness as witness
 from authority_child import SAID, place, run, traced
 
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,7 +10,7 @@ import authority_witness as witness
 import pytest
 from authority_child import child, place, run
 
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
     from pathlib import Path

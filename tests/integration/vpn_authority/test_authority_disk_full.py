@@ -15,7 +15,7 @@ from pathlib import Path
 import authority_witness as witness
 from authority_child import place, run
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 
 before, disk = map(Path, sys.argv[1:])
 place(before)

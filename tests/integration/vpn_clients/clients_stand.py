@@ -24,7 +24,7 @@ import pytest
 
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn import pki, server
-from atlantis_netcfg.vpn.enrolment_package import server_name
+from atlantis_netcfg.vpn.enrolment_package.profile import server_name
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,

@@ -10,9 +10,9 @@ import sys
 from pathlib import Path
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.operations.vpn import members
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.vpn import enrolment_package
 
 ENTER = ("nsenter", "-t", sys.argv[2], "-m", "-n")
 CRASH = "CRASH"
@@ -25,9 +25,9 @@ def crash(*_: object, **__: object) -> None:
 
 if __name__ == "__main__":
     connected.over_ssh = lambda *_: lambda: LocalLink("scc-vpn", ENTER)
-    whole = vars(enrolment_package)["handout"]
+    whole = vars(members)["handout"]
     for line in json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")):
-        vars(enrolment_package)["handout"] = crash if CRASH in line else whole
+        vars(members)["handout"] = crash if CRASH in line else whole
         typed = [word for word in line if word != CRASH]
         sys.stdout.write(f"$ provision {' '.join(typed)}\n")
         code = main(typed)  # it may put another stream in place of standard output

@@ -26,7 +26,8 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Transport, VpnServer, VpnService
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.authority import Signer
+    from atlantis_netcfg.vpn.authority.signer import Signer
 
 __all__ = ["LOG", "NAME", "Client", "Computer", "Echo", "Record", "Server", "record", "server_of", "until"]
 

@@ -18,7 +18,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink, SshLink
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.server import CCD, FOLDER
 
 if TYPE_CHECKING:

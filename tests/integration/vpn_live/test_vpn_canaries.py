@@ -21,9 +21,8 @@ from live_stand import Record, Server
 from vpn_desk import over_a_pipe
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.vpn.authority import Authority
-from atlantis_netcfg.vpn.authority import authority as sealed
-from atlantis_netcfg.vpn.enrolment_package import open_handout
+from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
+from atlantis_netcfg.vpn.enrolment_package.package import open_handout
 from atlantis_netcfg.vpn.pki import key_pem
 
 if TYPE_CHECKING:
@@ -112,7 +111,7 @@ def pieces(text: str) -> Iterator[str]:
 
 def keys(scene: Scene) -> dict[str, str]:
     """Every secret of the scene, by what it is."""
-    ca = sealed.unseal_ca(scene.authority, Secret(PASSPHRASE))
+    ca = unseal_ca(scene.authority, Secret(PASSPHRASE))
     found = {"passphrase": PASSPHRASE, "age key": str(KEY)}
     texts = {"CA": key_pem(ca.key).reveal()}
     for path in [*scene.authority.glob("server/*.key"), *scene.authority.glob("hosts/*.identity")]:

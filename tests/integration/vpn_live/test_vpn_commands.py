@@ -14,8 +14,9 @@ from vpn_desk import PASSPHRASE, Desk, onboarding, seated
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
-from atlantis_netcfg.vpn.authority import Authority
-from atlantis_netcfg.vpn.enrolment_package import open_handout, read_identity
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.enrolment_package.package import open_handout
+from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

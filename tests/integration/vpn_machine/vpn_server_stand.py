@@ -25,9 +25,9 @@ from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, 
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 from atlantis_netcfg.operations.vpn.members import server_names
-from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile
-from atlantis_netcfg.vpn.authority.authority import unseal_ca
-from atlantis_netcfg.vpn.enrolment_package import profile
+from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
+from atlantis_netcfg.vpn.enrolment_package.profile import profile
 from atlantis_netcfg.vpn.identity import Identity, Kind, Link
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import PARTS, concerns, perform, refuse_unfounded
 from atlantis_netcfg.operations.request import Mode, Request, Target
-from atlantis_netcfg.vpn.authority import Authority, ServerNames
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import ServerNames
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.vpn.authority import Authority, EnrolmentRequest, HandoutFile, ServerNames
-from atlantis_netcfg.vpn.authority.authority import unseal_ca
+from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.identity import Identity, Kind
 from atlantis_netcfg.vpn.names import member_name
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from atlantis_netcfg.vpn import pki
-    from atlantis_netcfg.vpn.authority import Signer
+    from atlantis_netcfg.vpn.authority.signer import Signer
 
 PASSPHRASE = Secret("six words that a die has chosen")
 NAMES = ServerNames("vpn-server", ("vpn.example",), (IPv4Address("192.0.2.1"), IPv4Address("10.64.1.2")))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from authority_stand import stand, wish
 
-from atlantis_netcfg.vpn.authority import AddressTaken, PoolFull
+from atlantis_netcfg.vpn.authority.model import AddressTaken, PoolFull
 
 if TYPE_CHECKING:
     from pathlib import Path

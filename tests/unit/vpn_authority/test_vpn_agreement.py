@@ -16,8 +16,10 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.operations.vpn.records import audit
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, check
+from atlantis_netcfg.vpn.authority import check
+from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
 from atlantis_netcfg.vpn.ledger import digest
 
 if TYPE_CHECKING:

@@ -10,8 +10,9 @@ import pytest
 from authority_stand import stand
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.vpn.authority import AuthorityBusy, files
+from atlantis_netcfg.vpn.authority import files
 from atlantis_netcfg.vpn.authority.files import Lock, is_held
+from atlantis_netcfg.vpn.authority.model import AuthorityBusy
 
 if TYPE_CHECKING:
     from pathlib import Path

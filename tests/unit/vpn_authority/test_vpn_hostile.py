@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.vpn.authority import EnrolmentRequest, HandoutFile, NameRefused
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.identity import Kind
-from atlantis_netcfg.vpn.names import check_name, member_name
+from atlantis_netcfg.vpn.names import NameRefused, check_name, member_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

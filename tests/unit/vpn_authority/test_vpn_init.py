@@ -16,7 +16,9 @@ from cryptography.x509.oid import NameOID
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import Authority, AuthorityDamaged, NoAuthority, ServerNames, ledger_session
+from atlantis_netcfg.vpn.authority import ledger_session
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, NoAuthority, ServerNames
 
 if TYPE_CHECKING:
     from pathlib import Path

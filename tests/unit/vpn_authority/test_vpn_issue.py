@@ -13,9 +13,10 @@ from authority_stand import POOL, Stand, stand, wish
 from cryptography import x509
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.vpn.authority import AuthorityFailed, EnrolmentRequest, HandoutFile, NameTaken, OtherMember
+from atlantis_netcfg.vpn.authority.model import AuthorityFailed, EnrolmentRequest, HandoutFile, OtherMember
 from atlantis_netcfg.vpn.identity import CertificateStatus, Identity, KeyType, Kind, Link, Wrap
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
+from atlantis_netcfg.vpn.names import NameTaken
 
 
 def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:

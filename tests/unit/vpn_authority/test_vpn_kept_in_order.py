@@ -11,7 +11,8 @@ from authority_stand import stand, wish
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import AuthorityDamaged, ClockBehind, ledger_session
+from atlantis_netcfg.vpn.authority import ledger_session
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 from authority_stand import POOL, stand, wish
 
-from atlantis_netcfg.vpn.authority import EnrolmentRequest, NameRefused, NameTaken
+from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
 from atlantis_netcfg.vpn.identity import Kind
-from atlantis_netcfg.vpn.names import LONGEST, RESERVED, check_free, check_name, member_name
+from atlantis_netcfg.vpn.names import LONGEST, RESERVED, NameRefused, NameTaken, check_free, check_name, member_name
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
+from atlantis_netcfg.vpn.authority.model import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
 from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, Kind, Link, Wrap
 from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
 

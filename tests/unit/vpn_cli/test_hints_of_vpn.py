@@ -23,7 +23,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
 from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
-from atlantis_netcfg.vpn.authority import Authority
+from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
 

@@ -10,7 +10,7 @@ import pytest
 from handout_mint import Wanted, identity
 
 from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.vpn.enrolment_package import NotAnIdentity, identity_file, profile, read_identity
+from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, identity_file, profile, read_identity
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
 if TYPE_CHECKING:

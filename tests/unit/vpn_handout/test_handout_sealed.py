@@ -20,20 +20,21 @@ from handout_mint import Wanted, identity
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.enrolment_package import (
+from atlantis_netcfg.vpn.enrolment_package import package as handouts
+from atlantis_netcfg.vpn.enrolment_package.package import (
     NotAHandOut,
-    NotAnIdentity,
     OneTimePassphrase,
     Recipient,
     WrongKey,
+    _as_made,
     accept,
     handout,
     open_handout,
-    read_identity,
+    pack,
+    unpack,
 )
-from atlantis_netcfg.vpn.enrolment_package.package import _as_made, pack, unpack
+from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, read_identity
 from atlantis_netcfg.vpn.identity import Kind, Link, Wrap
 
 if TYPE_CHECKING:
