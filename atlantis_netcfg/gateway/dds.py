@@ -185,7 +185,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     dds = _declared(declaration)
     if not isinstance(host.device, Gateway | ControlCentre):
         there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, _SPEAKERS))
-        raise UsageError(f"`{host.name}` is a {host.device.kind}: it talks no DDS", hint=f"those that do: {there}")
+        raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)

@@ -111,7 +111,7 @@ def gateways_of(declaration: Declaration, site: str, only: Sequence[str] = ()) -
     if not hosts:
         named = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
         raise NothingMatched(
-            f"{named}: no gateway computer is among these hosts, and others take nothing from a bundle",
+            f"{named}: bundles are for gateways only, and no gateway is selected",
             hint="gateway computers are the hosts of group `gateways`",
         )
     return hosts

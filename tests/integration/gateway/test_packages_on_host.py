@@ -120,7 +120,7 @@ def test_exactly_what_is_declared_comes_and_the_second_run_finds_nothing_to_do(b
     assert "somebody holds one at 1.0; declared is 2.0" in board.run("one=2.0")["msg"]
     board.gateway.run("apt-mark unhold one")
     assert board.run("one=2.0", check=True)["changes"] == board.run("one=2.0")["changes"] == ["package one 2.0"]
-    assert "one 3* is not to be had; there is 2.0, 1.0" in board.run("one=3*")["msg"]
+    assert "one: version 3* is not available; available: 2.0, 1.0" in board.run("one=3*")["msg"]
     dear = board.run("large", limit_bytes=100_000, limit_words="satellite, by the byte")
     assert "1 packages of 6.1 MB would be downloaded; 100 kB are agreed (satellite, by the byte)" in dear["msg"]
     assert "--accept-cost" in dear["hint"]

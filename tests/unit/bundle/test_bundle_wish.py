@@ -90,5 +90,5 @@ def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: 
 
 
 def test_a_site_without_gateways_has_no_bundle(declaration: Declaration) -> None:
-    with pytest.raises(NothingMatched, match="site `scc`: no gateway computer is among these hosts"):
+    with pytest.raises(NothingMatched, match="site `scc`: bundles are for gateways only, and no gateway is selected"):
         gateways_of(declaration, "scc")

@@ -167,9 +167,9 @@ def test_over_lans_the_vehicles_with_a_reservation_are_peers() -> None:
 
 def test_who_talks_no_dds() -> None:
     declaration = pilot()
-    with pytest.raises(UsageError, match="`coastal-router` is a router: it talks no DDS") as refused:
+    with pytest.raises(UsageError, match="`coastal-router` is a router: it does not use DDS") as refused:
         profile_views(declaration, declaration.hosts["coastal-router"])
-    assert refused.value.hint == "those that do: scc-control, coastal-gateway, te4sea-gateway"
+    assert refused.value.hint == "hosts that do: scc-control, coastal-gateway, te4sea-gateway"
 
 
 def test_a_release_that_is_not_known() -> None:

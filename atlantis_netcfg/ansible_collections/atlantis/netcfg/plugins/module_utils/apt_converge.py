@@ -300,13 +300,13 @@ class Converge:
         without = [name for name in missing if name not in known]
         if without:
             raise ModuleError(
-                f"no source of the computer has {', '.join(without)}",
+                f"no configured apt source has {', '.join(without)}",
                 "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
             if not any(fits(item, version) for item in known[name]):
                 raise ModuleError(
-                    f"{name} {version} is not to be had; there is {', '.join(dict.fromkeys(known[name]))}",
+                    f"{name}: version {version} is not available; available: {', '.join(dict.fromkeys(known[name]))}",
                     "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
                 )
 

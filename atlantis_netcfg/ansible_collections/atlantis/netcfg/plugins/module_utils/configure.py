@@ -101,7 +101,7 @@ class Systemd:
             self.run(["systemctl", "reset-failed", "--", name])
         done = self.run(["systemctl", verb, *([] if wait else ["--no-block"]), "--", name])
         if done.code != 0:
-            raise self._failure(f"unit {name} could not be brought to {verb}", name)
+            raise self._failure(f"systemctl {verb} {name} failed", name)
 
     def settle(self) -> None:
         """Wait until a service that cannot run has died."""

@@ -81,7 +81,7 @@ class Clock:
         """Set the clock to `now`, in seconds since 1970, unless it is near or synchronised. Raises ModuleError."""
         if now < _OLDEST.timestamp():
             raise ModuleError(
-                f"your own computer says that it is {_in_words(now)}, so that no other clock can be set by it",
+                f"the clock of this laptop is wrong ({_in_words(now)}): it cannot set another clock",
                 "set the clock of your own computer, and type the same again",
             )
         was = self.read()
