@@ -208,11 +208,11 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
     endpoint = cell.endpoints.ethernet
     if endpoint is not None:
-        return (*links, _own(cell, endpoint, "own" if links else ""))
+        return (*links, _cable_step(cell, endpoint, "own" if links else ""))
     return links or (_by_a_person(cell),)
 
 
-def _own(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
+def _cable_step(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
     router = cell.router
     seen_by = endpoint.seen_by or (router.name if router is not None else None)
     probe = CabledProbe(

@@ -85,9 +85,9 @@ class AllowListProbe:
             yield Finding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
             yield self._proved(len(seen), len(aimed), sum(finding.code == _NOT_TRIED for finding in aimed))
-        for one in proved.findings:
-            weaker = Verdict.WARN if seen and one.code == _NOT_TRIED else one.verdict
-            yield replace(one, verdict=weaker, hint=one.hint or self._hints.get(one.code))
+        for finding in proved.findings:
+            weaker = Verdict.WARN if seen and finding.code == _NOT_TRIED else finding.verdict
+            yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
     def _proved(self, seen: int, aimed: int, untried: int) -> Finding:
         message = f"{seen} of {aimed} targets were proved over {self.bearer}"

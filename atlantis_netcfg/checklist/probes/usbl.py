@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
-from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, told
+from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver
@@ -73,7 +73,7 @@ class Ping:
     beacon: int
     consent: Consent | None
     """What the step asks a person; without it there is no ping to be sent."""
-    own: int | None = None
+    local: int | None = None
     """Number of the beacon that pings, as declared."""
     width_m: float | None = None
     """Of the site's waters: the geofence from one side to the other."""
@@ -112,7 +112,9 @@ class Ping:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
-            entry for entry in told(self.modem.driver, transcript) if entry.form == response and entry.end > sent.end
+            entry
+            for entry in read_fixes(self.modem.driver, transcript)
+            if entry.form == response and entry.end > sent.end
         )
         fix = next((item for item in fixes if item.remote == self.beacon), None)
         later = tuple(
@@ -120,7 +122,7 @@ class Ping:
         )
         error = seatrac.last(later, seatrac.PING_ERROR)
         if fix is not None and error is None and sent.record[:1] == b"\x00":
-            wrong = impossible(f"the beacon of {self.name}", fix, self.own, self.width_m, self.modem.driver)
+            wrong = impossible(f"the beacon of {self.name}", fix, self.local, self.width_m, self.modem.driver)
             if wrong is not None:
                 return wrong
             if fix.range_m is None:

@@ -57,7 +57,7 @@ _REPLAY = "look whether a recorded log is fed to this end in place of the modem,
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class UsblFix:
     """One fix of a remote modem; None: it does not tell."""
 
     remote: int
@@ -65,7 +65,7 @@ class Told:
     """Offset in the stream behind it."""
     waited_s: float
     """From when it came to the end of the listening."""
-    came: float
+    received_at: float
     """When it came, seconds since 1970 by the listening clock."""
     stamp: object
     """What tells one measurement from another: its time, else all that was measured."""
@@ -98,13 +98,13 @@ class Told:
         return self.waited_s + max(0.0, self.delay_s)
 
 
-def told(driver: AcousticDriver, transcript: Transcript) -> tuple[Told, ...]:
+def read_fixes(driver: AcousticDriver, transcript: Transcript) -> tuple[UsblFix, ...]:
     """Every fix in a transcript, in its order."""
     made = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
     return tuple(made)
 
 
-def _evologics(transcript: Transcript) -> Iterator[Told]:
+def _evologics(transcript: Transcript) -> Iterator[UsblFix]:
     received = evologics.pieces(transcript.data)
     settings = evologics.settings(received)
     declared = settings.values.get("Sound Speed") if settings else None
@@ -112,11 +112,11 @@ def _evologics(transcript: Transcript) -> Iterator[Told]:
     speed = declared if declared is not None and low <= declared <= high else _USUAL_MPS
     arrivals = _Arrivals(transcript)
     for fix in evologics.fixes(received):
-        yield Told(
+        yield UsblFix(
             remote=fix.remote,
             end=fix.end,
             waited_s=transcript.ended_s - arrivals.at_s(fix.end),
-            came=transcript.began + arrivals.at_s(fix.end),
+            received_at=transcript.began + arrivals.at_s(fix.end),
             stamp=fix.measured_s,
             form="direction" if fix.position_m is None else "position",
             range_m=None if fix.propagation_us is None else fix.propagation_us * 1e-6 * speed,
@@ -130,7 +130,7 @@ def _evologics(transcript: Transcript) -> Iterator[Told]:
         )
 
 
-def _seatrac(transcript: Transcript) -> Iterator[Told]:
+def _seatrac(transcript: Transcript) -> Iterator[UsblFix]:
     arrivals = _Arrivals(transcript)
     for answer in seatrac.answers(transcript.data):
         if answer.number not in {seatrac.PING_RESPONSE, seatrac.NAV_QUERY_RESPONSE}:
@@ -138,11 +138,11 @@ def _seatrac(transcript: Transcript) -> Iterator[Told]:
         fix = seatrac.fix(answer.record)
         if fix is None or (fix.range_m is None and fix.azimuth_deg is None):
             continue
-        yield Told(
+        yield UsblFix(
             remote=fix.beacon,
             end=answer.end,
             waited_s=transcript.ended_s - arrivals.at_s(answer.end),
-            came=transcript.began + arrivals.at_s(answer.end),
+            received_at=transcript.began + arrivals.at_s(answer.end),
             stamp=answer.record,
             form=f"{answer.number:02X}",
             range_m=fix.range_m,
@@ -168,7 +168,9 @@ class _Arrivals:
         return min(self._ended_s, self._at[chunk]) if chunk < len(self._at) else self._ended_s
 
 
-def impossible(who: str, fix: Told, local: int | None, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+def impossible(
+    who: str, fix: UsblFix, local: int | None, width_m: float | None, driver: AcousticDriver
+) -> Finding | None:
     """Say what is wrong with a fix beyond doubt; None: it may be true.
 
     `own`: address of the modem that tells it; `width_m`: of the site's waters, where they are declared.
@@ -187,7 +189,7 @@ def impossible(who: str, fix: Told, local: int | None, width_m: float | None, dr
     return _misplaced(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
 
 
-def _misplaced(who: str, whose: str, fix: Told, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+def _misplaced(who: str, whose: str, fix: UsblFix, width_m: float | None, driver: AcousticDriver) -> Finding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
     if far_m and min(far_m) <= _NEAREST_M:
         message = f"{who} puts {whose} at {min(far_m):.1f} m, where it is itself: zeros in place of what was measured"
@@ -212,19 +214,19 @@ def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: 
     return None
 
 
-def _apart(fix: Told, share: float, metres: float) -> bool:
+def _apart(fix: UsblFix, share: float, metres: float) -> bool:
     known = fix.range_m is not None and fix.distance_m is not None
     return known and abs((fix.range_m or 0.0) - (fix.distance_m or 0.0)) > max(metres, share * (fix.range_m or 0.0))
 
 
-def _mismatch(who: str, whose: str, fix: Told) -> str:
+def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
     return f"{who} puts {whose} at {fix.distance_m:.1f} m, and the sound's time says {fix.range_m:.1f} m"
 
 
 _MISMATCH = "compare the sound speed that is set with the water's; echoes of a wall make such fixes, too"
 
 
-def _absurd(who: str, whose: str, fix: Told) -> Finding | None:
+def _absurd(who: str, whose: str, fix: UsblFix) -> Finding | None:
     """Say that a value is one that no reception has."""
     values = (
         ("an accuracy", fix.accuracy, "rad", fix.accuracy is not None and not 0 <= fix.accuracy <= _ACCURACY_NONE),
@@ -264,13 +266,13 @@ class Fixes:
         transcript = said(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
-        fixes = told(self.modem.driver, transcript)
+        fixes = read_fixes(self.modem.driver, transcript)
         if not fixes and not self._understood(transcript):
             return Judged((self._foreign(transcript),))
         remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
         if not any(fix.remote in remotes for fix in fixes):
             return Judged((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
-        local = self._own(transcript)
+        local = self._local_address(transcript)
         findings = tuple(
             finding
             for remote in remotes
@@ -282,7 +284,7 @@ class Fixes:
     def _who(self) -> str:
         return f"the USBL of {self.name}"
 
-    def _own(self, transcript: Transcript) -> int | None:
+    def _local_address(self, transcript: Transcript) -> int | None:
         """Which address the modem itself tells; None: it does not."""
         if self.modem.driver is AcousticDriver.SEATRAC:
             settings = Beacon.of(transcript).settings
@@ -291,7 +293,7 @@ class Fixes:
 
     def _whose(self, transcript: Transcript) -> Iterator[Finding]:
         """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
-        local = self._own(transcript)
+        local = self._local_address(transcript)
         if local is not None and self.declared is not None and local != self.declared:
             message = f"{self._who} has the acoustic address {local}, and {self.declared} is declared"
             hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
@@ -310,7 +312,7 @@ class Fixes:
         seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
         return (damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
 
-    def _nothing(self, fixes: tuple[Told, ...], transcript: Transcript) -> Finding:
+    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: Transcript) -> Finding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             switched = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if switched == 0 and not fixes:
@@ -323,7 +325,7 @@ class Fixes:
         message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
         return Finding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
-    def _of(self, remote: int, fixes: list[Told], local: int | None, transcript: Transcript) -> Iterator[Finding]:
+    def _of(self, remote: int, fixes: list[UsblFix], local: int | None, transcript: Transcript) -> Iterator[Finding]:
         """Judge what was told of one modem: possible, of now, and more than one measurement."""
         if not fixes:
             message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
@@ -341,12 +343,12 @@ class Fixes:
         if len(good) <= len(wrong):
             yield next(wrong[id(fix)] for fix in reversed(measured) if id(fix) in wrong)
             return
-        yield from self._heard(remote, good, len(fixes))
+        yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
             message = f"{len(wrong)} of {len(measured)} fixes of the address {remote} cannot be: {_first(wrong)}"
             yield Finding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
-    def _wrong(self, fix: Told, local: int | None) -> Finding | None:
+    def _wrong(self, fix: UsblFix, local: int | None) -> Finding | None:
         of = f"of the address {fix.remote}"
         finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
@@ -354,8 +356,8 @@ class Fixes:
         if fix.delay_s > self.max_age_s:
             message = f"{self._who} tells a fix {of} that was measured {fix.delay_s:.0f} s before"
             return Finding(Verdict.FAIL, "stale", message, _REPLAY)
-        if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.came >= _SINCE_1970_S:
-            ahead_s = fix.clock_s - fix.came
+        if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
+            ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
                 side = "behind" if ahead_s < 0 else "ahead of"
                 message = f"{self._who} tells a fix {of} at a time that is {abs(ahead_s):.0f} s {side} the clock here"
@@ -365,7 +367,7 @@ class Fixes:
             return Finding(Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES)
         return None
 
-    def _heard(self, remote: int, good: Sequence[Told], count: int) -> Iterator[Finding]:
+    def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[Finding]:
         last = good[-1]
         far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
         counted = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
@@ -379,9 +381,9 @@ class Fixes:
             yield Finding(Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again")
         yield from _quality(self._who, remote, last)
 
-    def _out_of_step(self, fixes: tuple[Told, ...]) -> Iterator[Finding]:
+    def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[Finding]:
         """Whether the modem's clock and ours go alike: what was kept back for too long, or recorded, does not."""
-        apart = [fix.clock_s - fix.came for fix in fixes if fix.clock_s is not None]
+        apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
             message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
@@ -389,7 +391,7 @@ class Fixes:
             yield Finding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
 
 
-def _again(fixes: list[Told]) -> str | None:
+def _again(fixes: list[UsblFix]) -> str | None:
     """Say that the same measurement is told again and again, or comes back after another."""
     keys = [(fix.form, fix.stamp) for fix in fixes]
     if len(keys) > len({fix.form for fix in fixes}) and len({fix.stamp for fix in fixes}) == 1:
@@ -411,7 +413,7 @@ def _first(wrong: Mapping[int, Finding]) -> str:
     return next(iter(wrong.values())).message
 
 
-def _quality(who: str, remote: int, fix: Told) -> Iterator[Finding]:
+def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[Finding]:
     of = f"of the address {remote}"
     if fix.range_m is None:
         hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
@@ -445,13 +447,15 @@ def _addresses(addresses: tuple[int, ...]) -> str:
     return f"{word} {', '.join(map(str, addresses))}"
 
 
-def _evidence(fixes: tuple[Told, ...]) -> Iterator[Evidence]:
+def _evidence(fixes: tuple[UsblFix, ...]) -> Iterator[Evidence]:
     for remote in sorted({fix.remote for fix in fixes}):
         its = [fix for fix in fixes if fix.remote == remote]
-        yield Evidence(type=EvidenceType.MEASURED, what=f"fixes of the address {remote}", value="; ".join(_told(its)))
+        yield Evidence(
+            type=EvidenceType.MEASURED, what=f"fixes of the address {remote}", value="; ".join(_fix_values(its))
+        )
 
 
-def _told(fixes: list[Told]) -> Iterator[str]:
+def _fix_values(fixes: list[UsblFix]) -> Iterator[str]:
     last = fixes[-1]
     yield f"{len(fixes)}"
     yield f"last {last.age_s:.1f} s old"

@@ -329,13 +329,13 @@ class RegisteredProbe:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
-        parts = [self._told(results), self._reached(results)]
+        parts = [self._registration(results), self._reached(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
         findings = tuple(finding for part in parts for finding in part.findings)
         return Judged(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
-    def _told(self, results: Mapping[str, Answer]) -> Judged:
+    def _registration(self, results: Mapping[str, Answer]) -> Judged:
         host = self.endpoint.seen_by
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
@@ -412,11 +412,11 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
     endpoint = cell.endpoints.wifi
     if endpoint is not None:
-        return (*bridges, _own(cell, endpoint, "own" if bridges else ""))
+        return (*bridges, _radio_step(cell, endpoint, "own" if bridges else ""))
     return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))
 
 
-def _own(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
+def _radio_step(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
     probe = _probe(cell, endpoint)
     gateway = cell.gateway
     concerns = (endpoint.seen_by, gateway.name if gateway is not None else None)

@@ -154,8 +154,8 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
     assert told["runs"]["rc"] == 0
     so_far = heard(told["hangs"], hangs, 0, 0)
     assert isinstance(so_far, Transcript)
-    assert (so_far.trouble, so_far.words, so_far.data) == (Trouble.SILENT, "it was not over in time", b"something")
-    assert told["waits"] == {"trouble": "silent", "words": "it was not over in time"}
+    assert (so_far.trouble, so_far.words, so_far.data) == (Trouble.SILENT, "timed out", b"something")
+    assert told["waits"] == {"trouble": "silent", "words": "timed out"}
 
 
 def test_nobody_reads_it_any_more() -> None:

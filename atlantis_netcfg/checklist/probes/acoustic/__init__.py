@@ -77,7 +77,7 @@ class Member:
     """Acoustic address or beacon number; None: nobody declares it."""
 
 
-def _asked(members: tuple[Member, ...]) -> tuple[Question, ...]:
+def _requests(members: tuple[Member, ...]) -> tuple[Question, ...]:
     return tuple(dict.fromkeys(member.question for member in members))
 
 
@@ -132,7 +132,7 @@ class EvologicsFleet:
 
     def asks(self) -> tuple[Question, ...]:
         """The same scripts as the items of the modems themselves."""
-        return _asked(self.members)
+        return _requests(self.members)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Compare what `AT&V` told."""
@@ -164,7 +164,7 @@ class EvologicsFleet:
         allowed = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
         yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed, hint)
         yield from _carriers(of["Carrier Waveform ID"])
-        words = {name: evologics.answer(readings[name].heard, _PHY) for name in result}
+        words = {name: evologics.answer(readings[name].received, _PHY) for name in result}
         hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
         known = {name: word for name, word in words.items() if word}
         yield from _same("physical layer", "band-differs", known, hint, verdict=Verdict.WARN)
@@ -203,7 +203,7 @@ class SeatracFleet:
 
     def asks(self) -> tuple[Question, ...]:
         """The same scripts as the items of the beacons themselves."""
-        return _asked(self.members)
+        return _requests(self.members)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Compare their settings."""

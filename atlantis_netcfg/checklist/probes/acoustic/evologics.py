@@ -166,8 +166,8 @@ def settings(received: Sequence[Piece]) -> Settings | None:
     """Everything known that `AT&V` told, framed or bare; None: nothing."""
     text = answer(received, "AT&V") or "\n".join(p.text for p in received if p.command is None)
     found = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
-    named = [(one[2].replace("Rerty", "Retry"), one) for one in found if one]
-    known = [(name, one) for name, one in named if name in _NAMES]
+    named = [(match[2].replace("Rerty", "Retry"), match) for match in found if match]
+    known = [(name, match) for name, match in named if name in _NAMES]
     if not known:
         return None
     return Settings({name: int(entry[3]) for name, entry in known}, tuple(name for name, item in known if item[1]))

@@ -104,7 +104,7 @@ _READINGS = (
 class Reading:
     """Everything that a modem told, in one value; None: not told."""
 
-    heard: tuple[evologics.Piece, ...]
+    received: tuple[evologics.Piece, ...]
     settings: evologics.Settings | None
 
     @classmethod
@@ -116,8 +116,8 @@ class Reading:
     @property
     def understood(self) -> bool:
         """Whether anything of it is an EvoLogics modem's."""
-        framed = any(piece.command for piece in self.heard)
-        return framed or self.settings is not None or evologics.state(self.heard) is not None
+        framed = any(piece.command for piece in self.received)
+        return framed or self.settings is not None or evologics.state(self.received) is not None
 
     @property
     def address(self) -> int | None:
@@ -129,8 +129,8 @@ class Reading:
         """Every one that was told and is in force: more than one is two modems at one end."""
         if self.settings is not None and "Local Address" in self.settings.pending:
             return frozenset()
-        listed = [evologics.settings((piece,)) for piece in self.heard if piece.command == "AT&V"]
-        queried = [evologics.number(piece.text) for piece in self.heard if piece.command == "AT?AL"]
+        listed = [evologics.settings((piece,)) for piece in self.received if piece.command == "AT&V"]
+        queried = [evologics.number(piece.text) for piece in self.received if piece.command == "AT?AL"]
         local = [settings.values.get("Local Address") for settings in listed if settings is not None]
         return frozenset(int(item) for item in (*local, *queried, self.address) if item is not None)
 
@@ -148,7 +148,7 @@ class Reading:
 
     def number(self, query: str) -> float | None:
         """The number that a query was answered with."""
-        return evologics.number(evologics.answer(self.heard, query))
+        return evologics.number(evologics.answer(self.received, query))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,9 +185,9 @@ class EvologicsStatus:
         yield from self._pending(reading)
 
     def _state(self, reading: Reading) -> Finding:
-        state = evologics.state(reading.heard)
+        state = evologics.state(reading.received)
         if state is None:
-            words = evologics.trouble_words(reading.heard, "AT?S")
+            words = evologics.trouble_words(reading.received, "AT?S")
             message = f"the modem of {self.name} does not tell its state" + (f": it says `{words}`" if words else "")
             hint = "check again in a minute; if it stays so, compare the firmware with another modem's"
             return Finding(Verdict.INCONCLUSIVE, "no-state", message, hint)
@@ -263,7 +263,7 @@ class EvologicsStatus:
 
 def _evidence(reading: Reading) -> Iterator[Evidence]:
     for what, query, unit in _READINGS:
-        value = evologics.answer(reading.heard, query)
+        value = evologics.answer(reading.received, query)
         if value:
             yield Evidence(type=EvidenceType.READ, what=what, value=value[:120] + unit)
     if reading.settings is not None:
@@ -282,7 +282,7 @@ _STOPPED = 0x3A
 class Beacon:
     """Everything that a beacon told, in one value; None: not told."""
 
-    heard: tuple[seatrac.Answer, ...]
+    received: tuple[seatrac.Answer, ...]
     settings: seatrac.Settings | None
     status: seatrac.Status | None
     info: str | None
@@ -340,7 +340,7 @@ class SeatracStatus:
             return transcript
         damaged = damage(self.name, transcript)
         beacon = Beacon.of(transcript)
-        if not beacon.heard:
+        if not beacon.received:
             return Judged((damaged or not_understood(self.modem, self.name),))
         findings = (self._state(beacon), *self._number(beacon), *self._sound(beacon))
         return Judged((*findings, damaged) if damaged else findings, tuple(_beacon_evidence(beacon)))

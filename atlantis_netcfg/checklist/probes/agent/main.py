@@ -26,10 +26,12 @@ _STREAMS: dict[str, Callable[[dict[str, Any], Sound], None]] = {"tcp": tcp, "udp
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing, "dds": discover}
 
 
-class _Asked(threading.Thread):
+class _Request(threading.Thread):
     """A question, from its turn to its answer."""
 
-    def __init__(self, row: dict[str, Any], before: list[_Asked], tell: Callable[[str, dict[str, Any]], None]) -> None:
+    def __init__(
+        self, row: dict[str, Any], before: list[_Request], tell: Callable[[str, dict[str, Any]], None]
+    ) -> None:
         super().__init__(daemon=True)
         self.over = threading.Event()
         self.answer: dict[str, Any] = {}
@@ -48,7 +50,7 @@ class _Asked(threading.Thread):
     def give_up(self) -> None:
         """Tell what was heard so far, if it has not ended."""
         sound = self._sound
-        self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "it was not over in time"})
+        self._say({} if sound is None else sound.as_answer(), {"trouble": "silent", "words": "timed out"})
 
     def _say(self, answer: dict[str, Any], more: dict[str, Any]) -> None:
         with self._lock:
@@ -87,15 +89,15 @@ def answer_all(requested: dict[str, Any], tell: Callable[[str, dict[str, Any]], 
     After `deadline_s` what is missing is told as silent, with what was heard so far.
     """
     ends = time.monotonic() + requested["deadline_s"]
-    work: list[_Asked] = []
+    work: list[_Request] = []
     for row in requested["questions"]:
-        work.append(_Asked(row, [work[number] for number in row["after"]], tell))
-    for one in work:
-        one.start()
-    for entry in work:
-        entry.over.wait(max(ends - time.monotonic(), 0.0))
-    for item in reversed(work):  # who waits for another one must not begin now
-        item.give_up()
+        work.append(_Request(row, [work[number] for number in row["after"]], tell))
+    for request in work:
+        request.start()
+    for request in work:
+        request.over.wait(max(ends - time.monotonic(), 0.0))
+    for request in reversed(work):  # who waits for another one must not begin now
+        request.give_up()
     end_all()
 
 
@@ -103,10 +105,10 @@ def main(requested: dict[str, Any]) -> None:
     """Answer on the standard output; when nobody reads it any more, all is over."""
     lock = threading.Lock()
 
-    def tell(key: str, said: dict[str, Any]) -> None:
+    def tell(key: str, result: dict[str, Any]) -> None:
         with lock:
             try:
-                sys.stdout.write(json.dumps({"key": key, **said}, separators=(",", ":")) + "\n")
+                sys.stdout.write(json.dumps({"key": key, **result}, separators=(",", ":")) + "\n")
                 sys.stdout.flush()
             except OSError:
                 end_all()

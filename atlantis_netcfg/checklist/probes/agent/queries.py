@@ -81,7 +81,7 @@ _OUTGOING = 4
 """Type of a frame that this computer has sent (packet(7))."""
 _COOKIE = b"\x63\x82\x53\x63"
 _DISCOVER, _OFFER = 1, 2
-_ROUTER, _TYPE, _SERVER, _WANTED = 3, 53, 54, 55
+_ROUTER, _TYPE, _SERVER, _REQUESTED = 3, 53, 54, 55
 _BROADCAST = b"\xff" * 6
 _ROUNDS = 2
 
@@ -129,7 +129,7 @@ def _frame(mac: bytes, card: bytes, number: bytes) -> bytes:
     """Ethernet, IP, UDP without a checksum, BOOTP with its options (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
     # The broadcast flag: the answer comes to everybody, since nobody has the offered address.
     bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, card)
-    options = bytes([_TYPE, 1, _DISCOVER, _WANTED, 3, 1, _ROUTER, 51, 255])
+    options = bytes([_TYPE, 1, _DISCOVER, _REQUESTED, 3, 1, _ROUTER, 51, 255])
     body = (bootp + _COOKIE + options).ljust(300, b"\0")
     udp = struct.pack("!4H", 68, 67, 8 + len(body), 0) + body
     ip = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, _UDP, 0, b"\0" * 4, b"\xff" * 4)
@@ -212,13 +212,13 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
     kept: dict[tuple[bytes, bool], list[Any]] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         try:
-            _own(where)
+            _check_address(where)
             wire.bind(("", 0))  # Fast DDS without a profile answers an address of its own computer by the loopback
             local = wire.getsockname()[1]
             ends, due = time.monotonic() + question["within_s"], 0.0
             while time.monotonic() < ends:
                 if time.monotonic() >= due:
-                    _tell(wire, question, _hello(prefix, where, local, question["domain"]))
+                    _send(wire, question, _hello(prefix, where, local, question["domain"]))
                     due = time.monotonic() + _AGAIN_S
                 wire.settimeout(max(min(due, ends) - time.monotonic(), 0.001))
                 try:
@@ -227,19 +227,19 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
                     continue
                 if data[:4] == b"RTPS" and (prefix in data or _WRITER in data) and len(kept) < _MOST:
                     kept.setdefault((data[8:20], prefix in data), [source[0], packed(data)])
-            _tell(wire, question, _bye(prefix))
+            _send(wire, question, _bye(prefix))
         except OSError as error:
             raise no_answer(error, where) from None
     return {"trouble": None, "words": "", "prefix": prefix.hex(), "datagrams": list(kept.values())}
 
 
-def _own(address: str) -> None:
+def _check_address(address: str) -> None:
     """Raise OSError if the computer does not have this address."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as there:
         there.bind((address, 0))
 
 
-def _tell(wire: socket.socket, question: dict[str, Any], message: bytes) -> None:
+def _send(wire: socket.socket, question: dict[str, Any], message: bytes) -> None:
     for port in question["ports"]:
         wire.sendto(message, (question["address"], port))
 

@@ -142,7 +142,7 @@ def _zone_s(clock: Rows | None) -> float:
 class StreamGps:
     """The receiver has a fresh fix in the right place, and keeps it."""
 
-    wanted: Wanted
+    expected: Wanted
     place: Place
     address: str = ""
     port: int = 0
@@ -151,8 +151,8 @@ class StreamGps:
 
     def asks(self) -> tuple[Question, ...]:
         """Listen to the stream: gpsd is asked to speak, all others do by themselves."""
-        speaks_json = self.wanted.driver is GpsDriver.GPSD
-        count = self.wanted.reports
+        speaks_json = self.expected.driver is GpsDriver.GPSD
+        count = self.expected.reports
         return (
             Listen(
                 name="positions",
@@ -172,20 +172,20 @@ class StreamGps:
         """Judge the stream."""
         answer = results["positions"]
         assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-        reception = (gpsd if self.wanted.driver is GpsDriver.GPSD else nmea).read(answer)
+        reception = (gpsd if self.expected.driver is GpsDriver.GPSD else nmea).read(answer)
         if answer.words and answer.trouble is None:
             # The other end hung up in between.
             reception = replace(reception, complaints=(*reception.complaints, answer.words))
         if answer.trouble is not None and not reception.reports:
-            return Judged((troubled(answer.trouble, answer.words, self.wanted),), evidence(reception, self.wanted))
-        return _judged(reception, self.wanted)
+            return Judged((troubled(answer.trouble, answer.words, self.expected),), evidence(reception, self.expected))
+        return _judged(reception, self.expected)
 
 
 @dataclass(frozen=True, slots=True)
 class RouterosGps:
     """The router's receiver has a fresh fix in the right place."""
 
-    wanted: Wanted
+    expected: Wanted
     host: str
 
     def asks(self) -> tuple[Question, ...]:
@@ -200,12 +200,12 @@ class RouterosGps:
         assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
         if monitored.trouble is not None:
-            return Judged((troubled(monitored.trouble, monitored.words, self.wanted),))
+            return Judged((troubled(monitored.trouble, monitored.words, self.expected),))
         reception = read_monitor(monitored, clock)
         unknown = settings.rows is None and settings.trouble is None
         if unknown or enabled(settings) is False:
-            return Judged((self._off(settings),), evidence(reception, self.wanted))
-        return _judged(reception, self.wanted)
+            return Judged((self._off(settings),), evidence(reception, self.expected))
+        return _judged(reception, self.expected)
 
     def _off(self, settings: Rows) -> Finding:
         if settings.rows is None:
@@ -285,12 +285,12 @@ def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
         host = endpoint.seen_by or (cell.router.name if cell.router else None)
         if host is None:
             return Nowhere(cell.name)
-        return RouterosGps(_wanted(cell, endpoint, f"GPS of {host}", host, host), host)
+        return RouterosGps(_expectation(cell, endpoint, f"GPS of {host}", host, host), host)
     place = cell.place(endpoint.seen_from)
     stands = _name(cell, place)
     if endpoint.driver is GpsDriver.NMEA_SERIAL:
         end = f"{endpoint.device} of {stands}"
-        expected = _wanted(cell, endpoint, f"NMEA from {end}", end, stands)
+        expected = _expectation(cell, endpoint, f"NMEA from {end}", end, stands)
         return StreamGps(expected, place, device=endpoint.device or "", baud=endpoint.baud)
     address = cell.address(endpoint.address)
     if address is None:
@@ -298,10 +298,10 @@ def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
     port = endpoint.port or (GPSD_PORT if endpoint.driver is GpsDriver.GPSD else NMEA_PORT)
     end = f"{address}:{port}"
     source = f"gpsd at {end}" if endpoint.driver is GpsDriver.GPSD else f"NMEA from {end}"
-    return StreamGps(_wanted(cell, endpoint, source, end, stands), place, address=address, port=port)
+    return StreamGps(_expectation(cell, endpoint, source, end, stands), place, address=address, port=port)
 
 
-def _wanted(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place: str) -> Wanted:
+def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place: str) -> Wanted:
     return Wanted(
         name=cell.name,
         driver=endpoint.driver,

@@ -109,14 +109,14 @@ def read(transcript: Transcript) -> Reception:
     others = {path: its for path, its in reading.reports.items() if path != device}
     opened = reading.opened
     return Reception(
-        reports=_told(reports),
+        reports=_complete(reports),
         understood=reading.understood,
         heard_bytes=len(transcript.data),
         good=reading.good,
         bad=reading.bad,
         devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
         others=tuple(path or "one without a name" for path in others),
-        rivals=tuple(_told(its)[-1] for its in others.values() if _told(its)[-1].fixed),
+        rivals=tuple(_complete(its)[-1] for its in others.values() if _complete(its)[-1].fixed),
         device=device,
         version=reading.version,
         satellites=reading.satellites.get(device, reading.satellites.get("")),
@@ -127,7 +127,7 @@ def read(transcript: Transcript) -> Reception:
     )
 
 
-def _told(reports: Sequence[Report]) -> tuple[Report, ...]:
+def _complete(reports: Sequence[Report]) -> tuple[Report, ...]:
     """Leave out those that are not whole yet, unless there are no others."""
     whole = tuple(item for item in reports if not item.fixed or item.latitude is not None or item.time is not None)
     return whole if any(report.fixed for report in whole) else tuple(reports)

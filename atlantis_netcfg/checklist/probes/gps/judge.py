@@ -93,7 +93,7 @@ def judge(reception: Reception, expected: Wanted) -> tuple[Finding, ...]:
 
 
 def _found(reception: Reception, expected: Wanted) -> Iterator[Finding]:
-    yield from _held(reception, expected)
+    yield from _fix_findings(reception, expected)
     if reception.fixes:
         yield from _dimensions(reception, expected)
         yield from _misplaced(reception, expected)
@@ -108,7 +108,7 @@ def _found(reception: Reception, expected: Wanted) -> Iterator[Finding]:
         yield Finding(verdict, "damaged", message, hint)
 
 
-def _held(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _fix_findings(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     """Whether there is a fix, and whether it stays."""
     sky = Verdict.FAIL if expected.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expected.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
@@ -413,11 +413,11 @@ def evidence(reception: Reception, expected: Wanted) -> tuple[Evidence, ...]:
         seen.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
     seen += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
     if reception.reports:
-        seen += _heard(reception, expected)
+        seen += _reception_evidence(reception, expected)
     return tuple(seen)
 
 
-def _heard(reception: Reception, expected: Wanted) -> Iterator[Evidence]:
+def _reception_evidence(reception: Reception, expected: Wanted) -> Iterator[Evidence]:
     last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
     if last.fixed:
         yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))

@@ -201,8 +201,8 @@ def read(transcript: Transcript) -> Reception:
         elif number and line.strip():
             # The first line is cut where the listening began.
             bad += 1
-    for one in sources.values():
-        one.close()
+    for source_epochs in sources.values():
+        source_epochs.close()
     device, epochs = max(
         sources.items(), key=lambda entry: sum(r.fixed for r in entry[1].reports), default=("", _Epochs())
     )

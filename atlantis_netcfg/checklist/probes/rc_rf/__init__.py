@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.checklist.probes.rc_rf.stream import Heard
+    from atlantis_netcfg.checklist.probes.rc_rf.stream import Stream
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
@@ -35,12 +35,12 @@ __all__ = ["RcHeard", "SticksMoved", "Wanted", "steps"]
 _READ, _MEASURED = EvidenceType.READ, EvidenceType.MEASURED
 
 
-def evidence(received: Heard, expected: Wanted) -> tuple[Evidence, ...]:
+def evidence(received: Stream, expected: Wanted) -> tuple[Evidence, ...]:
     """Give the stream, the systems in it, and what the expected one says."""
     return tuple(_seen(received, expected)) if received.heard_bytes else ()
 
 
-def _seen(received: Heard, expected: Wanted) -> Iterator[Evidence]:
+def _seen(received: Stream, expected: Wanted) -> Iterator[Evidence]:
     versions = " and ".join(map(str, received.versions)) or "of no known version"
     stream = f"MAVLink {versions}, {received.good} frames and {received.bad} damaged pieces in {received.ended_s:.0f} s"
     yield Evidence(type=_MEASURED, what=f"stream at {expected.end}", value=stream)
@@ -63,7 +63,7 @@ def _seen(received: Heard, expected: Wanted) -> Iterator[Evidence]:
         yield Evidence(type=_READ, what="receiver", value=text)
 
 
-def movement(received: Heard, expected: Wanted) -> Iterator[Evidence]:
+def movement(received: Stream, expected: Wanted) -> Iterator[Evidence]:
     """Give the way of each channel that moved."""
     for number, (low, high) in ranges(received.systems.get(expected.system_id, System()).channels).items():
         yield Evidence(type=_MEASURED, what=f"channel {number}", value=f"{low} to {high} us")
@@ -89,33 +89,33 @@ STICKS_S = 12.0
 class RcHeard:
     """The autopilot hears its remote control, and is disarmed."""
 
-    wanted: Wanted
+    expected: Wanted
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
         """Listen until enough of the vehicle was heard."""
-        return (_listen("stream", self.wanted, self.place, LISTEN_S, enough(self.wanted.system_id)),)
+        return (_listen("stream", self.expected, self.place, LISTEN_S, enough(self.expected.system_id)),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the stream."""
-        return _judged(results["stream"], self.wanted, judge)
+        return _judged(results["stream"], self.expected, judge)
 
 
 @dataclass(frozen=True, slots=True)
 class SticksMoved:
     """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
 
-    wanted: Wanted
+    expected: Wanted
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
         """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
-        return (_listen("sticks", self.wanted, self.place, STICKS_S, b""),)
+        return (_listen("sticks", self.expected, self.place, STICKS_S, b""),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the movement."""
         return _judged(
-            results["sticks"], self.wanted, lambda stream, expected: (judge_moved(stream, expected),), moved=True
+            results["sticks"], self.expected, lambda stream, expected: (judge_moved(stream, expected),), moved=True
         )
 
 
@@ -126,7 +126,7 @@ def _listen(name: str, expected: Wanted, place: Place, listen_s: float, until: b
 def _judged(
     answer: Answer,
     expected: Wanted,
-    judge_stream: Callable[[Heard, Wanted], tuple[Finding, ...]],
+    judge_stream: Callable[[Stream, Wanted], tuple[Finding, ...]],
     *,
     moved: bool = False,
 ) -> Judged:

@@ -19,7 +19,7 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Heard
+    from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Stream
     from atlantis_netcfg.checklist.probes.results import Transcript
 
 __all__ = [
@@ -46,7 +46,7 @@ UNSTEADY = 0.25
 BAD_SHARE = 0.05
 
 
-def judge(received: Heard, expected: Wanted) -> tuple[Finding, ...]:
+def judge(received: Stream, expected: Wanted) -> tuple[Finding, ...]:
     """Judge a stream in which the vehicle is heard; one that is well in every respect has one finding, which passes."""
     system = received.systems[expected.system_id]
     found = (
@@ -58,7 +58,7 @@ def judge(received: Heard, expected: Wanted) -> tuple[Finding, ...]:
     return found or (_well(system, expected),)
 
 
-def _alive(received: Heard, system: System, expected: Wanted) -> Iterator[Finding]:
+def _alive(received: Stream, system: System, expected: Wanted) -> Iterator[Finding]:
     age_s = received.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
         message = f"{expected.name}'s last heartbeat is {age_s:.0f} s old"
@@ -96,7 +96,7 @@ def _alive(received: Heard, system: System, expected: Wanted) -> Iterator[Findin
         )
 
 
-def no_channels(received: Heard, expected: Wanted) -> Finding:
+def no_channels(received: Stream, expected: Wanted) -> Finding:
     """Say that no RC_CHANNELS came: that is a setting as well, so nothing follows."""
     message = f"{expected.name} sends no RC_CHANNELS within {received.ended_s:.0f} s"
     hint = (
@@ -165,7 +165,7 @@ def _rssi(system: System, expected: Wanted) -> Iterator[Finding]:
         )
 
 
-def _damaged(received: Heard, expected: Wanted) -> Iterator[Finding]:
+def _damaged(received: Stream, expected: Wanted) -> Iterator[Finding]:
     total = received.good + received.bad
     if received.bad > 1 and received.bad > BAD_SHARE * total:
         message = f"{received.bad} of {total} pieces of the stream at {expected.end} are damaged"
@@ -185,7 +185,7 @@ APART_S = 60.0
 """Clocks of an autopilot and of who listens: a live stream is not so far off."""
 
 
-def armed(received: Heard, expected: Wanted) -> Finding | None:
+def armed(received: Stream, expected: Wanted) -> Finding | None:
     """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
     hot = [number for number, system in received.systems.items() if system.armed]
     if not hot:
@@ -197,7 +197,7 @@ def armed(received: Heard, expected: Wanted) -> Finding | None:
     )
 
 
-def unusable(answer: Transcript, received: Heard, expected: Wanted) -> Finding | None:
+def unusable(answer: Transcript, received: Stream, expected: Wanted) -> Finding | None:
     """Say why the stream tells nothing of the vehicle; None: it does."""
     if not received.heard_bytes:
         return _unheard(answer, expected) if answer.trouble is not None else _silent(received, expected)
@@ -210,7 +210,7 @@ def unusable(answer: Transcript, received: Heard, expected: Wanted) -> Finding |
     return None if system.beats else _absent(received, system, expected)
 
 
-def doubts(received: Heard, expected: Wanted) -> Iterator[Finding]:
+def doubts(received: Stream, expected: Wanted) -> Iterator[Finding]:
     """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
     system = received.systems[expected.system_id]
     if expected.address is None:
@@ -231,7 +231,7 @@ def doubts(received: Heard, expected: Wanted) -> Iterator[Finding]:
     yield from _flow(system, received, expected)
 
 
-def _flow(system: System, received: Heard, expected: Wanted) -> Iterator[Finding]:
+def _flow(system: System, received: Stream, expected: Wanted) -> Iterator[Finding]:
     """The autopilot counts the time, and that count goes on as fast as time does."""
     result = system.channels
     if not result:
@@ -255,7 +255,7 @@ def _flow(system: System, received: Heard, expected: Wanted) -> Iterator[Finding
         yield Finding(_INCONCLUSIVE, "not-live", message, hint)
 
 
-def _silent(received: Heard, expected: Wanted) -> Finding:
+def _silent(received: Stream, expected: Wanted) -> Finding:
     message = f"nothing arrived at {expected.end} in {received.ended_s:.0f} s"
     hint = f"switch {expected.name} on, and let its companion computer forward the MAVLink stream to {expected.end}"
     return Finding(_INCONCLUSIVE, "silent", message, hint)
@@ -281,7 +281,7 @@ def _unheard(answer: Transcript, expected: Wanted) -> Finding:
     return Finding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
 
 
-def _absent(received: Heard, system: System, expected: Wanted) -> Finding:
+def _absent(received: Stream, system: System, expected: Wanted) -> Finding:
     if system.senders:
         result = ", ".join(system.senders)
         message = f"system {expected.system_id} is heard from {result}, and {expected.name} has {expected.address}"
@@ -324,7 +324,7 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     return found
 
 
-def judge_moved(received: Heard, expected: Wanted) -> Finding:
+def judge_moved(received: Stream, expected: Wanted) -> Finding:
     """Judge a stream in which the vehicle is heard, disarmed."""
     channels = received.systems[expected.system_id].channels
     if not channels:

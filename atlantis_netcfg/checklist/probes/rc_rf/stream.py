@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = ["RC_RECEIVER", "RSSI_UNKNOWN", "Beat", "Channels", "Heard", "Receiver", "System", "enough", "read"]
+__all__ = ["RC_RECEIVER", "RSSI_UNKNOWN", "Beat", "Channels", "Receiver", "Stream", "System", "enough", "read"]
 
 RSSI_UNKNOWN = 255
 RC_RECEIVER = 0x10000
@@ -90,7 +90,7 @@ class System:
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class Stream:
     """All that was understood."""
 
     systems: Mapping[int, System] = field(default_factory=dict)
@@ -109,7 +109,7 @@ class Heard:
 
 
 @dataclass
-class _Said:
+class _SystemReader:
     """One system, while the stream is read."""
 
     beats: list[Beat] = field(default_factory=list)
@@ -150,7 +150,7 @@ class _Reading:
     began: float
     address: str | None
     """Whose datagrams are believed; None: everybody's."""
-    said: dict[int, _Said] = field(default_factory=dict)
+    systems: dict[int, _SystemReader] = field(default_factory=dict)
     versions: set[int] = field(default_factory=set)
     good: int = 0
     bad: int = 0
@@ -173,11 +173,11 @@ class _Reading:
         if message.get_srcComponent() == _AUTOPILOT and self.address in {None, sender}:
             item.take(at_s, self.began, message)
 
-    def _of(self, number: int) -> _Said:
-        return self.said.setdefault(number, _Said())
+    def _of(self, number: int) -> _SystemReader:
+        return self.systems.setdefault(number, _SystemReader())
 
     @staticmethod
-    def _beats(item: _Said, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
+    def _beats(item: _SystemReader, sender: str, message: Any) -> bool:  # noqa: ANN401 - as above
         """Note whose heartbeat it is; False: no autopilot's."""
         if message.type == _GROUND_STATION or message.autopilot == _NO_AUTOPILOT:
             return False
@@ -192,7 +192,7 @@ class _Reading:
 _MAVLINK_1 = 0xFE
 
 
-def read(transcript: Transcript, address: str | None = None) -> Heard:
+def read(transcript: Transcript, address: str | None = None) -> Stream:
     """Understand the datagrams, also where frames go over their borders. Raises nothing.
 
     `address`: whose datagrams are believed; what others say tells no more than that they are there, or are armed.
@@ -210,9 +210,9 @@ def read(transcript: Transcript, address: str | None = None) -> Heard:
             parsers[sender].robust_parsing = True
         for message in parsers[sender].parse_buffer(data) or ():
             reading.take(at_s, sender, message)
-    systems = {number: reading.said[number].whole() for number in sorted(reading.said)}
+    systems = {number: reading.systems[number].whole() for number in sorted(reading.systems)}
     versions = tuple(sorted(reading.versions))
-    return Heard(systems, reading.good, reading.bad, versions, len(transcript.data), transcript.ended_s)
+    return Stream(systems, reading.good, reading.bad, versions, len(transcript.data), transcript.ended_s)
 
 
 def _channels(at_s: float, message: Any) -> Channels:  # noqa: ANN401 - as above

@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes.requests import Place, Probing
 from atlantis_netcfg.checklist.probes.results import Ran, Trouble
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     Computer,
-    Held,
+    InterfaceAddress,
     Neighbour,
     OwnSite,
     addresses,
@@ -81,7 +81,7 @@ class _Static:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
         found = [current] if isinstance(current, Finding) else list(self._of_router(self.site.router.name, current))
-        evidence = [declared(f"address of {name}", address) for name, address in self._wanted()]
+        evidence = [declared(f"address of {name}", address) for name, address in self._declared_addresses()]
         gateway = self.site.gateway
         if gateway is not None:
             local = addresses(results["gateway"], gateway.name)
@@ -90,7 +90,7 @@ class _Static:
                 evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
         return Judged(tuple(found), tuple(evidence))
 
-    def _wanted(self) -> Iterator[tuple[str, str]]:
+    def _declared_addresses(self) -> Iterator[tuple[str, str]]:
         """Interface and address of everything that the router has by declaration."""
         view = self.site.view
         assert view is not None  # noqa: S101 - the check is made for sites with a router
@@ -99,14 +99,16 @@ class _Static:
         for link in (*view.uplinks, *view.served):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, current: tuple[Held, ...]) -> Iterator[Finding]:
-        wrong = list(_wrong(name, tuple(self._wanted()), current))
+    def _of_router(self, name: str, current: tuple[InterfaceAddress, ...]) -> Iterator[Finding]:
+        wrong = list(_wrong(name, tuple(self._declared_addresses()), current))
         yield from wrong
         if not wrong:
-            count = len(tuple(self._wanted()))
+            count = len(tuple(self._declared_addresses()))
             yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
-    def _of_gateway(self, gateway: Computer, local: tuple[Held, ...], received: Mapping[str, Answer]) -> list[Finding]:
+    def _of_gateway(
+        self, gateway: Computer, local: tuple[InterfaceAddress, ...], received: Mapping[str, Answer]
+    ) -> list[Finding]:
         interface = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
         wrong = _as_it_runs(gateway, interface, there)
@@ -138,7 +140,7 @@ class _Static:
         return unknown("no-file", message, hint)
 
 
-def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[Held, ...] | Finding:
+def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[InterfaceAddress, ...] | Finding:
     """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
     current = addresses(results["router"], router)
     ports = rows(results["sockets"], router, "the names of its ports", "default-name")
@@ -169,7 +171,7 @@ def _promised(name: str, path: str, text: str | None, content: str, interface: I
     return None
 
 
-def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: Held | None) -> Finding | None:
+def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: InterfaceAddress | None) -> Finding | None:
     if there is None:
         return fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
     if there.interface == _LOOPBACK:
@@ -187,7 +189,9 @@ def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: Held | None)
     return None
 
 
-def _wrong(name: str, expected: tuple[tuple[str, str], ...], current: tuple[Held, ...]) -> Iterator[Finding]:
+def _wrong(
+    name: str, expected: tuple[tuple[str, str], ...], current: tuple[InterfaceAddress, ...]
+) -> Iterator[Finding]:
     for interface, text in expected:
         address = IPv4Interface(text)
         there = next((item for item in current if item.address.ip == address.ip), None)
@@ -241,14 +245,14 @@ class _OneSubnet:
         return Judged((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, found: tuple[Held, ...]) -> Iterator[Finding]:
+def _twice(name: str, found: tuple[InterfaceAddress, ...]) -> Iterator[Finding]:
     for item, other in combinations([current for current in found if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
             message = f"{item.interface} of {name} has {_worded(item)} and {_worded(other)}, which are in one subnet"
             yield fail("subnet-twice", message, _SUBNET_HINT)
 
 
-def _worded(item: Held) -> str:
+def _worded(item: InterfaceAddress) -> str:
     return f"{item.address} ({'leased' if item.leased else 'static'})"
 
 
@@ -292,8 +296,8 @@ class _Duplicates:
 
     def _twice(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
         cards: dict[str, dict[str, Neighbour]] = {}
-        for one in sorted(seen, key=lambda entry: not entry.fresh):
-            cards.setdefault(one.address, {}).setdefault(one.mac, one)
+        for neighbour in sorted(seen, key=lambda entry: not entry.fresh):
+            cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
         for address, macs in cards.items():
             text = listed(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
             if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
@@ -306,19 +310,19 @@ class _Duplicates:
 
     def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
         lan = self.site.declared.lan
-        by_address = {str(one.address): one for one in lan.reservations}
+        by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
         now = {entry.address for entry in seen if entry.fresh}
         current = [item for item in seen if item.fresh or item.address not in now]
-        for one in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
-            reserved, owner = by_address.get(one.address), by_card.get(one.mac)
-            if reserved is not None and reserved.mac.lower() != one.mac:
-                there = f"{one.mac}{f', the card of {owner.name},' if owner else ''}"
-                message = f"{one.address} is reserved for {reserved.name}, but {there} answers there"
+        for neighbour in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
+            reserved, owner = by_address.get(neighbour.address), by_card.get(neighbour.mac)
+            if reserved is not None and reserved.mac.lower() != neighbour.mac:
+                there = f"{neighbour.mac}{f', the card of {owner.name},' if owner else ''}"
+                message = f"{neighbour.address} is reserved for {reserved.name}, but {there} answers there"
                 hint = f"correct `mac:` of {reserved.name} if its card is a new one; else find who took its address"
                 yield fail("wrong-card", message, hint)
             elif reserved is None and owner is not None:
-                message = f"{owner.name} has the address {one.address}, not its reserved {owner.address}"
+                message = f"{owner.name} has the address {neighbour.address}, not its reserved {owner.address}"
                 hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
                 yield fail("wrong-address", message, hint)
 
@@ -378,7 +382,7 @@ class _RogueDhcp:
         if isinstance(found, Finding):
             return Judged((*alerts, found))
         each = {(offer.server, offer.mac): offer for offer in found}.values()
-        evidence = tuple(measured(f"DHCP offer of {item.server}", _told(item)) for item in each)
+        evidence = tuple(measured(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
         judged = tuple(
             finding
             for finding in self._judged(found, self._card(results))
@@ -415,7 +419,7 @@ class _RogueDhcp:
         for stranger in strangers.values():
             yield fail(
                 "rogue-dhcp",
-                f"{self._named(stranger)} hands out addresses on the LAN, too: {_told(stranger)}",
+                f"{self._named(stranger)} hands out addresses on the LAN, too: {_offer_text(stranger)}",
                 _DHCP_HINT,
             )
         if len(cards) > 1:
@@ -440,6 +444,6 @@ class _RogueDhcp:
         return f"{offer.server} ({card}{f', the card of {whose}' if whose else ''})"
 
 
-def _told(offer: Offer) -> str:
+def _offer_text(offer: Offer) -> str:
     gateway = f" with gateway {offer.router}" if offer.router else ""
     return f"it offered {offer.address}{gateway}"

@@ -122,7 +122,7 @@ class _Certificates:
         return Judged((*wrong, *missing) or (_fine(certificates),), evidence)
 
     @property
-    def _wanted(self) -> Mapping[str, str]:
+    def _required(self) -> Mapping[str, str]:
         """Name to what it is for."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         all_of_it = prerequisites(self.site.declaration, self.site.router)
@@ -133,7 +133,7 @@ class _Certificates:
     def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         there = {row.get("name") for row in result}
-        for name, reason in self._wanted.items():
+        for name, reason in self._required.items():
             if name not in there:
                 message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
                 yield fail("certificate-missing", message, self._renewal(name))
@@ -141,7 +141,7 @@ class _Certificates:
     def _renewal(self, name: str) -> str:
         """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
         tunnel = self.site.view.tunnel if self.site.view is not None else None
-        of_the_vpn = name not in self._wanted or (tunnel is not None and name == tunnel.certificate)
+        of_the_vpn = name not in self._required or (tunnel is not None and name == tunnel.certificate)
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
@@ -150,8 +150,8 @@ class _Certificates:
         for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
             name = row.get("name", "?")
-            used = name in self._wanted or yes(row, "authority")
-            if until is not None or name in self._wanted:
+            used = name in self._required or yes(row, "authority")
+            if until is not None or name in self._required:
                 renew, expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
                 host = self.site.router.name
                 yield _Certificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
@@ -163,7 +163,7 @@ class _Certificates:
         host, subject = self.site.router.name, row.get("common-name")
         if yes(row, "revoked"):
             return "is revoked"
-        if name in self._wanted and row.get("private-key") in {"false", "no"}:
+        if name in self._required and row.get("private-key") in {"false", "no"}:
             return "has no private key there, so that nobody can use it"
         if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
             return f"is that of {subject}, not of {host}"

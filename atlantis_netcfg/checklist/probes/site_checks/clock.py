@@ -113,7 +113,7 @@ class _Clock:
         evidence = [measured(f"clock of {name}, to this computer's", item.words) for name, item in known.items()]
         agree = f"the clocks of {listed((*known, 'this computer'))} agree"
         fine = good("clocks-agree", f"{agree}, and time servers set them")
-        return Judged(tuple(wrong) or (fine,), (*evidence, *self._told(results)))
+        return Judged(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
     def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
@@ -153,7 +153,7 @@ class _Clock:
             hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
             yield unknown("other-time-server", message, hint)
 
-    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _evidence(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         ntp, values = _row(results["ntp"]), _pairs(results["timedatectl"]) if self.site.gateway is not None else {}
         if "status" in ntp:

@@ -102,7 +102,7 @@ class _Socket:
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _BoundPorts:
     """What is bound of the ports of one domain. Other programs have ports in that range, too."""
 
     domain: int
@@ -163,7 +163,7 @@ class _Seen:
     site: OwnSite
 
     @property
-    def _wanted(self) -> Dds:
+    def _dds(self) -> Dds:
         assert self.site.declaration.pilot.dds is not None  # noqa: S101 - the step is a person's without it
         return self.site.declaration.pilot.dds
 
@@ -171,16 +171,16 @@ class _Seen:
     def _address(self) -> str:
         """Where the others of the pilot look for it."""
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
-        return self._wanted.address_of(self.site.gateway.device)
+        return self._dds.address_of(self.site.gateway.device)
 
     def asks(self) -> tuple[Question, ...]:
-        first = _BASE + _DOMAIN * self._wanted.domain + _UNICAST
-        ports = tuple(first + _EACH * number for number in range(self._wanted.participants))
-        discover = Discover("participants", Place.GATEWAY, self._address, self._wanted.domain, ports)
+        first = _BASE + _DOMAIN * self._dds.domain + _UNICAST
+        ports = tuple(first + _EACH * number for number in range(self._dds.participants))
+        discover = Discover("participants", Place.GATEWAY, self._address, self._dds.domain, ports)
         return (*run("sockets", self.site, f"cat {TABLE}"), discover)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
-        gateway, dds = self.site.gateway, self._wanted
+        gateway, dds = self.site.gateway, self._dds
         assert gateway is not None  # noqa: S101 - the step is a person's without one
         result, answered = (
             printed(results["sockets"], gateway.name),
@@ -192,10 +192,10 @@ class _Seen:
             return Judged((unreadable(gateway.name, "its UDP sockets"),))
         if isinstance(answered, Finding):
             return Judged((answered,))
-        found = tuple(_heard(result))
-        ours = next((entry for entry in found if entry.domain == dds.domain), _Heard(dds.domain, ()))
-        near = [one for one in found if one is not ours and one.is_dds]
-        shown = [one.ports for one in (ours, *near) if one.ports]
+        found = tuple(_read_sockets(result))
+        ours = next((entry for entry in found if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
+        near = [entry for entry in found if entry is not ours and entry.is_dds]
+        shown = [entry.ports for entry in (ours, *near) if entry.ports]
         there = [participant for participant in answered if participant.domain in {None, dds.domain}]
         evidence = (
             declared("domain of DDS", str(dds.domain)),
@@ -210,8 +210,8 @@ class _Seen:
         fine = tuple(finding for finding in reached if not wrong or finding.verdict is not Verdict.PASS)
         return Judged((*wrong, *fine), evidence)
 
-    def _reached(self, name: str, there: Sequence[_Participant], bound: _Heard) -> Finding:
-        address, domain = self._address, self._wanted.domain
+    def _reached(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> Finding:
+        address, domain = self._address, self._dds.domain
         if not there:
             message = (
                 f"no DDS participant answers at {address} of {name} in domain {domain}, though its ports are bound"
@@ -306,15 +306,15 @@ def _parameters(data: bytes, at: int, order: str) -> tuple[list[tuple[str, int, 
         at += 4 + length
 
 
-def _heard(text: str) -> Iterator[_Heard]:
+def _read_sockets(text: str) -> Iterator[_BoundPorts]:
     rows = filter(None, map(_ROW.match, text.splitlines()))
     sockets = sorted((int(row[2], 16), int(row[3])) for row in rows)
     known = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
     for domain, those in groupby(known, lambda item: (item.port - _BASE) // _DOMAIN):
-        yield _Heard(domain, tuple(those))
+        yield _BoundPorts(domain, tuple(those))
 
 
-def _nobody(name: str, dds: Dds, near: Sequence[_Heard]) -> Finding:
+def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> Finding:
     if near:
         message = (
             f"DDS on {name} runs in domain {listed(str(item.domain) for item in near)}, and {dds.domain} is declared"
@@ -325,7 +325,7 @@ def _nobody(name: str, dds: Dds, near: Sequence[_Heard]) -> Finding:
     return unknown("nobody-announces", message, hint)
 
 
-def _judged(name: str, dds: Dds, received: _Heard) -> Iterator[Finding]:
+def _judged(name: str, dds: Dds, received: _BoundPorts) -> Iterator[Finding]:
     ours = received.participants
     yield from _profile(name, received)
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
@@ -340,7 +340,7 @@ def _judged(name: str, dds: Dds, received: _Heard) -> Iterator[Finding]:
         yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
-def _profile(name: str, received: _Heard) -> Iterator[Finding]:
+def _profile(name: str, received: _BoundPorts) -> Iterator[Finding]:
     hint = "end what runs, source the site's ros.env of the link in use, and start it again"
     if received.strangers and not received.participants:
         message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"

@@ -94,8 +94,8 @@ class _Factory:
             for neighbour in part
         }
         pings = {
-            one: rows(results[f"ping {one}"], router, "who answers its ARP questions", "sent")
-            for one in self._addresses
+            address: rows(results[f"ping {address}"], router, "who answers its ARP questions", "sent")
+            for address in self._addresses
         }
         answered = [
             entry for entry, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)

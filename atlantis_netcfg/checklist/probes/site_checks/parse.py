@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Computer",
-    "Held",
+    "InterfaceAddress",
     "Neighbour",
     "OwnSite",
     "addresses",
@@ -155,7 +155,7 @@ _STALE = "STALE"
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class InterfaceAddress:
     """An address that an interface has."""
 
     interface: str
@@ -236,7 +236,7 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
     return found
 
 
-def addresses(answer: Answer, who: str) -> tuple[Held, ...] | Finding:
+def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | Finding:
     """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
     result: Iterable[Mapping[str, Any]] | Finding
     if isinstance(answer, Rows):
@@ -251,7 +251,7 @@ def addresses(answer: Answer, who: str) -> tuple[Held, ...] | Finding:
     return known if known and len(known) == len(current) else unreadable(who, "its addresses")
 
 
-def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held | None]:
+def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[InterfaceAddress | None]:
     """None: a row that is not understood."""
     for row in found:
         address = _interface(row.get("address"))
@@ -260,15 +260,19 @@ def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[Held | None]:
         else:
             flags = tuple(flag for flag in ("disabled", "invalid", "dynamic") if yes(row, flag))
             dead = "disabled" in flags or "invalid" in flags
-            yield Held(row.get("interface", "?"), address, "dynamic" in flags, dead=dead, flags=flags)
+            yield InterfaceAddress(row.get("interface", "?"), address, "dynamic" in flags, dead=dead, flags=flags)
 
 
-def _of_computer(result: list[dict[str, Any]]) -> Iterable[Held | None]:
+def _of_computer(result: list[dict[str, Any]]) -> Iterable[InterfaceAddress | None]:
     for row in result:
         for entry in row.get("addr_info") or ():
             if isinstance(entry, dict) and entry.get("family") == "inet":
                 address = _interface(f"{entry.get('local')}/{entry.get('prefixlen')}")
-                known = Held(str(row.get("ifname", "?")), address, entry.get("dynamic") is True) if address else None
+                known = (
+                    InterfaceAddress(str(row.get("ifname", "?")), address, entry.get("dynamic") is True)
+                    if address
+                    else None
+                )
                 yield known
 
 

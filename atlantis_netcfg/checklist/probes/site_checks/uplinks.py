@@ -301,7 +301,7 @@ def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
 
 def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
     for chain in ("forward", "output"):
-        yield from _asked(satellite, [row for row in rules if row.get("chain") == chain], chain)
+        yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
     if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
         yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
@@ -318,7 +318,7 @@ def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[F
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
 
 
-def _asked(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[Finding]:
+def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[Finding]:
     """Whether everything that leaves comes to the list, before anybody else accepts it."""
     place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
     if place is None:

@@ -107,7 +107,7 @@ class _Vpn:
         found = list(self._of_router(results))
         if self._gateway_is_in:
             found += self._of_gateway(results)
-        return Judged(tuple(found), tuple(self._told(results)))
+        return Judged(tuple(found), tuple(self._evidence(results)))
 
     def _of_router(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
@@ -200,7 +200,7 @@ class _Vpn:
             for result in answer
         )
 
-    def _told(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _evidence(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
         ping = results.get("ping")
         line = (
             next((line for line in ping.out.splitlines() if " transmitted" in line), "")

@@ -52,7 +52,7 @@ CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisb
 
 def judged(row: dict[str, str] | None, settings: Rows = ON, wanted: Wanted = WANTED, clock: Rows = CLOCK) -> Judged:
     monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
-    return replace(PROBE, wanted=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
+    return replace(PROBE, expected=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
 
 
 def told(found: Judged) -> list[str]:
@@ -233,7 +233,7 @@ def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float |
 
 
 def test_one_position_is_all_that_it_tells() -> None:
-    found = judged(ROW, wanted=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
+    found = judged(ROW, expected=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
     assert {one.what: one.value for one in found.evidence}[
         "reports"
     ] == "1: a RouterOS device tells its latest position only"

@@ -51,8 +51,8 @@ def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address
     probe = stream(step)
     assert (step.name, step.kind, step.phase, step.concerns) == ("", Kind.AUTOMATIC, Phase.QUAY, ("coastal-gateway",))
     assert (probe.place, probe.address, probe.port) == (Place.GATEWAY, address, port)
-    assert (probe.wanted.three, probe.wanted.place) == (three, "coastal-gateway")
-    assert probe.wanted.fence == declaration.sites["coastal"].checklist.geofence
+    assert (probe.expected.three, probe.expected.place) == (three, "coastal-gateway")
+    assert probe.expected.fence == declaration.sites["coastal"].checklist.geofence
 
 
 @pytest.mark.parametrize("vehicle", ["sparus", "girona500"])
