@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
-from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, Wanted
+from atlantis_netcfg.checklist.probes.gps import GpsExpectation, RouterosGps, StreamGps
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
@@ -44,7 +44,7 @@ TRUE_SEEDS, TRUE_SAMPLE = 200, 12
 
 def gps(heard: Stream, driver: GpsDriver) -> Judged:
     fence = Geofence(latitude=heard.place[0], longitude=heard.place[1], radius_m=heard.radius_m)
-    wanted = Wanted("Sparus", driver, "a source", "an end", "this computer", fence, three=heard.flies)
+    wanted = GpsExpectation("Sparus", driver, "a source", "an end", "this computer", fence, three=heard.flies)
     return StreamGps(wanted, Place.LAPTOP, address="127.0.0.1", port=1).judge({"positions": transcript(heard)})
 
 
@@ -55,7 +55,7 @@ def transcript(heard: Stream) -> Transcript:
 
 def routeros(ridden: Ride) -> Judged:
     fence = Geofence(latitude=ridden.place[0], longitude=ridden.place[1], radius_m=ridden.radius_m)
-    wanted = Wanted("Site", GpsDriver.ROUTEROS, "GPS of r", "r", "r", fence, three=ridden.flies)
+    wanted = GpsExpectation("Site", GpsDriver.ROUTEROS, "GPS of r", "r", "r", fence, three=ridden.flies)
     heard = ridden.began + (ridden.ended_s or ridden.epochs[-1].at_s) + 0.3
     answers = {
         "monitor": Rows(None, rows=(positions.row(ridden),), heard=heard),

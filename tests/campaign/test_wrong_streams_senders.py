@@ -17,12 +17,12 @@ from own_world import NETPLAN, World, own_steps
 
 from atlantis_netcfg.checklist.probes import (
     Answer,
-    Discovered,
-    Looked,
-    Offer,
-    Offered,
+    CommandResult,
+    DdsDiscoverResult,
+    DhcpOffer,
+    DhcpOffers,
+    LinkStatusResult,
     Place,
-    Ran,
     Rows,
     Transcript,
     Trouble,
@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.checklist.probes.lte import _registered
-from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
 from atlantis_netcfg.core.verdicts import Verdict
@@ -74,7 +74,7 @@ TRUE = 60
 def plain(answer: Answer) -> Told:
     """What senders.py knows of an answer."""
     match answer:
-        case Ran():
+        case CommandResult():
             return {
                 "out": answer.out,
                 "rc": answer.rc,
@@ -84,11 +84,11 @@ def plain(answer: Answer) -> Told:
             }
         case Rows():
             return {"rows": answer.rows, "asked": answer.asked, "heard": answer.heard}
-        case Looked():
+        case LinkStatusResult():
             return {"bearer": copy.deepcopy(dict(answer.bearer or {}))}
-        case Offered():
+        case DhcpOffers():
             return {"offers": [(one.server, one.mac, one.address, one.router) for one in answer.offers]}
-        case Discovered():
+        case DdsDiscoverResult():
             return {"prefix": answer.prefix, "datagrams": answer.datagrams}
         case _:
             raise TypeError(answer)
@@ -99,15 +99,15 @@ def spoken(told: Told) -> Answer:
     trouble = Trouble(told["trouble"]) if "trouble" in told else None
     stamps = {name: told[name] for name in ("asked", "heard") if name in told}
     if "bearer" in told:
-        return Looked(trouble, "", None if trouble else told["bearer"])
+        return LinkStatusResult(trouble, "", None if trouble else told["bearer"])
     if "offers" in told:
-        return Offered(trouble, "", () if trouble else tuple(Offer(*one) for one in told["offers"]))
+        return DhcpOffers(trouble, "", () if trouble else tuple(DhcpOffer(*one) for one in told["offers"]))
     if "datagrams" in told:
-        return Discovered(trouble, "", told["prefix"], () if trouble else told["datagrams"])
+        return DdsDiscoverResult(trouble, "", told["prefix"], () if trouble else told["datagrams"])
     if "rows" in told:
         return Rows(trouble, "", () if trouble else told["rows"], **stamps)
     out = "" if trouble else told["out"]
-    return Ran(trouble, "", told.get("rc", 0), out, "", 0.0 if trouble else told.get("began", 0.0), **stamps)
+    return CommandResult(trouble, "", told.get("rc", 0), out, "", 0.0 if trouble else told.get("began", 0.0), **stamps)
 
 
 @cache
@@ -709,7 +709,7 @@ SEEN: Mapping[str, tuple[Probe, Callable[[Random], dict[str, Told]], Mapping[str
 
 # The remote control.
 
-STORK = Wanted("Stork", "coastal-gateway", 14550, address=senders.VEHICLE)
+STORK = RcExpectation("Stork", "coastal-gateway", 14550, address=senders.VEHICLE)
 
 
 def heard(frames: list[Frame]) -> Transcript:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
-from atlantis_netcfg.checklist.probes.requests import Look
-from atlantis_netcfg.checklist.probes.results import Looked
+from atlantis_netcfg.checklist.probes.requests import LinkStatusRequest
+from atlantis_netcfg.checklist.probes.results import LinkStatusResult
 from atlantis_netcfg.checklist.probes.step import Judged, Step, read, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
@@ -71,14 +71,14 @@ class BearerProbe:
     good: Callable[[Mapping[str, Any]], Finding | None] = well
     """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
 
-    def asks(self) -> tuple[Look, ...]:
+    def asks(self) -> tuple[LinkStatusRequest, ...]:
         """One look at the site's links serves all who ask."""
-        return (Look("look", self.bearer),)
+        return (LinkStatusRequest("look", self.bearer),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Take over what was found of the link."""
         answer = results.get("look")
-        if not isinstance(answer, Looked) or answer.trouble is not None or answer.bearer is None:
+        if not isinstance(answer, LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
             return Judged((unasked(f"the boxes of {self.bearer}", answer),))
         values = answer.bearer
         found = tuple(_findings(values))

@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist.probes.ping import (
     read_route,
     route_request,
 )
-from atlantis_netcfg.checklist.probes.requests import Ask, Place
+from atlantis_netcfg.checklist.probes.requests import Place, RouterOsQuery
 from atlantis_netcfg.checklist.probes.results import Rows
 from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, not_run, read, rows_of, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
@@ -53,11 +53,11 @@ _SHOWN = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames
 _MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
 
 
-def port_requests(router: str, port: str) -> tuple[Ask, ...]:
+def port_requests(router: str, port: str) -> tuple[RouterOsQuery, ...]:
     """Give the questions about a port."""
     return (
-        Ask("monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))),
-        Ask("interfaces", router, Query("/interface", "print", (), _COUNTERS)),
+        RouterOsQuery("monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))),
+        RouterOsQuery("interfaces", router, Query("/interface", "print", (), _COUNTERS)),
     )
 
 

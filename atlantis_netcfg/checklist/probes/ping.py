@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.requests import Run
-from atlantis_netcfg.checklist.probes.results import Ran
+from atlantis_netcfg.checklist.probes.results import CommandResult
 from atlantis_netcfg.checklist.probes.step import PLACES, Judged, measured, not_run
 from atlantis_netcfg.core.verdicts import Verdict
 
@@ -102,7 +102,7 @@ def own_address(place: Place, name: str, address: str, way: Route | None) -> Ite
 
 
 def _rows(answer: Answer | None) -> list[dict[str, Any]]:
-    if not isinstance(answer, Ran) or answer.trouble is not None or answer.rc:
+    if not isinstance(answer, CommandResult) or answer.trouble is not None or answer.rc:
         return []
     try:
         result = json.loads(answer.out or "[]")
@@ -192,7 +192,7 @@ def judge_ping(expected: Pinged, answer: Answer | None) -> Judged:
     """Judge loss and time; what was not carried out proves nothing."""
     if troubles := tuple(not_run(expected.place, "ping", answer)):
         return Judged(troubles)
-    assert isinstance(answer, Ran)  # noqa: S101 - `not_run` speaks of anything else
+    assert isinstance(answer, CommandResult)  # noqa: S101 - `not_run` speaks of anything else
     echoes = read_ping(answer.out, expected.address)
     if echoes is None:
         lines = (answer.err or answer.out).strip().splitlines()

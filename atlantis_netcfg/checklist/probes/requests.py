@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.query import Query
 
-__all__ = ["Ask", "Discover", "Listen", "Look", "Place", "Probing", "Prove", "Question", "Run", "Say"]
+__all__ = [
+    "AllowListTestRequest",
+    "DdsDiscoverRequest",
+    "DhcpDiscoverRequest",
+    "LinkStatusRequest",
+    "Listen",
+    "Place",
+    "Question",
+    "RouterOsQuery",
+    "Run",
+    "Say",
+]
 
 
 class Place(StrEnum):
@@ -78,7 +89,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Probing:
+class DhcpDiscoverRequest:
     """Ask a segment for the DHCP servers on it: DISCOVER is broadcast, every OFFER is kept, and none is taken."""
 
     name: str
@@ -91,7 +102,7 @@ class Probing:
 
 
 @dataclass(frozen=True, slots=True)
-class Discover:
+class DdsDiscoverRequest:
     """Ask for the DDS participants at an address of the computer that asks: one without topics comes, and leaves."""
 
     name: str
@@ -105,7 +116,7 @@ class Discover:
 
 
 @dataclass(frozen=True, slots=True)
-class Ask:
+class RouterOsQuery:
     """One reading command of RouterOS' API."""
 
     name: str
@@ -115,7 +126,7 @@ class Ask:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LinkStatusRequest:
     """How a bearer of the site is: the look of `provision links`, taken once for all who ask."""
 
     name: str
@@ -124,7 +135,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True)
-class Prove:
+class AllowListTestRequest:
     """Whether the satellite lets through what is declared and nothing else: `provision prove`. It costs."""
 
     name: str
@@ -132,4 +143,6 @@ class Prove:
     place: Literal[Place.ROUTER] = Place.ROUTER
 
 
-Question = Listen | Run | Probing | Discover | Ask | Look | Prove
+Question = (
+    Listen | Run | DhcpDiscoverRequest | DdsDiscoverRequest | RouterOsQuery | LinkStatusRequest | AllowListTestRequest
+)

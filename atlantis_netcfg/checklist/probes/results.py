@@ -11,7 +11,18 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
 
-__all__ = ["Answer", "Discovered", "Looked", "Offer", "Offered", "Proved", "Ran", "Rows", "Transcript", "Trouble"]
+__all__ = [
+    "AllowListTestResult",
+    "Answer",
+    "CommandResult",
+    "DdsDiscoverResult",
+    "DhcpOffer",
+    "DhcpOffers",
+    "LinkStatusResult",
+    "Rows",
+    "Transcript",
+    "Trouble",
+]
 
 
 class Trouble(StrEnum):
@@ -58,7 +69,7 @@ class Transcript:
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
+class CommandResult:
     """What a program printed."""
 
     trouble: Trouble | None
@@ -89,7 +100,7 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class LinkStatusResult:
     """How a bearer is; the dictionary of `operations.links.Looked.as_dict` for it."""
 
     trouble: Trouble | None
@@ -98,7 +109,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True)
-class Proved:
+class AllowListTestResult:
     """What the proof of the satellite's allow-list has found."""
 
     trouble: Trouble | None
@@ -111,7 +122,7 @@ class Proved:
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class DhcpOffer:
     """What one DHCP server offers."""
 
     server: str
@@ -125,16 +136,16 @@ class Offer:
 
 
 @dataclass(frozen=True, slots=True)
-class Offered:
+class DhcpOffers:
     """Which DHCP servers answered on a segment; without trouble and without offers: nobody within the time."""
 
     trouble: Trouble | None
     words: str = ""
-    offers: tuple[Offer, ...] = ()
+    offers: tuple[DhcpOffer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Discovered:
+class DdsDiscoverResult:
     """What DDS participants have sent to one that announced itself; nothing without trouble: nobody answered."""
 
     trouble: Trouble | None
@@ -145,4 +156,4 @@ class Discovered:
     """Address of the sender, and the message."""
 
 
-Answer = Transcript | Ran | Rows | Looked | Proved | Offered | Discovered
+Answer = Transcript | CommandResult | Rows | LinkStatusResult | AllowListTestResult | DhcpOffers | DdsDiscoverResult

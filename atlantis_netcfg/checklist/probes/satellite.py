@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
-from atlantis_netcfg.checklist.probes.requests import Prove
-from atlantis_netcfg.checklist.probes.results import Proved
+from atlantis_netcfg.checklist.probes.requests import AllowListTestRequest
+from atlantis_netcfg.checklist.probes.results import AllowListTestResult
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, measured, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
@@ -61,18 +61,18 @@ class AllowListProbe:
     bearer: str
     site: str
 
-    def asks(self) -> tuple[Prove, ...]:
+    def asks(self) -> tuple[AllowListTestRequest, ...]:
         """One proof."""
-        return (Prove("prove", self.bearer),)
+        return (AllowListTestRequest("prove", self.bearer),)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Take over what was found; what could not be tried only warns where something else was proved."""
         answer = results.get("prove")
-        if not isinstance(answer, Proved) or answer.trouble is not None:
+        if not isinstance(answer, AllowListTestResult) or answer.trouble is not None:
             return Judged((unasked("the satellite's router", answer),))
         return Judged(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
-    def _findings(self, proved: Proved) -> Iterator[Finding]:
+    def _findings(self, proved: AllowListTestResult) -> Iterator[Finding]:
         aimed = [entry for entry in proved.findings if entry.code in _AIMED]
         seen = [item for item in aimed if item.verdict in _SEEN]
         if not aimed:
@@ -102,7 +102,7 @@ class AllowListProbe:
         try_all = f"`provision prove site={self.site} --try-all`"
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
-    def _evidence(self, proved: Proved) -> Iterator[Evidence]:
+    def _evidence(self, proved: AllowListTestResult) -> Iterator[Evidence]:
         yield measured(f"proof over {self.bearer} took", round(proved.seconds, 1), "s")
         if proved.bill:
             yield measured(f"cost over {self.bearer}", proved.bill)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.requests import Place
-from atlantis_netcfg.checklist.probes.results import Ran, Rows, Trouble
+from atlantis_netcfg.checklist.probes.results import CommandResult, Rows, Trouble
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict, worst
 from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom
@@ -207,7 +207,7 @@ def unasked(who: str, answer: Answer | None) -> Finding:
 def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[Finding]:
     """Say why a program has printed nothing that counts; nothing, if it was carried out."""
     where = PLACES[place]
-    if not isinstance(ran, Ran):
+    if not isinstance(ran, CommandResult):
         yield unasked(where, ran)
     elif ran.trouble is Trouble.MISSING:
         hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"

@@ -23,7 +23,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     not_understood,
     ping,
     question,
-    said,
+    transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
@@ -95,7 +95,7 @@ class Ping:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and who answered."""
-        transcript = said(self.modem, self.name, results[self._question().name])
+        transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, Judged):
             return transcript
         answers = seatrac.answers(transcript.data)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.modem import not_understood, said
+from atlantis_netcfg.checklist.probes.acoustic.modem import not_understood, transcript_or_judgement
 from atlantis_netcfg.checklist.probes.acoustic.status import (
     INTEGRITY_LOW,
     RSSI_DB,
@@ -263,7 +263,7 @@ class Fixes:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the fixes that came while it was listened."""
-        transcript = said(self.modem, self.name, results[self.question.name])
+        transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         fixes = read_fixes(self.modem.driver, transcript)

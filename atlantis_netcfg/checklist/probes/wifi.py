@@ -41,8 +41,8 @@ from atlantis_netcfg.checklist.probes.ping import (
     read_route,
     route_request,
 )
-from atlantis_netcfg.checklist.probes.requests import Ask, Run
-from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.requests import RouterOsQuery, Run
+from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, declared, not_run, read, rows_of, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
@@ -175,7 +175,7 @@ class AssociatedProbe:
     def _no_interface(self, addr: Answer | None) -> Iterator[Finding]:
         """Say that the radio is not there, or is switched off."""
         card = read_card(addr)
-        if isinstance(addr, Ran) and card is None and "does not exist" in addr.err:
+        if isinstance(addr, CommandResult) and card is None and "does not exist" in addr.err:
             hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
             message = f"{PLACES[self.place]} has no interface {self.endpoint.interface}"
             yield Finding(Verdict.FAIL, "no-interface", message, hint)
@@ -186,11 +186,11 @@ class AssociatedProbe:
     def _no_iw(self, link: Answer | None) -> Iterator[Finding]:
         """Say that the radio cannot be asked."""
         yield from not_run(self.place, "iw", link)
-        if isinstance(link, Ran) and link.rc and "No such device" in link.err:
+        if isinstance(link, CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
             message = f"{self.endpoint.interface} of {PLACES[self.place]} is not a radio"
             yield Finding(Verdict.FAIL, "no-radio", message, hint)
-        elif isinstance(link, Ran) and "nl80211 not found" in link.err:
+        elif isinstance(link, CommandResult) and "nl80211 not found" in link.err:
             hint = "plug a radio in, or load the driver of the one that it has"
             message = f"{PLACES[self.place]} has no radio that its kernel knows"
             yield Finding(Verdict.FAIL, "no-radio", message, hint)
@@ -296,12 +296,12 @@ def _rates(link: Link, station: Station | None) -> tuple[float | None, float | N
 
 def _out(results: Mapping[str, Answer], name: str) -> str:
     ran = results.get(name)
-    return ran.out if isinstance(ran, Ran) and ran.trouble is None else ""
+    return ran.out if isinstance(ran, CommandResult) and ran.trouble is None else ""
 
 
 def _err(results: Mapping[str, Answer], name: str) -> str:
     ran = results.get(name)
-    return ran.err if isinstance(ran, Ran) else ""
+    return ran.err if isinstance(ran, CommandResult) else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,7 +322,7 @@ class RegisteredProbe:
     def asks(self) -> tuple[Question, ...]:
         """Give the tables and the ping."""
         host = self.endpoint.seen_by
-        tables = () if host is None else tuple(Ask(f, host, wifi_queries(f, "")[0]) for f in Family)
+        tables = () if host is None else tuple(RouterOsQuery(f, host, wifi_queries(f, "")[0]) for f in Family)
         if self.address is None:
             return tables
         return (*tables, route_request(self.place, self.address), ping_request(self.place, self.address))

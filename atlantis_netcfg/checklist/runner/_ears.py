@@ -22,8 +22,8 @@ class Ears(Protocol):
     async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn, and give one answer for each key.
 
-        `host`: the RouterOS device of questions `Ask`; None for all others. `heard` is called as the answers come;
-        whoever gets them all at once need not call it, for what is returned counts. What cannot be asked is an answer
-        with a trouble, never an exception.
+        `host`: the RouterOS device of questions `RouterOsQuery`; None for all others. `result` is called as the answers
+        come; whoever gets them all at once need not call it, for what is returned counts. What cannot be asked is an
+        answer with a trouble, never an exception.
         """
         ...

@@ -8,7 +8,7 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.agent import batch, heard, program
+from atlantis_netcfg.checklist.probes.agent import batch, program, read_result
 from atlantis_netcfg.checklist.runner.no_result import unanswered
 from atlantis_netcfg.checklist.runner.remote_process import Carrier
 
@@ -59,7 +59,7 @@ class Listener:
         try:
             result = json.loads(text)
             question = by_key[result["key"]]
-            answer = heard(result, question, self._asked, now)
+            answer = read_result(result, question, self._asked, now)
         except RuntimeError as fault:
             self._faults.append(fault)
             return

@@ -10,7 +10,16 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Ask, Look, Looked, Place, Prove, Proved, Rows, Trouble
+from atlantis_netcfg.checklist.probes import (
+    AllowListTestRequest,
+    AllowListTestResult,
+    LinkStatusRequest,
+    LinkStatusResult,
+    Place,
+    RouterOsQuery,
+    Rows,
+    Trouble,
+)
 from atlantis_netcfg.checklist.runner._gateway import ask_gateway, in_words
 from atlantis_netcfg.checklist.runner._laptop import ask_here
 from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
@@ -56,8 +65,8 @@ class Routers:
 
     async def links(self, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
-        looks = [(key, one) for key, one in questions if isinstance(one, Look)]
-        proofs = [(key, request) for key, request in questions if isinstance(request, Prove)]
+        looks = [(key, one) for key, one in questions if isinstance(one, LinkStatusRequest)]
+        proofs = [(key, request) for key, request in questions if isinstance(request, AllowListTestRequest)]
         work = [
             self._told(self._look(looks), result),
             *(self._told(self._prove(key, prove), result) for key, prove in proofs),
@@ -82,14 +91,14 @@ class Routers:
         requested = time.time()
         async with door.opened() as session:
             replies = await session.flight(
-                [command(request.query) for _, request in questions if isinstance(request, Ask)]
+                [command(request.query) for _, request in questions if isinstance(request, RouterOsQuery)]
             )
         now = time.time()
         spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
         self.notify(Event(host.name, Stage.DONE, spent))
         return {key: _rows(reply, requested, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
-    async def _look(self, questions: Sequence[tuple[str, Look]]) -> Mapping[str, Answer]:
+    async def _look(self, questions: Sequence[tuple[str, LinkStatusRequest]]) -> Mapping[str, Answer]:
         if not questions:
             return {}
         hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
@@ -101,13 +110,13 @@ class Routers:
         values = seen.as_dict()
         return {key: _looked(values, item) for key, item in questions}
 
-    async def _prove(self, key: str, question: Prove) -> Mapping[str, Answer]:
+    async def _prove(self, key: str, question: AllowListTestRequest) -> Mapping[str, Answer]:
         try:
             return {key: await self._proved(question)}
         except NetcfgError as error:
             return {key: unanswered(question, in_words(error))}
 
-    async def _proved(self, question: Prove) -> Answer:
+    async def _proved(self, question: AllowListTestRequest) -> Answer:
         found = satellite_of(self.declaration, self.site, question.bearer)
         via = self.request.via.get(found.router.name)
         proving = found.proving(self.declaration, rehearsed=self.request.rehearsed, via=via)
@@ -118,7 +127,7 @@ class Routers:
         seconds = time.monotonic() - began
         bill = bills(self.declaration, proof, seconds)[question.bearer]
         judged = (finding for _, finding in proof.judged)
-        return Proved(None, "", (*judged, *proof.findings), bill.words, seconds)
+        return AllowListTestResult(None, "", (*judged, *proof.findings), bill.words, seconds)
 
     def _pay(self, proving: Proving) -> None:
         """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
@@ -137,10 +146,10 @@ def _rows(reply: Reply, requested: float, now: float) -> Rows:
     return Rows(None, words, rows(reply), requested, now)
 
 
-def _looked(values: Mapping[str, Mapping[str, object]], question: Look) -> Answer:
+def _looked(values: Mapping[str, Mapping[str, object]], question: LinkStatusRequest) -> Answer:
     if question.bearer not in values:
         return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
-    return Looked(None, "", values[question.bearer])
+    return LinkStatusResult(None, "", values[question.bearer])
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import Ask
+from atlantis_netcfg.checklist.probes import RouterOsQuery
 from atlantis_netcfg.checklist.report import Finding
 from atlantis_netcfg.checklist.runner.no_result import unanswered
 from atlantis_netcfg.checklist.runner.validation import unfit
@@ -113,7 +113,7 @@ def _batches(todo: Iterable[_Open]) -> list[_Batch]:
     batches: dict[tuple[Place, str | None], _Batch] = {}
     for item in todo:
         for question in item.questions if item.waits else ():
-            host = question.host if isinstance(question, Ask) else None
+            host = question.host if isinstance(question, RouterOsQuery) else None
             batches.setdefault((question.place, host), _Batch(question.place, host)).add(item, question)
     return list(batches.values())
 

@@ -6,7 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.checklist.probes import Ask, Discover, Listen, Look, Place, Prove, Run
+from atlantis_netcfg.checklist.probes import (
+    AllowListTestRequest,
+    DdsDiscoverRequest,
+    LinkStatusRequest,
+    Listen,
+    Place,
+    RouterOsQuery,
+    Run,
+)
 from atlantis_netcfg.checklist.probes.agent import batch, program
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
@@ -80,9 +88,9 @@ def _of_gateway(
 def _of_routers(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
-    names = {one.host for one in questions if isinstance(one, Ask)}
+    names = {one.host for one in questions if isinstance(one, RouterOsQuery)}
     hosts = [declaration.hosts[name] for name in sorted(names) if name in declaration.hosts]
-    if any(isinstance(question, Look) for question in questions):
+    if any(isinstance(question, LinkStatusRequest) for question in questions):
         hosts += [host for host in declaration.site_hosts(site) if host not in hosts]
     reading = request.model_copy(update={"mode": Mode.DRIFT})
     computers = [host for host in hosts if not is_computer(host)]
@@ -92,7 +100,7 @@ def _of_routers(
 def _of_proofs(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
-    for name in dict.fromkeys(question.bearer for question in questions if isinstance(question, Prove)):
+    for name in dict.fromkeys(question.bearer for question in questions if isinstance(question, AllowListTestRequest)):
         found = satellite_of(declaration, site, name)
         via = request.via.get(found.router.name)
         yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
@@ -123,4 +131,4 @@ def _most(listen: Listen) -> int:
 def _answer(question: object) -> int:
     if isinstance(question, Listen):
         return _most(question)
-    return _RAN if isinstance(question, Run) else _PARTICIPANTS if isinstance(question, Discover) else 500
+    return _RAN if isinstance(question, Run) else _PARTICIPANTS if isinstance(question, DdsDiscoverRequest) else 500

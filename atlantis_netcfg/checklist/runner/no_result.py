@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import (
-    Ask,
-    Discover,
-    Discovered,
+    AllowListTestRequest,
+    AllowListTestResult,
+    CommandResult,
+    DdsDiscoverRequest,
+    DdsDiscoverResult,
+    DhcpDiscoverRequest,
+    DhcpOffers,
+    LinkStatusRequest,
+    LinkStatusResult,
     Listen,
-    Look,
-    Looked,
-    Offered,
-    Probing,
-    Prove,
-    Proved,
-    Ran,
+    RouterOsQuery,
     Rows,
     Run,
     Transcript,
@@ -32,12 +32,12 @@ __all__ = ["all_unanswered", "unanswered"]
 
 _ANSWERS: Mapping[type, type[Answer]] = {
     Listen: Transcript,
-    Run: Ran,
-    Probing: Offered,
-    Discover: Discovered,
-    Ask: Rows,
-    Look: Looked,
-    Prove: Proved,
+    Run: CommandResult,
+    DhcpDiscoverRequest: DhcpOffers,
+    DdsDiscoverRequest: DdsDiscoverResult,
+    RouterOsQuery: Rows,
+    LinkStatusRequest: LinkStatusResult,
+    AllowListTestRequest: AllowListTestResult,
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import Ask, Discover, Listen, Probing, Run
+from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, Run
 from atlantis_netcfg.checklist.probes.allowed import allowed, refused
 from atlantis_netcfg.checklist.report import Kind
 
@@ -36,13 +36,13 @@ def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
 def _unfit(entry: Entry, question: Question) -> str | None:
     if isinstance(question, Run) and not allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
-    if isinstance(question, Ask) and not _reads(question.query):
+    if isinstance(question, RouterOsQuery) and not _reads(question.query):
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
         return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is Kind.ACTIVE)
-    if isinstance(question, Probing | Discover) and question.within_s > _LONGEST_S:
+    if isinstance(question, DhcpDiscoverRequest | DdsDiscoverRequest) and question.within_s > _LONGEST_S:
         return "it would take too long"
-    return _foreign(entry.cell, question) if isinstance(question, Discover) else None
+    return _foreign(entry.cell, question) if isinstance(question, DdsDiscoverRequest) else None
 
 
 def _reads(query: Query) -> bool:
@@ -65,7 +65,7 @@ def _elsewhere(cell: Cell, listen: Listen) -> str | None:
     return None
 
 
-def _foreign(cell: Cell, question: Discover) -> str | None:
+def _foreign(cell: Cell, question: DdsDiscoverRequest) -> str | None:
     """Participants are looked for at an address of the asking computer itself, in the declared domain."""
     local = cell.gateway.device if cell.gateway is not None else None
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Prove
+from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
@@ -30,7 +30,7 @@ def price_of(opened: Session, entry: Entry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
-    proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, Prove)]
+    proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, AllowListTestRequest)]
     metered = [each for proof in proofs for each in _previews(opened, proof.bearer) if each.link.metered]
     for item in metered:
         if item.over_cap and not opened.rehearsed:

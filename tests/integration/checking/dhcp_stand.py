@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Offered, Place, Probing
+from atlantis_netcfg.checklist.probes import DhcpDiscoverRequest, DhcpOffers, Place
 from atlantis_netcfg.checklist.runner import ask_here
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ class Segment:
     def log(self, interface: str) -> Path:
         return self.folder / f"{interface}.log"
 
-    def ask(self, interface: str, within_s: float, *before: str) -> Offered:
+    def ask(self, interface: str, within_s: float, *before: str) -> DhcpOffers:
         """Probe the segment from this interface, by the program in a process of its own."""
-        question = Probing("it", Place.LAPTOP, interface, within_s)
+        question = DhcpDiscoverRequest("it", Place.LAPTOP, interface, within_s)
         words = ("ip", "netns", "exec", self.name, *before)
         found = asyncio.run(ask_here([("it", question)], lambda *_: None, words))["it"]
-        assert isinstance(found, Offered)
+        assert isinstance(found, DhcpOffers)
         return found
 
 

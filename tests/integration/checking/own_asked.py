@@ -9,7 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Cell, Discover, Run
+from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, Run
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
 
@@ -34,14 +34,14 @@ def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapp
 
     `hurry`: words of programs that take their time, and those that stand for them.
     """
-    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run | Discover)]
+    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run | DdsDiscoverRequest)]
     assert {one.name for one in probe.asks()} == {name for name, _ in asked} | set(told)
     heard = asyncio.run(ask_here(asked, lambda *_: None, ("ip", "netns", "exec", namespace)))
     return probe.judge({**told, **heard})
 
 
-def _sooner(question: Run | Discover, hurry: Mapping[str, str]) -> Run | Discover:
-    if isinstance(question, Discover):
+def _sooner(question: Run | DdsDiscoverRequest, hurry: Mapping[str, str]) -> Run | DdsDiscoverRequest:
+    if isinstance(question, DdsDiscoverRequest):
         return question
     return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes import Ask, Place, Rows, Trouble
+from atlantis_netcfg.checklist.probes import Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros import Link, RunningSite
@@ -41,7 +41,7 @@ def ears(tmp_path: Path) -> Iterator[tuple[RealEars, list[Event]]]:
         yield RealEars(SHIPPED, "coastal", request, events.append), events
 
 
-def asked(ears: RealEars, *questions: Ask) -> Mapping[str, Answer]:
+def asked(ears: RealEars, *questions: RouterOsQuery) -> Mapping[str, Answer]:
     async def run() -> dict[str, Answer]:
         hosts = list(dict.fromkeys(one.host for one in questions))
         work = [
@@ -54,10 +54,10 @@ def asked(ears: RealEars, *questions: Ask) -> Mapping[str, Answer]:
 
 
 def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealEars, list[Event]]) -> None:
-    questions = [Ask(f"q{number}", ROUTER, Query("/system/identity", "print")) for number in range(20)]
+    questions = [RouterOsQuery(f"q{number}", ROUTER, Query("/system/identity", "print")) for number in range(20)]
     questions += [
-        Ask("ports", ROUTER, Query("/interface", "print", proplist=("name", "type"))),
-        Ask("none", ROUTER, Query("/no/such/menu", "print")),
+        RouterOsQuery("ports", ROUTER, Query("/interface", "print", proplist=("name", "type"))),
+        RouterOsQuery("none", ROUTER, Query("/no/such/menu", "print")),
     ]
     found = asked(ears[0], *questions)
     ports, none, first = found["ports"], found["none"], found["q0"]
@@ -75,7 +75,10 @@ def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealEa
 def test_a_device_that_is_not_there_answers_so(ears: tuple[RealEars, list[Event]]) -> None:
     identity = Query("/system/identity", "print")
     found = dict(
-        asked(ears[0], *(Ask(name, name, identity) for name in (ROUTER, CPE, "coastal-4g", "coastal-gateway", "x")))
+        asked(
+            ears[0],
+            *(RouterOsQuery(name, name, identity) for name in (ROUTER, CPE, "coastal-4g", "coastal-gateway", "x")),
+        )
     )
     assert found.pop(ROUTER).trouble is None
     assert {one.trouble for one in found.values()} == {Trouble.NO_PLACE}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Ask, Cell, Place, Ran
+from atlantis_netcfg.checklist.probes import Cell, CommandResult, Place, RouterOsQuery
 from atlantis_netcfg.checklist.probes.wifi import steps
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.declaration import load
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 POINT, STATION, VEHICLE = "scc-cpe", "coastal-cpe", "zarco"
-PINGED = Ran(
+PINGED = CommandResult(
     None,
     out="PING 10.64.1.23 (10.64.1.23) 56(84) bytes of data.\n"
     + "".join(f"64 bytes from 10.64.1.23: icmp_seq={number} ttl=64 time=2.00 ms\n" for number in range(1, 21))
@@ -69,7 +69,7 @@ class Bridge:
         declaration = replace(self.declaration, vehicles={**self.declaration.vehicles, VEHICLE: vehicle})
         (step,) = steps(Cell(declaration, "coastal", VEHICLE, "wifi"))
         assert step.probe is not None
-        asked = [(one.name, one) for one in step.probe.asks() if isinstance(one, Ask)]
+        asked = [(one.name, one) for one in step.probe.asks() if isinstance(one, RouterOsQuery)]
         ready = self.twins.ready[POINT]
         target = Target(host=ready["host"], port=port or ready["api_ssl"], pin=ready["pin"])
         request = Request(state=self.folder / "state", rehearsed=True, targets={POINT: target})

@@ -11,7 +11,7 @@ from matrix_papers import host
 from matrix_stand import SERVER, Vpn, vpn
 from own_asked import GATEWAY, check, findings, inside
 
-from atlantis_netcfg.checklist.probes import Looked, Rows
+from atlantis_netcfg.checklist.probes import LinkStatusResult, Rows
 from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
@@ -24,9 +24,9 @@ SHIPPED = load(Path(__file__).parents[3] / "inventory")
 TOLD: Mapping[str, Answer] = {
     "clients": Rows(None, "", ({"name": "ovpn-scc", "running": "true", "disabled": "false"},)),
     "addresses": Rows(None, "", ({"address": "10.80.0.11/16", "interface": "ovpn-scc"},)),
-    "look wifi-ptp": Looked(None, "", {"state": "up", "active": True}),
-    "look 4g": Looked(None, "", {"state": "up", "active": False}),
-    "look satellite": Looked(None, "", {"state": "unknown", "active": False}),
+    "look wifi-ptp": LinkStatusResult(None, "", {"state": "up", "active": True}),
+    "look 4g": LinkStatusResult(None, "", {"state": "up", "active": False}),
+    "look satellite": LinkStatusResult(None, "", {"state": "unknown", "active": False}),
 }
 """By a healthy router."""
 HURRY = {"1": "0.2", "10": "1"}

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Ran
+from atlantis_netcfg.checklist.probes import CommandResult
 from atlantis_netcfg.checklist.probes.site_checks.parse import addresses, neighbours
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
@@ -125,10 +125,13 @@ def _shape(out: str) -> list[str]:
 
 
 def test_our_probes_read_both_alike(real: Mapping[str, Printed]) -> None:
-    both = [Ran(None, "", *told["ip -j addr show"]) for told in (real, {"ip -j addr show": twin("ip -j addr show")})]
+    both = [
+        CommandResult(None, "", *told["ip -j addr show"])
+        for told in (real, {"ip -j addr show": twin("ip -j addr show")})
+    ]
     held = [addresses(one, "it") for one in both]
     assert held[0] == held[1]
-    tables = [Ran(None, "", *real["ip -j neigh show"]), Ran(None, "", *twin("ip -j neigh show"))]
+    tables = [CommandResult(None, "", *real["ip -j neigh show"]), CommandResult(None, "", *twin("ip -j neigh show"))]
     assert neighbours(tables[0], "it") == neighbours(tables[1], "it")
 
 

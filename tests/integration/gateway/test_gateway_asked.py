@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING
 import pytest
 from gateway_stand import NETWORK, ROUTER, SHIPPED, ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.checklist.probes import Listen, Offered, Place, Probing, Ran, Run, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.probes import (
+    CommandResult,
+    DhcpDiscoverRequest,
+    DhcpOffers,
+    Listen,
+    Place,
+    Run,
+    Say,
+    Transcript,
+    Trouble,
+)
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.operations.request import Request, Target
 
@@ -47,7 +57,7 @@ def ears(machine: Start, technician: Key, tmp_path: Path) -> RealEars:  # noqa: 
     return RealEars(SHIPPED, "coastal", Request(state=tmp_path / "state"), ssh_config=str(config))
 
 
-def asked(ears: RealEars, *questions: Listen | Run | Probing) -> Mapping[str, Answer]:
+def asked(ears: RealEars, *questions: Listen | Run | DhcpDiscoverRequest) -> Mapping[str, Answer]:
     return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
 
 
@@ -76,14 +86,14 @@ def test_a_gateway_is_asked_in_one_command(
             tcp("silent", ROUTER, door.getsockname()[1], Say(b"AT?S\n", b".", 0.1)),
             Listen("held", Place.GATEWAY, "serial", device=CONSOLE, baud=19200),
             Listen("vehicle", Place.GATEWAY, "udp", port=14550, listen_s=5),
-            Probing("dhcp", Place.GATEWAY, f"{NETWORK}10", within_s=0.2),
+            DhcpDiscoverRequest("dhcp", Place.GATEWAY, f"{NETWORK}10", within_s=0.2),
         )
     assert traffic.connections == before.connections + 1
     assert traffic.up_bytes + traffic.down_bytes < before.up_bytes + before.down_bytes + MOST_BYTES
     who, python, ssh = found["who"], found["python"], found["ssh"]
-    assert isinstance(who, Ran)
+    assert isinstance(who, CommandResult)
     assert who.out == "0\n"
-    assert isinstance(python, Ran)
+    assert isinstance(python, CommandResult)
     assert python.out.startswith("Python 3.")
     assert isinstance(ssh, Transcript)
     assert ssh.data.startswith(b"SSH-2.0-OpenSSH")
@@ -93,7 +103,7 @@ def test_a_gateway_is_asked_in_one_command(
         "vehicle": Trouble.BUSY,
     }
     assert found["held"].words.startswith(f"{CONSOLE} is held by ")
-    assert found["dhcp"] == Offered(None)
+    assert found["dhcp"] == DhcpOffers(None)
 
     target = Target(host="127.0.0.1", port=gateway.port, known_hosts=known, identity=str(technician.file))
     rehearsed = Request(state=tmp_path / "state", rehearsed=True, targets={NAME: target})

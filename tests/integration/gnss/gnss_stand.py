@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import Listen, Place
-from atlantis_netcfg.checklist.probes.gps import StreamGps, Wanted
+from atlantis_netcfg.checklist.probes.gps import GpsExpectation, StreamGps
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
@@ -98,7 +98,7 @@ class Asked:
     def probe(self) -> StreamGps:
         end = self.path or f"127.0.0.1:{self.port}"
         source = f"{self.driver} at {end}"
-        wanted = Wanted("Sparus", self.driver, source, end, "this computer", FENCE, max_age_s=self.max_age_s)
+        wanted = GpsExpectation("Sparus", self.driver, source, end, "this computer", FENCE, max_age_s=self.max_age_s)
         if self.path:
             return StreamGps(wanted, Place.LAPTOP, device=self.path, baud=9600)
         return StreamGps(wanted, Place.LAPTOP, address="127.0.0.1", port=self.port)

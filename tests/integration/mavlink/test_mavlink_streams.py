@@ -14,7 +14,7 @@ import pytest
 from pymavlink import mavutil
 
 from atlantis_netcfg.checklist.probes import Listen, Place
-from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec, RunningAutopilot
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Judged
 
 Probe = RcHeard | SticksMoved
-WANTED = Wanted("Stork", "this computer", 0, address="127.0.0.1")
+WANTED = RcExpectation("Stork", "this computer", 0, address="127.0.0.1")
 
 
 def listening(probe: Probe, listen_s: float | None) -> Listen:

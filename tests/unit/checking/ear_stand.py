@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
-from atlantis_netcfg.checklist.probes.agent import BOOT, batch, heard, program
+from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
 from atlantis_netcfg.checklist.probes.agent.main import answer_all
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, An
     told: dict[str, Any] = {}
     work = json.loads(json.dumps(made.asked)) | ({} if deadline_s is None else {"deadline_s": deadline_s})
     answer_all(work, lambda key, said: told.update({key: json.loads(json.dumps(said))}))
-    return {name: heard(told[name], question, 1.0, 2.0) for name, question in by_name.items()}
+    return {name: read_result(told[name], question, 1.0, 2.0) for name, question in by_name.items()}
 
 
 def heard_by(question: Listen) -> Transcript:
@@ -57,7 +57,7 @@ def asked_apart(*questions: Question, python: str = sys.executable) -> dict[str,
     done = subprocess.run([python, "-I", "-c", BOOT], input=feed, capture_output=True, check=True)
     assert done.stderr == b""
     rows = (json.loads(line) for line in done.stdout.splitlines())
-    return {row["key"]: heard(row, by_name[row["key"]], 1.0, 2.0) for row in rows}
+    return {row["key"]: read_result(row, by_name[row["key"]], 1.0, 2.0) for row in rows}
 
 
 @contextmanager

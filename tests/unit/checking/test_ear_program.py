@@ -15,9 +15,19 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ear_stand import ENOUGH_S, asked, asked_apart, listen, served, until_gone
 
-from atlantis_netcfg.checklist.probes import Ask, Look, Place, Probing, Ran, Run, Say, Transcript, Trouble
-from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, heard, main, program
-from atlantis_netcfg.checklist.probes.agent.streams import NoAnswer
+from atlantis_netcfg.checklist.probes import (
+    CommandResult,
+    DhcpDiscoverRequest,
+    LinkStatusRequest,
+    Place,
+    RouterOsQuery,
+    Run,
+    Say,
+    Transcript,
+    Trouble,
+)
+from atlantis_netcfg.checklist.probes.agent import BOOT, MODULES, _sources, batch, main, program, read_result
+from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
 
 if TYPE_CHECKING:
     import socket
@@ -71,13 +81,13 @@ def test_every_kind_of_question_by_the_program() -> None:
             listen(port, name="tcp", say=(Say(b"?\n", rb"\n", ENOUGH_S),)),
             run("env", name="run"),
             run("no-such-program", name="missing"),
-            Probing("dhcp", Place.LAPTOP, "no-such-interface"),
+            DhcpDiscoverRequest("dhcp", Place.LAPTOP, "no-such-interface"),
         )
     assert told.keys() == {"tcp", "run", "missing", "dhcp"}
     tcp, ran = told["tcp"], told["run"]
     assert isinstance(tcp, Transcript)
     assert tcp.data == b"\x00\xffanswer\r\n"
-    assert isinstance(ran, Ran)
+    assert isinstance(ran, CommandResult)
     assert dict(line.split("=", 1) for line in ran.out.splitlines()).keys() == {"PATH", "LC_ALL"}
     assert (ran.asked, ran.heard) == (1.0, 2.0)
     assert (told["dhcp"].trouble, told["dhcp"].words) == (
@@ -92,7 +102,7 @@ def test_every_kind_of_question_by_the_program() -> None:
 
 def test_what_a_program_prints_and_how_it_ends() -> None:
     told = asked(run("sh", "-c", "echo out; echo err >&2; exit 3"))["it"]
-    assert isinstance(told, Ran)
+    assert isinstance(told, CommandResult)
     assert (told.trouble, told.rc, told.out, told.err) == (None, 3, "out\n", "err\n")
 
 
@@ -109,7 +119,7 @@ def test_a_program_that_may_not_run(tmp_path: Path) -> None:
 def test_a_program_that_hangs_is_ended_with_all_that_it_has_started(tmp_path: Path) -> None:
     child = tmp_path / "child"
     told = asked(run("sh", "-c", f"echo so far; sleep 600 & echo $! >{child}; wait", within_s=1.0))["it"]
-    assert isinstance(told, Ran)
+    assert isinstance(told, CommandResult)
     assert (told.trouble, told.out) == (Trouble.SILENT, "so far\n")
     assert told.words == "sh did not end within 1 s"
     assert ended(int(child.read_text()))
@@ -139,7 +149,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
         over.wait()
 
     over = threading.Event()
-    crashes = Probing("crashes", Place.LAPTOP, "eth0")
+    crashes = DhcpDiscoverRequest("crashes", Place.LAPTOP, "eth0")
     with served(serve) as port:
         hangs, waits = (listen(port, name=name, listen_s=ENOUGH_S) for name in ("hangs", "waits"))
         made = batch([("hangs", hangs), ("waits", waits), ("runs", run("true", name="runs")), ("crashes", crashes)])
@@ -150,9 +160,9 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
     with pytest.raises(
         RuntimeError, match=r"the program that listens failed: ZeroDivisionError: division by zero \(.*line \d+\)$"
     ):
-        heard(told["crashes"], crashes, 0, 0)
+        read_result(told["crashes"], crashes, 0, 0)
     assert told["runs"]["rc"] == 0
-    so_far = heard(told["hangs"], hangs, 0, 0)
+    so_far = read_result(told["hangs"], hangs, 0, 0)
     assert isinstance(so_far, Transcript)
     assert (so_far.trouble, so_far.words, so_far.data) == (Trouble.SILENT, "timed out", b"something")
     assert told["waits"] == {"trouble": "silent", "words": "timed out"}
@@ -196,7 +206,7 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
     def knock(row: dict[str, Any], _sound: object) -> None:
         knocks.append(row["key"])
         trouble = "unreachable" if row["port"] == 1 else "refused"
-        raise NoAnswer(trouble, f"port {row['port']}")
+        raise ProbeError(trouble, f"port {row['port']}")
 
     monkeypatch.setitem(main._STREAMS, "tcp", knock)
     told = asked(*(listen(port, name=f"{port}{name}") for port in (1, 2) for name in "abc"))
@@ -207,8 +217,8 @@ def test_an_end_that_is_not_there_is_not_knocked_at_again(monkeypatch: pytest.Mo
     }
 
 
-@pytest.mark.parametrize("question", [Look("l", "satellite"), Ask("a", "router", None)])  # type: ignore[arg-type]
-def test_a_question_of_another_place_is_no_question_of_the_program(question: Look | Ask) -> None:
+@pytest.mark.parametrize("question", [LinkStatusRequest("l", "satellite"), RouterOsQuery("a", "router", None)])  # type: ignore[arg-type]
+def test_a_question_of_another_place_is_no_question_of_the_program(question: LinkStatusRequest | RouterOsQuery) -> None:
     with pytest.raises(ValueError, match="is no question of the program that listens"):
         batch([("it", question)])
 

@@ -16,14 +16,14 @@ from atlantis_netcfg.checklist import Entry
 from atlantis_netcfg.checklist.probes import (
     SITE,
     Answer,
-    Ask,
     Cell,
+    CommandResult,
     Consent,
     Judged,
+    LinkStatusRequest,
     Listen,
-    Look,
     Place,
-    Ran,
+    RouterOsQuery,
     Rows,
     Run,
     Say,
@@ -49,8 +49,8 @@ GOOD = Finding(Verdict.PASS, "good", "all is well")
 ROUTES = Query("/ip/route", "print")
 DISCOVER = Run("run", Place.GATEWAY, ("ip", "-j", "addr"))
 HERE = Run("here", Place.LAPTOP, ("ip", "-j", "addr"))
-OF_ROUTER = Ask("rows", "coastal-router", ROUTES)
-LOOKS = Look("look", "satellite")
+OF_ROUTER = RouterOsQuery("rows", "coastal-router", ROUTES)
+LOOKS = LinkStatusRequest("look", "satellite")
 
 
 @dataclass
@@ -97,8 +97,8 @@ def entry(name: str, probe: Probe | None, kind: Kind = Kind.AUTOMATIC, *, is_ope
 def answer(question: Question) -> Answer:
     match question:
         case Run():
-            return Ran(None, out=f"{question.place} {' '.join(question.argv)}")
-        case Ask():
+            return CommandResult(None, out=f"{question.place} {' '.join(question.argv)}")
+        case RouterOsQuery():
             return Rows(None, rows=({"of": question.host},))
         case Listen():
             return Transcript(None, chunks=((0.0, b"heard"),))
@@ -235,7 +235,7 @@ def test_ears_that_crash_take_no_other_place_with_them(tmp_path: Path) -> None:
 def test_what_ears_leave_out_was_not_asked(tmp_path: Path) -> None:
     probe = Fake((DISCOVER, HERE))
     examined([entry("a", probe)], Ears({Place.GATEWAY: lambda *_: {}}), tmp_path)
-    assert probe.heard["run"] == Ran(Trouble.NO_PLACE, "nothing came back")
+    assert probe.heard["run"] == CommandResult(Trouble.NO_PLACE, "nothing came back")
     assert probe.heard["here"] == answer(HERE)
 
 
@@ -247,7 +247,7 @@ def test_a_place_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.Monk
         await examine([entry("a", probe)], Ears(gate=asyncio.Event()), lambda _: None, state=lambda: tmp_path)
 
     asyncio.run(run())
-    assert probe.heard == {"run": Ran(Trouble.NO_PLACE, "nothing came back within 0.05 s")}
+    assert probe.heard == {"run": CommandResult(Trouble.NO_PLACE, "nothing came back within 0.05 s")}
 
 
 def test_a_probe_without_a_word_does_not_pass(tmp_path: Path) -> None:
@@ -306,15 +306,15 @@ UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
         "`ip -j addr;reboot` is not on the list of reading programs",
     ),
     "a setting": (
-        (Ask("it", "coastal-router", Query("/ip/route", "set", ((".id", "*1"),))),),
+        (RouterOsQuery("it", "coastal-router", Query("/ip/route", "set", ((".id", "*1"),))),),
         "`/ip/route/set` is no reading command",
     ),
     "a monitor without an end": (
-        (Ask("it", "coastal-router", Query("/interface/lte", "monitor", (("numbers", "lte1"),))),),
+        (RouterOsQuery("it", "coastal-router", Query("/interface/lte", "monitor", (("numbers", "lte1"),))),),
         "`/interface/lte/monitor` is no reading command",
     ),
     "a ping without an end": (
-        (Ask("it", "coastal-router", Query("/tool", "ping", (("address", "10.64.1.1"),))),),
+        (RouterOsQuery("it", "coastal-router", Query("/tool", "ping", (("address", "10.64.1.1"),))),),
         "`/tool/ping` is no reading command",
     ),
     "an address of strangers": ((tcp("8.8.8.8"),), "the address 8.8.8.8 is not declared at coastal"),
@@ -351,7 +351,7 @@ def test_a_transmission_is_only_for_active_steps(tmp_path: Path, kind: Kind) -> 
 def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
     """The vehicles' addresses and ports, and pings that end."""
     ping = Query("/tool", "ping", (("address", "192.168.88.1"), ("count", "2")))
-    questions = (tcp(), Listen("udp", Place.GATEWAY, "udp", port=14550), Ask("ping", "coastal-router", ping))
+    questions = (tcp(), Listen("udp", Place.GATEWAY, "udp", port=14550), RouterOsQuery("ping", "coastal-router", ping))
     (item,) = examined([entry("it", Fake(questions))], Ears(), tmp_path)
     assert item.verdict is Verdict.PASS
 

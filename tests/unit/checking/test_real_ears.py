@@ -14,7 +14,18 @@ import pytest
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.checklist.probes import Listen, Look, Looked, Place, Prove, Proved, Ran, Run, Say, Trouble
+from atlantis_netcfg.checklist.probes import (
+    AllowListTestRequest,
+    AllowListTestResult,
+    CommandResult,
+    LinkStatusRequest,
+    LinkStatusResult,
+    Listen,
+    Place,
+    Run,
+    Say,
+    Trouble,
+)
 from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
@@ -92,7 +103,7 @@ def test_everything_goes_in_one_command(stand: Stand) -> None:
     assert " coastal-gateway python3 -I -c '" in call
     assert len(call) < 1000, "the program and the questions are not on a command line"
     one = found["one"]
-    assert isinstance(one, Ran)
+    assert isinstance(one, CommandResult)
     assert (one.trouble, one.rc, one.out) == (None, 0, "it's 100% $HOME\n")
     assert one.asked <= one.began <= one.heard
     assert found["tcp"].trouble is Trouble.REFUSED
@@ -179,7 +190,7 @@ def test_a_connection_that_hangs_is_given_up_with_what_has_come(stand: Stand, mo
     first = '{"key":"one","trouble":null,"words":"","rc":0,"out":"early","err":"","began":1.0}'
     stand.behaves(f"cat >/dev/null; echo '{first}'; exec sleep 600")
     found = stand.ask(run("one", "true", within_s=0), run("two", "true", within_s=0))
-    assert isinstance(found["one"], Ran)
+    assert isinstance(found["one"], CommandResult)
     assert found["one"].out == "early"
     assert (found["two"].trouble, found["two"].words.partition(";")[0]) == (
         Trouble.NO_PLACE,
@@ -222,7 +233,7 @@ def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) ->
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path))
     for place, host in ((Place.ROUTER, None), (Place.ROUTER, "coastal-router")):
-        found = asyncio.run(ears.ask(place, host, [("it", Look("it", "satellite"))], print))["it"]
+        found = asyncio.run(ears.ask(place, host, [("it", LinkStatusRequest("it", "satellite"))], print))["it"]
         assert found.trouble is Trouble.NO_PLACE
         assert found.words.startswith("the inventory still holds example values")
 
@@ -277,7 +288,7 @@ def test_what_a_whole_checklist_costs_is_told_before() -> None:
 
 def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
     found = stand.ask(Run("one", Place.LAPTOP, ("echo", "here")), place=Place.LAPTOP)["one"]
-    assert isinstance(found, Ran)
+    assert isinstance(found, CommandResult)
     assert (found.out, stand.calls) == ("here\n", [])
     assert stand.events[-1].device == "this computer"
 
@@ -303,12 +314,12 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
 
     monkeypatch.setattr(_real, "look", look)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, rehearsed=True))
-    questions = [(name, Look(name, name)) for name in ("satellite", "4g", "rope")]
+    questions = [(name, LinkStatusRequest(name, name)) for name in ("satellite", "4g", "rope")]
     heard: list[str] = []
     found = asyncio.run(ears.ask(Place.ROUTER, None, questions, lambda key, _: heard.append(key)))
     assert len(looks) == 1
-    assert found["satellite"] == Looked(None, "", {"state": "up"})
-    assert found["4g"] == Looked(None, "", {"state": "down"})
+    assert found["satellite"] == LinkStatusResult(None, "", {"state": "up"})
+    assert found["4g"] == LinkStatusResult(None, "", {"state": "down"})
     assert (found["rope"].trouble, found["rope"].words) == (Trouble.MISSING, "the site has no link `rope`")
     assert heard == ["satellite", "4g", "rope"]
 
@@ -334,8 +345,10 @@ def test_a_proof_is_made_when_somebody_pays(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(_real, "try_out", lambda *_: proof())
     monkeypatch.setattr("atlantis_netcfg.checklist.runner._real.refuse_examples", lambda *_, **__: None)
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path, accept_cost=accepted, command="provision check"))
-    found = asyncio.run(ears.ask(Place.ROUTER, None, [("it", Prove("it", "satellite"))], lambda *_: None))["it"]
-    assert isinstance(found, Proved)
+    found = asyncio.run(
+        ears.ask(Place.ROUTER, None, [("it", AllowListTestRequest("it", "satellite"))], lambda *_: None)
+    )["it"]
+    assert isinstance(found, AllowListTestResult)
     if accepted:
         assert (found.trouble, [one.code for one in found.findings]) == (None, ["reached"])
         assert found.bill == "9.0 kB, 0.08 EUR"

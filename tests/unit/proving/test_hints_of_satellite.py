@@ -15,7 +15,7 @@ from test_proving import ADDED, SATELLITE, prove, proving
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
-from atlantis_netcfg.checklist.probes.results import Proved
+from atlantis_netcfg.checklist.probes.results import AllowListTestResult
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.cli import _outcome
 from atlantis_netcfg.console.ssh import PinnedKey
@@ -100,7 +100,9 @@ def leak(_at: Laptop) -> str:
 def not_tried(_at: Laptop) -> str:
     tried = Finding(Verdict.PASS, "reached", "weather was reached")
     untried = Finding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
-    judged = AllowListProbe("satellite", "coastal").judge({"prove": Proved(None, findings=(tried, untried))})
+    judged = AllowListProbe("satellite", "coastal").judge(
+        {"prove": AllowListTestResult(None, findings=(tried, untried))}
+    )
     return "\n".join(one.hint for one in judged.findings if one.hint)
 
 

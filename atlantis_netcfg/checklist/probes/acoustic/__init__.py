@@ -31,7 +31,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     modems,
     not_understood,
     question,
-    said,
+    transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import (
     Beacon,
@@ -281,7 +281,7 @@ class EvologicsMessage:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge whether it was sent, and what became of it."""
-        transcript = said(self.modem, self.name, results[self._question().name])
+        transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
         if isinstance(transcript, Judged):
             return transcript
         pieces = evologics.pieces(transcript.data)

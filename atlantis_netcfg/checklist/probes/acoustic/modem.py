@@ -50,7 +50,7 @@ __all__ = [
     "ping",
     "question",
     "refused_reason",
-    "said",
+    "transcript_or_judgement",
     "two_modems",
     "whose_unknown",
 ]
@@ -412,7 +412,7 @@ def trouble(modem: Modem, name: str, transcript: Transcript) -> Finding | None:
     return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
-def said(modem: Modem, name: str, answer: Answer) -> Transcript | Judged:
+def transcript_or_judgement(modem: Modem, name: str, answer: Answer) -> Transcript | Judged:
     """Give what a modem has said, or the judgement of one that could not be read."""
     if not isinstance(answer, Transcript):
         raise TypeError(answer)

@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.modem import not_understood, said, two_modems, whose_unknown
+from atlantis_netcfg.checklist.probes.acoustic.modem import (
+    not_understood,
+    transcript_or_judgement,
+    two_modems,
+    whose_unknown,
+)
 from atlantis_netcfg.checklist.probes.step import Judged
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.verdicts import Verdict
@@ -168,7 +173,7 @@ class EvologicsStatus:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the modem told."""
-        transcript = said(self.modem, self.name, results[self.question.name])
+        transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         reading = Reading.of(transcript)
@@ -335,7 +340,7 @@ class SeatracStatus:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge what the beacon told."""
-        transcript = said(self.modem, self.name, results[self.question.name])
+        transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
         damaged = damage(self.name, transcript)

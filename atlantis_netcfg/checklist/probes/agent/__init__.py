@@ -19,14 +19,21 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
 
-from atlantis_netcfg.checklist.probes.requests import Discover, Listen, Probing, Run
-from atlantis_netcfg.checklist.probes.results import Discovered, Offer, Offered, Ran, Transcript, Trouble
+from atlantis_netcfg.checklist.probes.requests import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, Run
+from atlantis_netcfg.checklist.probes.results import (
+    CommandResult,
+    DdsDiscoverResult,
+    DhcpOffer,
+    DhcpOffers,
+    Transcript,
+    Trouble,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.requests import Question
     from atlantis_netcfg.checklist.probes.results import Answer
 
-__all__ = ["BOOT", "MODULES", "Batch", "batch", "heard", "program"]
+__all__ = ["BOOT", "MODULES", "Batch", "batch", "program", "read_result"]
 
 
 BOOT = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
@@ -102,7 +109,7 @@ def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
     return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
 
 
-def heard(result: Mapping[str, Any], question: Question, requested: float, now: float) -> Answer:
+def read_result(result: Mapping[str, Any], question: Question, requested: float, now: float) -> Answer:
     """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
 
     Raises RuntimeError with the words of a fault of the program's own.
@@ -117,15 +124,15 @@ def heard(result: Mapping[str, Any], question: Question, requested: float, now: 
         return Transcript(trouble, words, chunks, *times, tuple(result.get("senders", ())))
     if isinstance(question, Run):
         values = {name: result[name] for name in ("rc", "out", "err", "began") if name in result}
-        return Ran(trouble, words, **values, asked=requested, heard=now)
-    if isinstance(question, Discover):
+        return CommandResult(trouble, words, **values, asked=requested, heard=now)
+    if isinstance(question, DdsDiscoverRequest):
         datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
-        return Discovered(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
-    return Offered(trouble, words, tuple(_offers(result.get("offers", ()))))
+        return DdsDiscoverResult(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
+    return DhcpOffers(trouble, words, tuple(_offers(result.get("offers", ()))))
 
 
-def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[Offer]:
-    return (Offer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
+def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[DhcpOffer]:
+    return (DhcpOffer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
 
 
 def _bytes(packed: str | list[str]) -> bytes:
@@ -147,9 +154,9 @@ def _patience_s(question: Question) -> float:
     """How long it takes at most."""
     if isinstance(question, Listen):
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
-    if isinstance(question, Run | Discover):
+    if isinstance(question, Run | DdsDiscoverRequest):
         return question.within_s
-    if isinstance(question, Probing):
+    if isinstance(question, DhcpDiscoverRequest):
         return question.within_s + _DHCP_EXTRA_S
     raise ValueError(f"{type(question).__name__} is no question of the program that listens")
 
@@ -170,9 +177,9 @@ def _row(question: Question) -> dict[str, Any]:
         }
     if isinstance(question, Run):
         return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
-    if isinstance(question, Discover):
+    if isinstance(question, DdsDiscoverRequest):
         there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}
         return {"kind": "dds", **there, "within_s": question.within_s}
-    assert isinstance(question, Probing)  # noqa: S101 - `_patience_s` has refused all others
+    assert isinstance(question, DhcpDiscoverRequest)  # noqa: S101 - `_patience_s` has refused all others
     segment = {"interface": question.interface, "cards": list(question.cards)}
     return {"kind": "dhcp", **segment, "within_s": question.within_s}

@@ -15,14 +15,14 @@ import traceback
 from typing import Any, Callable
 
 from atlantis_netcfg.checklist.probes.agent.queries import discover, end_all, probing, run
-from atlantis_netcfg.checklist.probes.agent.streams import NoAnswer, Sound, serial, tcp, udp
+from atlantis_netcfg.checklist.probes.agent.streams import ProbeError, ReceiveBuffer, serial, tcp, udp
 
 __all__ = ["answer_all", "main"]
 
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
 _GONE = ("silent", "unreachable")
-_STREAMS: dict[str, Callable[[dict[str, Any], Sound], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
+_STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing, "dds": discover}
 
 
@@ -36,7 +36,7 @@ class _Request(threading.Thread):
         self.over = threading.Event()
         self.answer: dict[str, Any] = {}
         self._row, self._before, self._tell = row, before, tell
-        self._sound: Sound | None = None
+        self._sound: ReceiveBuffer | None = None
         self._lock = threading.Lock()
 
     def run(self) -> None:
@@ -73,10 +73,10 @@ class _Request(threading.Thread):
         try:
             if self._row["kind"] in _OTHERS:
                 return _OTHERS[self._row["kind"]](self._row)
-            self._sound = Sound(self._row["max_bytes"])
+            self._sound = ReceiveBuffer(self._row["max_bytes"])
             _STREAMS[self._row["kind"]](self._row, self._sound)
             return self._sound.as_answer()
-        except NoAnswer as why:
+        except ProbeError as why:
             return {"trouble": why.trouble, "words": why.words}
         except Exception as fault:  # noqa: BLE001 - the other questions go on
             last = traceback.extract_tb(fault.__traceback__)[-1]

@@ -26,7 +26,7 @@ import time
 from contextlib import suppress
 from typing import Any
 
-from atlantis_netcfg.checklist.probes.agent.streams import NoAnswer, no_answer, packed
+from atlantis_netcfg.checklist.probes.agent.streams import ProbeError, no_answer, packed
 
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 _LONGEST = 65536
@@ -34,7 +34,7 @@ _RUNNING: list[subprocess.Popen[bytes]] = []
 
 
 def run(question: dict[str, Any]) -> dict[str, Any]:
-    """Run it without a shell, and give the fields of `Ran`. Raises NoAnswer: missing, denied."""
+    """Run it without a shell, and give the fields of `CommandResult`. Raises ProbeError: missing, denied."""
     began = time.time()
     try:
         program = subprocess.Popen(  # noqa: S603 - of the closed list, and without a shell
@@ -87,14 +87,14 @@ _ROUNDS = 2
 
 
 def probing(question: dict[str, Any]) -> dict[str, Any]:
-    """Ask for servers, and give the fields of `Offered`. Raises NoAnswer: missing, denied, unreachable."""
+    """Ask for servers, and give the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
     name = _interface(question["interface"])
     try:
         with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(_IPV4)) as wire:
             wire.bind((name, _IPV4))
             mac, number = wire.getsockname()[4], os.urandom(4)
             if len(mac) != len(_BROADCAST):
-                raise NoAnswer("missing", f"{name} is no Ethernet")
+                raise ProbeError("missing", f"{name} is no Ethernet")
             named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
             cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
             offers: list[dict[str, str | None]] = []
@@ -103,7 +103,7 @@ def probing(question: dict[str, Any]) -> dict[str, Any]:
                     wire.send(_frame(mac, card, number))
                 _listen(wire, cards, number, time.monotonic() + question["within_s"] / _ROUNDS, offers)
     except PermissionError:
-        raise NoAnswer("denied", "only root may ask a segment for its DHCP servers") from None
+        raise ProbeError("denied", "only root may ask a segment for its DHCP servers") from None
     except OSError as error:
         raise no_answer(error, name) from None
     return {"trouble": None, "words": "", "offers": offers}
@@ -117,7 +117,7 @@ def _interface(word: str) -> str:
     for link in json.loads(result or "[]"):
         if word in [address.get("local") for address in link.get("addr_info", ())]:
             return str(link["ifname"])
-    raise NoAnswer("missing", f"this computer has no interface {word}")
+    raise ProbeError("missing", f"this computer has no interface {word}")
 
 
 def _nobody(mac: bytes) -> bytes:
@@ -207,7 +207,7 @@ _ENDPOINTS = 0x3F
 
 
 def discover(question: dict[str, Any]) -> dict[str, Any]:
-    """Announce a participant, and give the fields of `Discovered`. Raises NoAnswer."""
+    """Announce a participant, and give the fields of `DdsDiscoverResult`. Raises ProbeError."""
     prefix, where = os.urandom(12), question["address"]
     kept: dict[tuple[bytes, bool], list[Any]] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:

@@ -43,7 +43,7 @@ _PLAIN = frozenset(range(0x20, 0x7F)) - {*b'"\\'}
 """What JSON writes as one byte."""
 
 
-class NoAnswer(Exception):
+class ProbeError(Exception):
     """There is no answer; `trouble` is a value of `Trouble`."""
 
     def __init__(self, trouble: str, words: str) -> None:
@@ -52,10 +52,10 @@ class NoAnswer(Exception):
         self.words = words
 
 
-def no_answer(error: OSError, what: str) -> NoAnswer:
+def no_answer(error: OSError, what: str) -> ProbeError:
     """Put the system's error into a trouble; what nobody foresaw proves nothing: unreachable."""
     words = error.strerror or str(error) or type(error).__name__
-    return NoAnswer(_BY_NUMBER.get(error.errno or 0, "unreachable"), f"{what}: {words}")
+    return ProbeError(_BY_NUMBER.get(error.errno or 0, "unreachable"), f"{what}: {words}")
 
 
 def packed(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
@@ -65,7 +65,7 @@ def packed(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
     return text if escaped * 4 <= len(data) else [b64encode(data).decode()]
 
 
-class Sound:
+class ReceiveBuffer:
     """What was heard on a stream, also by whoever has to stop before its end."""
 
     def __init__(self, max_bytes: int) -> None:
@@ -141,15 +141,15 @@ class _Line:
             rest = rest[self._write(rest) :]
 
 
-def tcp(question: dict[str, Any], sound: Sound) -> None:
-    """Speak over TCP with a server. Raises NoAnswer."""
+def tcp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
+    """Speak over TCP with a server. Raises ProbeError."""
     where = f"{question['address']} port {question['port']}"
     try:
         wire = socket.create_connection((question["address"], question["port"]), timeout=question["connect_s"])
     except socket.timeout:
-        raise NoAnswer("silent", f"{where}: no answer within {question['connect_s']:g} s") from None
+        raise ProbeError("silent", f"{where}: no answer within {question['connect_s']:g} s") from None
     except socket.gaierror as error:
-        raise NoAnswer("unreachable", f"{where}: {error.strerror}") from None
+        raise ProbeError("unreachable", f"{where}: {error.strerror}") from None
     except OSError as error:
         raise no_answer(error, where) from None
     with wire:
@@ -159,7 +159,7 @@ def tcp(question: dict[str, Any], sound: Sound) -> None:
 
 def converse(
     question: dict[str, Any],
-    sound: Sound,
+    sound: ReceiveBuffer,
     number: int,
     read: Callable[[int], bytes],
     write: Callable[[bytes], int],
@@ -176,7 +176,7 @@ def converse(
         sound.words = f"the other end hung up after {sound.seconds:.1f} s"
 
 
-def _say(says: list[list[Any]], line: _Line, sound: Sound) -> bool:
+def _say(says: list[list[Any]], line: _Line, sound: ReceiveBuffer) -> bool:
     """Say one thing after the other until one is not answered; whether any was."""
     answered = False
     for reply, until, within_s in says:
@@ -193,7 +193,7 @@ def _say(says: list[list[Any]], line: _Line, sound: Sound) -> bool:
     return answered
 
 
-def _listen(line: _Line, sound: Sound, ends: float, enough: Callable[[], bool]) -> bool:
+def _listen(line: _Line, sound: ReceiveBuffer, ends: float, enough: Callable[[], bool]) -> bool:
     """Listen until it is enough; False if the time, the room or the stream ended before."""
     while not sound.closed and not sound.full:
         if enough():
@@ -211,8 +211,8 @@ def _listen(line: _Line, sound: Sound, ends: float, enough: Callable[[], bool]) 
 _LONGEST = 65535
 
 
-def udp(question: dict[str, Any], sound: Sound) -> None:
-    """Take what arrives at a port. Raises NoAnswer, busy where another program has the port."""
+def udp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
+    """Take what arrives at a port. Raises ProbeError, busy where another program has the port."""
     ends = time.monotonic() + question["listen_s"]
     enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
@@ -240,12 +240,12 @@ _LOCKS = ("/run/lock", "/var/lock", "/var/spool/lock")
 """Where programs leave LCK..ttyUSB0 with their number (Filesystem Hierarchy Standard, 5.9)."""
 
 
-def serial(question: dict[str, Any], sound: Sound) -> None:
-    """Speak over a serial port, 8N1. Raises NoAnswer: busy, missing, denied."""
+def serial(question: dict[str, Any], sound: ReceiveBuffer) -> None:
+    """Speak over a serial port, 8N1. Raises ProbeError: busy, missing, denied."""
     path = question["device"]
     speed = getattr(termios, f"B{question['baud']}", None)
     if speed is None:
-        raise NoAnswer("missing", f"{path}: no serial port does {question['baud']} baud")
+        raise ProbeError("missing", f"{path}: no serial port does {question['baud']} baud")
     port = _opened(path)
     try:
         before = termios.tcgetattr(port)
@@ -268,7 +268,7 @@ def _opened(path: str) -> int:
     except OSError as error:
         raise no_answer(error, path) from None
     if not stat.S_ISCHR(there.st_mode):
-        raise NoAnswer("missing", f"{path} is no serial port")
+        raise ProbeError("missing", f"{path} is no serial port")
     _refuse_held(path, there)
     try:
         port = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -280,30 +280,30 @@ def _opened(path: str) -> int:
         _refuse_held(path, there)  # whoever came in meanwhile was first
     except BlockingIOError:
         os.close(port)
-        raise NoAnswer("busy", f"{path} is locked by another program") from None
-    except (NoAnswer, OSError) as error:
+        raise ProbeError("busy", f"{path} is locked by another program") from None
+    except (ProbeError, OSError) as error:
         os.close(port)
-        raise error if isinstance(error, NoAnswer) else no_answer(error, path) from None
+        raise error if isinstance(error, ProbeError) else no_answer(error, path) from None
     return port
 
 
 def _refuse_held(path: str, there: os.stat_result) -> None:
     """Raise NoAnswer if another process has it, or if nobody can tell."""
     for holder in (*_lock_files(path), *_kernel_locks(there)):
-        raise NoAnswer("busy", f"{path} is locked by process {holder}")
+        raise ProbeError("busy", f"{path} is locked by process {holder}")
     hidden = False
     for process in Path("/proc").iterdir():
         if not process.name.isdigit() or int(process.name) == os.getpid():
             continue
         try:
             if _holds(process, there):
-                raise NoAnswer("busy", f"{path} is held by {_named(process)}")
+                raise ProbeError("busy", f"{path} is held by {_named(process)}")
         except PermissionError:
             hidden = True
         except OSError:  # it has ended
             continue
     if hidden and there.st_uid != os.getuid():
-        raise NoAnswer("denied", f"only root sees whether another program holds {path}, so it was not opened")
+        raise ProbeError("denied", f"only root sees whether another program holds {path}, so it was not opened")
 
 
 def _holds(process: Path, there: os.stat_result) -> bool:

@@ -25,8 +25,8 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
-from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, Wanted, troubled
-from atlantis_netcfg.checklist.probes.requests import Ask, Listen, Place, Question, Say
+from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, troubled
+from atlantis_netcfg.checklist.probes.requests import Listen, Place, Question, RouterOsQuery, Say
 from atlantis_netcfg.checklist.probes.results import Rows, Transcript
 from atlantis_netcfg.checklist.probes.step import Judged, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
@@ -46,9 +46,9 @@ __all__ = [
     "GPS_MONITOR",
     "GPS_SETTINGS",
     "NMEA_PORT",
+    "GpsExpectation",
     "RouterosGps",
     "StreamGps",
-    "Wanted",
     "read_monitor",
     "steps",
 ]
@@ -142,7 +142,7 @@ def _zone_s(clock: Rows | None) -> float:
 class StreamGps:
     """The receiver has a fresh fix in the right place, and keeps it."""
 
-    expected: Wanted
+    expected: GpsExpectation
     place: Place
     address: str = ""
     port: int = 0
@@ -185,13 +185,13 @@ class StreamGps:
 class RouterosGps:
     """The router's receiver has a fresh fix in the right place."""
 
-    expected: Wanted
+    expected: GpsExpectation
     host: str
 
     def asks(self) -> tuple[Question, ...]:
         """Ask for the latest position, whether the receiver is switched on, and for the zone of its time."""
         queries = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
-        return tuple(Ask(name, self.host, query) for name, query in queries.items())
+        return tuple(RouterOsQuery(name, self.host, query) for name, query in queries.items())
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Judge the one position."""
@@ -237,7 +237,7 @@ class Nowhere:
         return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
-def _judged(reception: Reception, expected: Wanted) -> Judged:
+def _judged(reception: Reception, expected: GpsExpectation) -> Judged:
     return Judged(judge(reception, expected), evidence(reception, expected))
 
 
@@ -301,8 +301,8 @@ def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
     return StreamGps(_expectation(cell, endpoint, source, end, stands), place, address=address, port=port)
 
 
-def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place: str) -> Wanted:
-    return Wanted(
+def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place: str) -> GpsExpectation:
+    return GpsExpectation(
         name=cell.name,
         driver=endpoint.driver,
         source=source,

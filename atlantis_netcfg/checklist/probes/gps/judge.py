@@ -15,7 +15,7 @@ from atlantis_netcfg.declaration.model import GpsDriver
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes.gps.record import Reception, Report, Wanted
+    from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Reception, Report
     from atlantis_netcfg.declaration.model import Geofence
 
 __all__ = ["clock_of", "clock_words", "evidence", "judge"]
@@ -83,7 +83,7 @@ RIVAL_M = 100.0
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: Reception, expected: Wanted) -> tuple[Finding, ...]:
+def judge(reception: Reception, expected: GpsExpectation) -> tuple[Finding, ...]:
     """Give all findings; a source that is well in every respect has one, which passes."""
     silent = speechless(reception, expected)
     if silent is not None:
@@ -92,7 +92,7 @@ def judge(reception: Reception, expected: Wanted) -> tuple[Finding, ...]:
     return found or (_well(reception, expected),)
 
 
-def _found(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _found(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     yield from _fix_findings(reception, expected)
     if reception.fixes:
         yield from _dimensions(reception, expected)
@@ -108,7 +108,7 @@ def _found(reception: Reception, expected: Wanted) -> Iterator[Finding]:
         yield Finding(verdict, "damaged", message, hint)
 
 
-def _fix_findings(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _fix_findings(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     """Whether there is a fix, and whether it stays."""
     sky = Verdict.FAIL if expected.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expected.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
@@ -137,13 +137,13 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _dimensions(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     if expected.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
         message = f"{expected.name} has a 2D fix and flies: its height is not measured"
         yield Finding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
 
 
-def _misplaced(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _misplaced(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     """Judge where the fixes are; one that is impossible says so and nothing else."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
@@ -172,7 +172,7 @@ def _position(report: Report) -> tuple[float, float]:
     return report.latitude or 0.0, report.longitude or 0.0
 
 
-def _jumps(fixes: Sequence[Report], positions: _Positions, expected: Wanted) -> Iterator[Finding]:
+def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[Finding]:
     gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
@@ -186,7 +186,7 @@ def _jumps(fixes: Sequence[Report], positions: _Positions, expected: Wanted) -> 
         )
 
 
-def _frozen(fixes: Sequence[Report], positions: _Positions, expected: Wanted) -> Iterator[Finding]:
+def _frozen(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[Finding]:
     """A driver that repeats a position while time and speed go on."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
@@ -197,7 +197,7 @@ def _frozen(fixes: Sequence[Report], positions: _Positions, expected: Wanted) ->
     yield Finding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had")
 
 
-def _rivals(reception: Reception, position: tuple[float, float], expected: Wanted) -> Iterator[Finding]:
+def _rivals(reception: Reception, position: tuple[float, float], expected: GpsExpectation) -> Iterator[Finding]:
     """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
@@ -206,7 +206,7 @@ def _rivals(reception: Reception, position: tuple[float, float], expected: Wante
         yield Finding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, expected: Wanted) -> Iterator[Finding]:
+def _outside(positions: _Positions, fence: Geofence, expected: GpsExpectation) -> Iterator[Finding]:
     outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
@@ -236,7 +236,7 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _mistimed(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _mistimed(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
     stale = _stalled(reception, expected)
     if stale is not None:
@@ -267,7 +267,7 @@ def _back_s(report: Report, then: Report) -> float:
     return 0.0
 
 
-def _stalled(reception: Reception, expected: Wanted) -> Finding | None:
+def _stalled(reception: Reception, expected: GpsExpectation) -> Finding | None:
     """Say that the last fix is old, because no more came or the same is told again and again."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
@@ -288,7 +288,7 @@ def _stalled(reception: Reception, expected: Wanted) -> Finding | None:
     return None
 
 
-def _clock(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
     whose = clock_of(reception, expected)
@@ -321,7 +321,7 @@ def _clock(reception: Reception, expected: Wanted) -> Iterator[Finding]:
     yield Finding(verdict, "clock-differs", message, hint)
 
 
-def clock_of(reception: Reception, expected: Wanted) -> str:
+def clock_of(reception: Reception, expected: GpsExpectation) -> str:
     """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
     return "this computer" if reception.single else expected.place
 
@@ -346,7 +346,7 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _nature(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     """How the positions came about: one that is not measured is enough to say so."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
@@ -375,7 +375,7 @@ _NATURES = {
 """Worst first."""
 
 
-def _quality(reception: Reception, expected: Wanted) -> Iterator[Finding]:
+def _quality(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
@@ -389,7 +389,7 @@ def _quality(reception: Reception, expected: Wanted) -> Iterator[Finding]:
         yield Finding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: Reception, expected: Wanted) -> Finding:
+def _well(reception: Reception, expected: GpsExpectation) -> Finding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
@@ -403,7 +403,7 @@ def _well(reception: Reception, expected: Wanted) -> Finding:
 _READ, _MEASURED, _DECLARED = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
 
 
-def evidence(reception: Reception, expected: Wanted) -> tuple[Evidence, ...]:
+def evidence(reception: Reception, expected: GpsExpectation) -> tuple[Evidence, ...]:
     """Give source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
     device = f", {reception.device}" if reception.device else ""
@@ -417,7 +417,7 @@ def evidence(reception: Reception, expected: Wanted) -> tuple[Evidence, ...]:
     return tuple(seen)
 
 
-def _reception_evidence(reception: Reception, expected: Wanted) -> Iterator[Evidence]:
+def _reception_evidence(reception: Reception, expected: GpsExpectation) -> Iterator[Evidence]:
     last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
     if last.fixed:
         yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))
@@ -448,7 +448,7 @@ def _count(reception: Reception) -> str:
     return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
 
 
-def _fence(last: Report, expected: Wanted) -> str:
+def _fence(last: Report, expected: GpsExpectation) -> str:
     fence = expected.fence
     if fence is None:
         return "none is declared"

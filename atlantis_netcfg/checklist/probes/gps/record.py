@@ -21,14 +21,25 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Transcript
     from atlantis_netcfg.declaration.model import Geofence
 
-__all__ = ["DAY_S", "Nature", "Reception", "Report", "Wanted", "at_day", "lines", "median", "speechless", "troubled"]
+__all__ = [
+    "DAY_S",
+    "GpsExpectation",
+    "Nature",
+    "Reception",
+    "Report",
+    "at_day",
+    "lines",
+    "median",
+    "speechless",
+    "troubled",
+]
 
 
 DAY_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class GpsExpectation:
     """What is expected of one endpoint, and how it is called in sentences."""
 
     name: str
@@ -198,7 +209,7 @@ _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
 _STREAM = "read what the program that has it passes on: declare `driver: gpsd` or `nmea_tcp`"
 
 
-def troubled(trouble: Trouble, words: str, expected: Wanted) -> Finding:
+def troubled(trouble: Trouble, words: str, expected: GpsExpectation) -> Finding:
     """Say why nothing could be heard."""
     text = f": {words}" if words else ""
     return {
@@ -248,7 +259,7 @@ def troubled(trouble: Trouble, words: str, expected: Wanted) -> Finding:
     }[trouble]()
 
 
-def _refused(expected: Wanted) -> Finding:
+def _refused(expected: GpsExpectation) -> Finding:
     if expected.driver is GpsDriver.GPSD:
         return Finding(
             _FAIL,
@@ -264,7 +275,7 @@ def _refused(expected: Wanted) -> Finding:
     )
 
 
-def speechless(reception: Reception, expected: Wanted) -> Finding | None:
+def speechless(reception: Reception, expected: GpsExpectation) -> Finding | None:
     """Say what is wrong with a source that is there and tells no position at all; None: it tells."""
     if reception.reports:
         return None
@@ -280,7 +291,7 @@ def speechless(reception: Reception, expected: Wanted) -> Finding | None:
     return _no_data(reception, expected)
 
 
-def _foreign(reception: Reception, expected: Wanted) -> Finding:
+def _foreign(reception: Reception, expected: GpsExpectation) -> Finding:
     if expected.driver is GpsDriver.GPSD:
         return Finding(
             _FAIL,
@@ -296,7 +307,7 @@ def _foreign(reception: Reception, expected: Wanted) -> Finding:
     return Finding(_FAIL, "not-nmea", message, hint)
 
 
-def _no_data(reception: Reception, expected: Wanted) -> Finding:
+def _no_data(reception: Reception, expected: GpsExpectation) -> Finding:
     after = f"in {reception.ended_s:.0f} s"
     if expected.driver is GpsDriver.GPSD:
         devices = ", ".join(reception.devices or ()) or "its receiver"

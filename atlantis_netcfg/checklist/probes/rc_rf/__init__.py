@@ -12,7 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.rc_rf.judge import Wanted, armed, doubts, judge, judge_moved, ranges, unusable
+from atlantis_netcfg.checklist.probes.rc_rf.judge import (
+    RcExpectation,
+    armed,
+    doubts,
+    judge,
+    judge_moved,
+    ranges,
+    unusable,
+)
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System, enough, read
 from atlantis_netcfg.checklist.probes.requests import Listen, Place, Question
 from atlantis_netcfg.checklist.probes.results import Transcript
@@ -29,18 +37,18 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
 
-__all__ = ["RcHeard", "SticksMoved", "Wanted", "steps"]
+__all__ = ["RcExpectation", "RcHeard", "SticksMoved", "steps"]
 
 
 _READ, _MEASURED = EvidenceType.READ, EvidenceType.MEASURED
 
 
-def evidence(received: Stream, expected: Wanted) -> tuple[Evidence, ...]:
+def evidence(received: Stream, expected: RcExpectation) -> tuple[Evidence, ...]:
     """Give the stream, the systems in it, and what the expected one says."""
     return tuple(_seen(received, expected)) if received.heard_bytes else ()
 
 
-def _seen(received: Stream, expected: Wanted) -> Iterator[Evidence]:
+def _seen(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
     versions = " and ".join(map(str, received.versions)) or "of no known version"
     stream = f"MAVLink {versions}, {received.good} frames and {received.bad} damaged pieces in {received.ended_s:.0f} s"
     yield Evidence(type=_MEASURED, what=f"stream at {expected.end}", value=stream)
@@ -63,7 +71,7 @@ def _seen(received: Stream, expected: Wanted) -> Iterator[Evidence]:
         yield Evidence(type=_READ, what="receiver", value=text)
 
 
-def movement(received: Stream, expected: Wanted) -> Iterator[Evidence]:
+def movement(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
     """Give the way of each channel that moved."""
     for number, (low, high) in ranges(received.systems.get(expected.system_id, System()).channels).items():
         yield Evidence(type=_MEASURED, what=f"channel {number}", value=f"{low} to {high} us")
@@ -89,7 +97,7 @@ STICKS_S = 12.0
 class RcHeard:
     """The autopilot hears its remote control, and is disarmed."""
 
-    expected: Wanted
+    expected: RcExpectation
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
@@ -105,7 +113,7 @@ class RcHeard:
 class SticksMoved:
     """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
 
-    expected: Wanted
+    expected: RcExpectation
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
@@ -119,14 +127,14 @@ class SticksMoved:
         )
 
 
-def _listen(name: str, expected: Wanted, place: Place, listen_s: float, until: bytes) -> Listen:
+def _listen(name: str, expected: RcExpectation, place: Place, listen_s: float, until: bytes) -> Listen:
     return Listen(name=name, place=place, transport="udp", port=expected.port, listen_s=listen_s, enough=until)
 
 
 def _judged(
     answer: Answer,
-    expected: Wanted,
-    judge_stream: Callable[[Stream, Wanted], tuple[Finding, ...]],
+    expected: RcExpectation,
+    judge_stream: Callable[[Stream, RcExpectation], tuple[Finding, ...]],
     *,
     moved: bool = False,
 ) -> Judged:
@@ -153,7 +161,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
     place = cell.place(endpoint.seen_from)
     gateway = cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else ""
     place_name, address = gateway or "this computer", cell.address(endpoint.address)
-    expected = Wanted(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
+    expected = RcExpectation(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
     concerns = (gateway,) if gateway else ()
     return (
         Step(

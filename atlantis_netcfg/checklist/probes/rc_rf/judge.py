@@ -26,7 +26,7 @@ __all__ = [
     "FRESH_S",
     "HIGH_US",
     "LOW_US",
-    "Wanted",
+    "RcExpectation",
     "armed",
     "doubts",
     "judge",
@@ -46,7 +46,7 @@ UNSTEADY = 0.25
 BAD_SHARE = 0.05
 
 
-def judge(received: Stream, expected: Wanted) -> tuple[Finding, ...]:
+def judge(received: Stream, expected: RcExpectation) -> tuple[Finding, ...]:
     """Judge a stream in which the vehicle is heard; one that is well in every respect has one finding, which passes."""
     system = received.systems[expected.system_id]
     found = (
@@ -58,7 +58,7 @@ def judge(received: Stream, expected: Wanted) -> tuple[Finding, ...]:
     return found or (_well(system, expected),)
 
 
-def _alive(received: Stream, system: System, expected: Wanted) -> Iterator[Finding]:
+def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterator[Finding]:
     age_s = received.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
         message = f"{expected.name}'s last heartbeat is {age_s:.0f} s old"
@@ -96,7 +96,7 @@ def _alive(received: Stream, system: System, expected: Wanted) -> Iterator[Findi
         )
 
 
-def no_channels(received: Stream, expected: Wanted) -> Finding:
+def no_channels(received: Stream, expected: RcExpectation) -> Finding:
     """Say that no RC_CHANNELS came: that is a setting as well, so nothing follows."""
     message = f"{expected.name} sends no RC_CHANNELS within {received.ended_s:.0f} s"
     hint = (
@@ -115,7 +115,7 @@ def odd(channels: Channels) -> str:
     return ", ".join(strange)
 
 
-def _receiver(system: System, expected: Wanted) -> Iterator[Finding]:
+def _receiver(system: System, expected: RcExpectation) -> Iterator[Finding]:
     if not system.receiver:
         message = f"{expected.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
         yield Finding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
@@ -138,7 +138,7 @@ def _receiver(system: System, expected: Wanted) -> Iterator[Finding]:
         )
 
 
-def _rssi(system: System, expected: Wanted) -> Iterator[Finding]:
+def _rssi(system: System, expected: RcExpectation) -> Iterator[Finding]:
     result = [channel.rssi for channel in system.channels if channel.count]
     known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if result and not known:
@@ -165,7 +165,7 @@ def _rssi(system: System, expected: Wanted) -> Iterator[Finding]:
         )
 
 
-def _damaged(received: Stream, expected: Wanted) -> Iterator[Finding]:
+def _damaged(received: Stream, expected: RcExpectation) -> Iterator[Finding]:
     total = received.good + received.bad
     if received.bad > 1 and received.bad > BAD_SHARE * total:
         message = f"{received.bad} of {total} pieces of the stream at {expected.end} are damaged"
@@ -174,7 +174,7 @@ def _damaged(received: Stream, expected: Wanted) -> Iterator[Finding]:
         )
 
 
-def _well(system: System, expected: Wanted) -> Finding:
+def _well(system: System, expected: RcExpectation) -> Finding:
     last = system.channels[-1]
     message = f"{expected.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
     return Finding(Verdict.PASS, "rc-heard", message)
@@ -185,7 +185,7 @@ APART_S = 60.0
 """Clocks of an autopilot and of who listens: a live stream is not so far off."""
 
 
-def armed(received: Stream, expected: Wanted) -> Finding | None:
+def armed(received: Stream, expected: RcExpectation) -> Finding | None:
     """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
     hot = [number for number, system in received.systems.items() if system.armed]
     if not hot:
@@ -197,7 +197,7 @@ def armed(received: Stream, expected: Wanted) -> Finding | None:
     )
 
 
-def unusable(answer: Transcript, received: Stream, expected: Wanted) -> Finding | None:
+def unusable(answer: Transcript, received: Stream, expected: RcExpectation) -> Finding | None:
     """Say why the stream tells nothing of the vehicle; None: it does."""
     if not received.heard_bytes:
         return _unheard(answer, expected) if answer.trouble is not None else _silent(received, expected)
@@ -210,7 +210,7 @@ def unusable(answer: Transcript, received: Stream, expected: Wanted) -> Finding 
     return None if system.beats else _absent(received, system, expected)
 
 
-def doubts(received: Stream, expected: Wanted) -> Iterator[Finding]:
+def doubts(received: Stream, expected: RcExpectation) -> Iterator[Finding]:
     """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
     system = received.systems[expected.system_id]
     if expected.address is None:
@@ -231,7 +231,7 @@ def doubts(received: Stream, expected: Wanted) -> Iterator[Finding]:
     yield from _flow(system, received, expected)
 
 
-def _flow(system: System, received: Stream, expected: Wanted) -> Iterator[Finding]:
+def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator[Finding]:
     """The autopilot counts the time, and that count goes on as fast as time does."""
     result = system.channels
     if not result:
@@ -255,13 +255,13 @@ def _flow(system: System, received: Stream, expected: Wanted) -> Iterator[Findin
         yield Finding(_INCONCLUSIVE, "not-live", message, hint)
 
 
-def _silent(received: Stream, expected: Wanted) -> Finding:
+def _silent(received: Stream, expected: RcExpectation) -> Finding:
     message = f"nothing arrived at {expected.end} in {received.ended_s:.0f} s"
     hint = f"switch {expected.name} on, and let its companion computer forward the MAVLink stream to {expected.end}"
     return Finding(_INCONCLUSIVE, "silent", message, hint)
 
 
-def _unheard(answer: Transcript, expected: Wanted) -> Finding:
+def _unheard(answer: Transcript, expected: RcExpectation) -> Finding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
         message = f"nobody has listened to {expected.name}: {expected.place} was not reached{text}"
@@ -281,7 +281,7 @@ def _unheard(answer: Transcript, expected: Wanted) -> Finding:
     return Finding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
 
 
-def _absent(received: Stream, system: System, expected: Wanted) -> Finding:
+def _absent(received: Stream, system: System, expected: RcExpectation) -> Finding:
     if system.senders:
         result = ", ".join(system.senders)
         message = f"system {expected.system_id} is heard from {result}, and {expected.name} has {expected.address}"
@@ -324,7 +324,7 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     return found
 
 
-def judge_moved(received: Stream, expected: Wanted) -> Finding:
+def judge_moved(received: Stream, expected: RcExpectation) -> Finding:
     """Judge a stream in which the vehicle is heard, disarmed."""
     channels = received.systems[expected.system_id].channels
     if not channels:
@@ -365,7 +365,7 @@ def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RcExpectation:
     """Of one vehicle."""
 
     name: str

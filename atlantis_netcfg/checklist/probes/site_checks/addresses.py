@@ -14,8 +14,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import Place, Probing
-from atlantis_netcfg.checklist.probes.results import Ran, Trouble
+from atlantis_netcfg.checklist.probes.requests import DhcpDiscoverRequest, Place
+from atlantis_netcfg.checklist.probes.results import CommandResult, Trouble
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     Computer,
     InterfaceAddress,
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer, Offer
+    from atlantis_netcfg.checklist.probes.results import Answer, DhcpOffer
     from atlantis_netcfg.checklist.probes.step import Step
 
 
@@ -122,11 +122,18 @@ class _Static:
         """What is wrong with the files that the next start reads; None: they say what runs."""
         texts = {path: received[path] for path in FILES}
         trouble = next(
-            (result for result in texts.values() if not isinstance(result, Ran) or result.trouble is not None), None
+            (
+                result
+                for result in texts.values()
+                if not isinstance(result, CommandResult) or result.trouble is not None
+            ),
+            None,
         )
         if trouble is not None:
             return silent(gateway.name, getattr(trouble, "trouble", None) or Trouble.SILENT, trouble.words)
-        files = {path: answer.out for path, answer in texts.items() if isinstance(answer, Ran) and answer.rc == 0}
+        files = {
+            path: answer.out for path, answer in texts.items() if isinstance(answer, CommandResult) and answer.rc == 0
+        }
         host = self.site.declaration.hosts[gateway.name]
         promised = gateway_network(self.site.declaration, host)
         if promised is not None:
@@ -370,7 +377,7 @@ class _RogueDhcp:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         cards = tuple(reservation.mac for reservation in self.site.declared.lan.reservations)
         return (
-            Probing("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
+            DhcpDiscoverRequest("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
             *run("router", self.site, f"ip -j neigh show to {self.site.declared.lan.gateway}"),
             *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
         )
@@ -411,7 +418,7 @@ class _RogueDhcp:
             else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
         )
 
-    def _judged(self, found: tuple[Offer, ...], known: str | None) -> Iterator[Finding]:
+    def _judged(self, found: tuple[DhcpOffer, ...], known: str | None) -> Iterator[Finding]:
         local = str(self.site.declared.lan.gateway)
         strangers = {(item.server, item.mac): item for item in found if item.server != local}
         cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})
@@ -437,13 +444,13 @@ class _RogueDhcp:
                 "only-the-router", f"the router {local} alone offers an address, to whichever of {requested} cards asks"
             )
 
-    def _named(self, offer: Offer) -> str:
+    def _named(self, offer: DhcpOffer) -> str:
         cards = {card.mac.lower(): card.name for card in self.site.declared.lan.reservations}
         whose = cards.get((offer.mac or "").lower())
         card = offer.mac or "card unknown"
         return f"{offer.server} ({card}{f', the card of {whose}' if whose else ''})"
 
 
-def _offer_text(offer: Offer) -> str:
+def _offer_text(offer: DhcpOffer) -> str:
     gateway = f" with gateway {offer.router}" if offer.router else ""
     return f"it offered {offer.address}{gateway}"

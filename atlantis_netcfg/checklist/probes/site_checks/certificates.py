@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -172,7 +172,7 @@ class _Certificates:
 
 def _now(results: Mapping[str, Answer]) -> datetime:
     """When this computer had the answers."""
-    stamps = [answer.heard for answer in results.values() if isinstance(answer, Ran | Rows)]
+    stamps = [answer.heard for answer in results.values() if isinstance(answer, CommandResult | Rows)]
     return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
 
 
@@ -183,7 +183,7 @@ def _router_stamp(text: str) -> datetime | None:
 
 def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | Finding:
     """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
-    if not isinstance(answer, Ran):
+    if not isinstance(answer, CommandResult):
         return unreadable(name, "its identity in the VPN")
     if answer.trouble is not None:
         return silent(name, answer.trouble, answer.words)

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import Ran, Rows
+from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -235,7 +235,7 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
 
 def _of_computer(name: str, answer: Answer) -> Offset | Finding:
     """Whatever the program says: when it was started, its clock was read."""
-    if not isinstance(answer, Ran) or answer.trouble is not None or not answer.began:
+    if not isinstance(answer, CommandResult) or answer.trouble is not None or not answer.began:
         result = printed(answer, name)
         return result if isinstance(result, Finding) else unreadable(name, "its clock")
     if not answer.heard:
@@ -252,5 +252,5 @@ def _row(answer: Answer) -> Mapping[str, str]:
 
 
 def _pairs(answer: Answer) -> Mapping[str, str]:
-    text = answer.out if isinstance(answer, Ran) and answer.trouble is None else ""
+    text = answer.out if isinstance(answer, CommandResult) and answer.trouble is None else ""
     return {name: value for name, _, value in (line.partition("=") for line in text.splitlines())}

@@ -22,8 +22,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import Discover, Place
-from atlantis_netcfg.checklist.probes.results import Discovered, Trouble
+from atlantis_netcfg.checklist.probes.requests import DdsDiscoverRequest, Place
+from atlantis_netcfg.checklist.probes.results import DdsDiscoverResult, Trouble
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     by_hand,
@@ -176,7 +176,7 @@ class _Seen:
     def asks(self) -> tuple[Question, ...]:
         first = _BASE + _DOMAIN * self._dds.domain + _UNICAST
         ports = tuple(first + _EACH * number for number in range(self._dds.participants))
-        discover = Discover("participants", Place.GATEWAY, self._address, self._dds.domain, ports)
+        discover = DdsDiscoverRequest("participants", Place.GATEWAY, self._address, self._dds.domain, ports)
         return (*run("sockets", self.site, f"cat {TABLE}"), discover)
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
@@ -237,7 +237,7 @@ def _named(there: Sequence[_Participant]) -> str:
 
 def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | Finding:
     """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
-    if not isinstance(answer, Discovered):
+    if not isinstance(answer, DdsDiscoverResult):
         return unreadable(name, "its DDS participants")
     if answer.trouble is Trouble.UNREACHABLE:
         message = f"{name} does not have the address {address}, at which others look for its DDS"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import Ask
+from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -66,12 +66,12 @@ class _Factory:
             *(self._ping(address) for address in self._addresses),
         )
 
-    def _ping(self, address: str) -> Ask:
+    def _ping(self, address: str) -> RouterOsQuery:
         """ARP needs no route: it finds who sits on the LAN with an address of another network, and disturbs nobody."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         assert self.site.view is not None  # noqa: S101 - the same
         words = (("address", address), ("arp-ping", "yes"), ("interface", self.site.view.bridge), ("count", "2"))
-        return Ask(f"ping {address}", self.site.router.name, Query("/tool", "ping", words))
+        return RouterOsQuery(f"ping {address}", self.site.router.name, Query("/tool", "ping", words))
 
     @property
     def _addresses(self) -> tuple[str, ...]:

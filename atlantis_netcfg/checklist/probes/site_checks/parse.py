@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import Ask, Look, Place, Run
-from atlantis_netcfg.checklist.probes.results import Looked, Offered, Ran, Rows, Trouble
+from atlantis_netcfg.checklist.probes.requests import LinkStatusRequest, Place, RouterOsQuery, Run
+from atlantis_netcfg.checklist.probes.results import CommandResult, DhcpOffers, LinkStatusResult, Rows, Trouble
 from atlantis_netcfg.checklist.probes.step import Step
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
@@ -23,7 +23,7 @@ from atlantis_netcfg.render import router_view
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.checklist.probes.results import Answer, Offer
+    from atlantis_netcfg.checklist.probes.results import Answer, DhcpOffer
     from atlantis_netcfg.checklist.probes.step import Cell, Probe
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Site
@@ -212,7 +212,7 @@ def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, st
 
 def printed(answer: Answer, who: str) -> str | Finding:
     """What a program printed that has ended well."""
-    if not isinstance(answer, Ran):
+    if not isinstance(answer, CommandResult):
         return unreadable(who, "itself")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -308,9 +308,9 @@ def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
             yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
-def offers(answer: Answer, who: str) -> tuple[Offer, ...] | Finding:
+def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | Finding:
     """Who hands out addresses."""
-    if not isinstance(answer, Offered):
+    if not isinstance(answer, DhcpOffers):
         return unreadable(who, "DHCP servers")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -319,7 +319,7 @@ def offers(answer: Answer, who: str) -> tuple[Offer, ...] | Finding:
 
 def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
     """How a bearer is."""
-    if not isinstance(answer, Looked):
+    if not isinstance(answer, LinkStatusResult):
         return unreadable(who, "its links")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -412,11 +412,11 @@ def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, 
     )
 
 
-def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[Ask, ...]:
+def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[RouterOsQuery, ...]:
     """Ask the router for rows of a menu; nothing where the site has none."""
     if site.router is None:
         return ()
-    return (Ask(name, site.router.name, Query(menu, "print", proplist=properties)),)
+    return (RouterOsQuery(name, site.router.name, Query(menu, "print", proplist=properties)),)
 
 
 def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[Run, ...]:
@@ -424,6 +424,10 @@ def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple
     return (Run(name, Place.GATEWAY, tuple(command.split()), within_s),) if site.gateway is not None else ()
 
 
-def bearer_requests(site: OwnSite) -> tuple[Look, ...]:
+def bearer_requests(site: OwnSite) -> tuple[LinkStatusRequest, ...]:
     """How every bearer of the site is; `look` and its name are the question's."""
-    return tuple(Look(f"look {bearer.name}", bearer.name) for bearer in site.declared.bearers) if site.router else ()
+    return (
+        tuple(LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.declared.bearers)
+        if site.router
+        else ()
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import Ask
+from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
@@ -79,12 +79,12 @@ class _Poe:
         """Each port by itself: one that cannot feed would take the answer for all others along."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        names = Ask(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
+        names = RouterOsQuery(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
         return (*(self._monitor(name, port) for port in _ports(self.site)), names)
 
     @staticmethod
-    def _monitor(host: str, port: str) -> Ask:
-        return Ask(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
+    def _monitor(host: str, port: str) -> RouterOsQuery:
+        return RouterOsQuery(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router

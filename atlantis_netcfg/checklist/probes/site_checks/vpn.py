@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
-from atlantis_netcfg.checklist.probes.results import Looked, Ran
+from atlantis_netcfg.checklist.probes.results import CommandResult, LinkStatusResult
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     addresses,
@@ -164,10 +164,10 @@ class _Vpn:
 
     def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[Finding]:
         answer, server = results["ping"], self._server or ""
-        if isinstance(answer, Ran) and answer.trouble is not None:
+        if isinstance(answer, CommandResult) and answer.trouble is not None:
             yield silent(name, answer.trouble, answer.words)
             return
-        echoes = read_ping(answer.out, server) if isinstance(answer, Ran) else None
+        echoes = read_ping(answer.out, server) if isinstance(answer, CommandResult) else None
         if echoes is None or echoes.sent < _PINGS:
             yield unreadable(name, "a ping")
             return
@@ -196,7 +196,7 @@ class _Vpn:
         satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind is BearerKind.SATELLITE]
         answer = [results.get(f"look {name}") for name in satellites]
         return any(
-            isinstance(result, Looked) and result.bearer is not None and result.bearer.get("active")
+            isinstance(result, LinkStatusResult) and result.bearer is not None and result.bearer.get("active")
             for result in answer
         )
 
@@ -204,7 +204,7 @@ class _Vpn:
         ping = results.get("ping")
         line = (
             next((line for line in ping.out.splitlines() if " transmitted" in line), "")
-            if isinstance(ping, Ran)
+            if isinstance(ping, CommandResult)
             else ""
         )
         if line:

@@ -17,18 +17,18 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.checklist.probes import (
-    Discover,
-    Discovered,
+    CommandResult,
+    DdsDiscoverRequest,
+    DdsDiscoverResult,
+    DhcpDiscoverRequest,
+    DhcpOffers,
     Listen,
-    Offered,
     Place,
-    Probing,
-    Ran,
     Run,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.results import Offer
+from atlantis_netcfg.checklist.probes.results import DhcpOffer
 from atlantis_netcfg.checklist.runner._laptop import ask_here
 from atlantis_netcfg.checklist.runner._real import RealEars
 from atlantis_netcfg.checklist.runner.no_result import unanswered
@@ -108,36 +108,36 @@ class RehearsedEars:
             return unanswered(question, _NOBODY)
         if isinstance(question, Run):
             return self._ran(question, self.computer)
-        if isinstance(question, Probing):
+        if isinstance(question, DhcpDiscoverRequest):
             return self._offered(question, self.computer)
-        if isinstance(question, Discover):
+        if isinstance(question, DdsDiscoverRequest):
             return self._discovered(question, self.computer)
         return unanswered(question, _NOBODY)
 
     @staticmethod
-    def _ran(question: Run, computer: Computer) -> Ran:
+    def _ran(question: Run, computer: Computer) -> CommandResult:
         requested = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
         if rc == NOT_FOUND:
             trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
-        return Ran(trouble, words, rc, out, err, computer.now, requested, time.time())
+        return CommandResult(trouble, words, rc, out, err, computer.now, requested, time.time())
 
     @staticmethod
-    def _discovered(question: Discover, computer: Computer) -> Discovered:
+    def _discovered(question: DdsDiscoverRequest, computer: Computer) -> DdsDiscoverResult:
         prefix = os.urandom(12)
         found = computer.participants(question.domain, question.address, prefix)
         if found is None:
-            return Discovered(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
-        return Discovered(None, "", prefix, found)
+            return DdsDiscoverResult(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
+        return DdsDiscoverResult(None, "", prefix, found)
 
     @staticmethod
-    def _offered(question: Probing, computer: Computer) -> Offered:
+    def _offered(question: DhcpDiscoverRequest, computer: Computer) -> DhcpOffers:
         found = computer.offers(question.interface, question.cards)
         if found is None:
-            return Offered(Trouble.MISSING, f"this computer has no interface {question.interface}")
-        offers = (Offer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
-        return Offered(None, "", tuple(offers))
+            return DhcpOffers(Trouble.MISSING, f"this computer has no interface {question.interface}")
+        offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
+        return DhcpOffers(None, "", tuple(offers))
 
 
 @dataclass(frozen=True, slots=True)

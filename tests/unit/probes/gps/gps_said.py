@@ -7,7 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Transcript
-from atlantis_netcfg.checklist.probes.gps import Wanted
+from atlantis_netcfg.checklist.probes.gps import GpsExpectation
 from atlantis_netcfg.checklist.probes.gps.nmea import checksum
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
@@ -20,13 +20,13 @@ LATITUDE, LONGITUDE = 41.68642, -8.8388265
 FENCE = Geofence(latitude=41.6864, longitude=-8.8388, radius_m=1000.0)
 
 WANTED = {
-    GpsDriver.GPSD: Wanted(
+    GpsDriver.GPSD: GpsExpectation(
         "Sparus", GpsDriver.GPSD, "gpsd at 10.64.1.22:2947", "10.64.1.22:2947", "coastal-gateway", FENCE
     ),
-    GpsDriver.NMEA_TCP: Wanted(
+    GpsDriver.NMEA_TCP: GpsExpectation(
         "Girona 500", GpsDriver.NMEA_TCP, "NMEA from 10.64.1.21:10110", "10.64.1.21:10110", "coastal-gateway", FENCE
     ),
-    GpsDriver.NMEA_SERIAL: Wanted(
+    GpsDriver.NMEA_SERIAL: GpsExpectation(
         "Zarco", GpsDriver.NMEA_SERIAL, "NMEA from /dev/ttyUSB0 of gw", "/dev/ttyUSB0 of gw", "gw", FENCE
     ),
 }

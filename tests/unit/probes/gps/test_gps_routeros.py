@@ -10,13 +10,13 @@ import pytest
 import trees
 from gps_said import FENCE
 
-from atlantis_netcfg.checklist.probes import Ask, Rows, Trouble
+from atlantis_netcfg.checklist.probes import RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.probes.gps import (
     CLOCK_QUERY,
     GPS_MONITOR,
     GPS_SETTINGS,
+    GpsExpectation,
     RouterosGps,
-    Wanted,
     read_monitor,
 )
 from atlantis_netcfg.core.verdicts import Verdict
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.query import Query
     from atlantis_netcfg.checklist.probes import Judged
 
-WANTED = Wanted("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
+WANTED = GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = RouterosGps(WANTED, "off-router")
 HEARD = datetime(2026, 11, 20, 10, 15, 0, 500_000, tzinfo=UTC).timestamp()
 ON = Rows(None, rows=({"enabled": "true", "port": "usb1", "coordinate-format": "dd"},), heard=HEARD)
@@ -50,7 +50,9 @@ CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisb
 """In summer."""
 
 
-def judged(row: dict[str, str] | None, settings: Rows = ON, wanted: Wanted = WANTED, clock: Rows = CLOCK) -> Judged:
+def judged(
+    row: dict[str, str] | None, settings: Rows = ON, wanted: GpsExpectation = WANTED, clock: Rows = CLOCK
+) -> Judged:
     monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
     return replace(PROBE, expected=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
 
@@ -69,7 +71,7 @@ def test_every_version_knows_what_is_asked(tree: trees.Tree, query: Query) -> No
 
 def test_all_is_asked_of_the_router() -> None:
     asked = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
-    assert PROBE.asks() == tuple(Ask(name, "off-router", query) for name, query in asked.items())
+    assert PROBE.asks() == tuple(RouterOsQuery(name, "off-router", query) for name, query in asked.items())
 
 
 CASES: dict[str, tuple[dict[str, str] | None, list[str]]] = {
@@ -233,7 +235,7 @@ def test_coordinates_in_the_forms_of_coordinate_format(text: str, value: float |
 
 
 def test_one_position_is_all_that_it_tells() -> None:
-    found = judged(ROW, expected=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
+    found = judged(ROW, wanted=replace(WANTED, fence=Geofence(latitude=41.6864, longitude=-8.8388, radius_m=50.0)))
     assert {one.what: one.value for one in found.evidence}[
         "reports"
     ] == "1: a RouterOS device tells its latest position only"

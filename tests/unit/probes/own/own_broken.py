@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 from own_world import AROUND, CARDS, IDENTITY, LOOKS, NETPLAN, NOW, World, computer, timed
 
 from atlantis_netcfg.checklist.probes import (
-    Ask,
-    Discover,
-    Discovered,
-    Looked,
-    Offered,
+    CommandResult,
+    DdsDiscoverRequest,
+    DdsDiscoverResult,
+    DhcpDiscoverRequest,
+    DhcpOffers,
+    LinkStatusResult,
     Place,
-    Probing,
-    Ran,
+    RouterOsQuery,
     Rows,
     Run,
     Trouble,
@@ -130,39 +130,43 @@ def at(place: Place, trouble: Trouble, words: str = "") -> Callable[[Question, A
 
 
 def garbage(question: Question, _answer: Answer) -> Answer:
-    if isinstance(question, Ask):
+    if isinstance(question, RouterOsQuery):
         return Rows(None, rows=({"x": "\x00?"},))
     if isinstance(question, Run):
-        return Ran(None, out="\x1b[31m{ not json\n", began=0.0)
-    if isinstance(question, Discover):
-        return Discovered(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
-    return Offered(None) if isinstance(question, Probing) else Looked(None, bearer={"state": "sideways"})
+        return CommandResult(None, out="\x1b[31m{ not json\n", began=0.0)
+    if isinstance(question, DdsDiscoverRequest):
+        return DdsDiscoverResult(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
+    return (
+        DhcpOffers(None)
+        if isinstance(question, DhcpDiscoverRequest)
+        else LinkStatusResult(None, bearer={"state": "sideways"})
+    )
 
 
 def wrong_shape(_question: Question, answer: Answer) -> Answer:
-    return Looked(None, bearer=None) if not isinstance(answer, Looked) else Rows(None, rows=())
+    return LinkStatusResult(None, bearer=None) if not isinstance(answer, LinkStatusResult) else Rows(None, rows=())
 
 
 def refused(question: Question, answer: Answer) -> Answer:
-    return Rows(None, "no such command prefix", None) if isinstance(question, Ask) else answer
+    return Rows(None, "no such command prefix", None) if isinstance(question, RouterOsQuery) else answer
 
 
 def failing(question: Question, answer: Answer) -> Answer:
-    return Ran(None, rc=1, err="sh: something\nit broke\n") if isinstance(question, Run) else answer
+    return CommandResult(None, rc=1, err="sh: something\nit broke\n") if isinstance(question, Run) else answer
 
 
-def answered(change: Callable[[Discovered], Discovered]) -> World:
-    return answers(lambda _, answer: change(answer) if isinstance(answer, Discovered) else answer)
+def answered(change: Callable[[DdsDiscoverResult], DdsDiscoverResult]) -> World:
+    return answers(lambda _, answer: change(answer) if isinstance(answer, DdsDiscoverResult) else answer)
 
 
-def echoed(said: Discovered) -> Discovered:
+def echoed(said: DdsDiscoverResult) -> DdsDiscoverResult:
     """A program that sends back whatever it gets."""
     return replace(said, datagrams=(("10.80.0.21", b"RTPS\x02\x01\0\0" + said.prefix + said.datagrams[0][1][20:]),))
 
 
 def lines_of(menu: str, *rows: dict[str, str]) -> World:
     def change(question: Question, answer: Answer) -> Answer:
-        asked = isinstance(question, Ask) and question.query.menu == menu
+        asked = isinstance(question, RouterOsQuery) and question.query.menu == menu
         return replace(answer, rows=rows) if asked and isinstance(answer, Rows) else answer
 
     return answers(change)
@@ -170,26 +174,26 @@ def lines_of(menu: str, *rows: dict[str, str]) -> World:
 
 def ran(name: str, **changes: Any) -> World:  # noqa: ANN401 - fields of Ran
     def change(question: Question, answer: Answer) -> Answer:
-        return replace(answer, **changes) if question.name == name and isinstance(answer, Ran) else answer
+        return replace(answer, **changes) if question.name == name and isinstance(answer, CommandResult) else answer
 
     return answers(change)
 
 
 def late(_question: Question, answer: Answer) -> Answer:
     """Over a satellite answers take a while, and prove less of a clock."""
-    if isinstance(answer, Rows | Ran):
+    if isinstance(answer, Rows | CommandResult):
         return replace(answer, asked=NOW.timestamp() - 30, heard=NOW.timestamp() + 45)
     return answer
 
 
 def slow(_question: Question, answer: Answer) -> Answer:
-    if isinstance(answer, Rows | Ran):
+    if isinstance(answer, Rows | CommandResult):
         return replace(answer, asked=NOW.timestamp() - 5, heard=NOW.timestamp() + 5)
     return answer
 
 
 def unstamped(_question: Question, answer: Answer) -> Answer:
-    return replace(answer, asked=0.0, heard=0.0) if isinstance(answer, Rows | Ran) else answer
+    return replace(answer, asked=0.0, heard=0.0) if isinstance(answer, Rows | CommandResult) else answer
 
 
 API = {"name": "atlantis-api", "invalid-after": "2029-05-10 10:00:00", "private-key": "true"}
@@ -256,7 +260,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway has another address": lambda: World(pc=with_address("10.64.1.99/24", instead=True)),
     "no file says the gateway's address": lambda: pc(files={"/etc/network/interfaces": "# 10.64.1.10/24\nauto lo\n"}),
     "files of the gateway may not be read": lambda: answers(
-        lambda question, answer: Ran(Trouble.DENIED) if question.name == NETPLAN else answer
+        lambda question, answer: CommandResult(Trouble.DENIED) if question.name == NETPLAN else answer
     ),
     "an address of the router is switched off": lambda: typed('/ip address disable [find address="10.10.1.2/29"]'),
     "the router has another mask": lambda: typed('/ip address set [find address="10.64.1.1/24"] address=10.64.1.1/16'),
@@ -277,7 +281,9 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway tells no address": lambda: World(
         answers=lambda question, answer: (
             replace(answer, out="[]\n")
-            if isinstance(answer, Ran) and isinstance(question, Run) and question.argv == ("ip", "-j", "addr", "show")
+            if isinstance(answer, CommandResult)
+            and isinstance(question, Run)
+            and question.argv == ("ip", "-j", "addr", "show")
             else answer
         )
     ),
@@ -331,7 +337,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway's default route has no link": lambda: answers(
         lambda question, answer: (
             replace(answer, out=DOWN)
-            if isinstance(answer, Ran) and isinstance(question, Run) and "route" in question.argv
+            if isinstance(answer, CommandResult) and isinstance(question, Run) and "route" in question.argv
             else answer
         )
     ),
@@ -431,7 +437,9 @@ BROKEN: dict[str, Callable[[], World]] = {
         dds=(*dds("127.0.0.1"), *dds("10.64.1.10", "10.80.0.21"))
     ),
     "DDS of which nobody knows who answers": lambda: answers(
-        lambda question, answer: Discovered(Trouble.DENIED) if isinstance(question, Discover) else answer
+        lambda question, answer: (
+            DdsDiscoverResult(Trouble.DENIED) if isinstance(question, DdsDiscoverRequest) else answer
+        )
     ),
     # certificates
     "a certificate has expired": lambda: valid("atlantis-vpn", -400, -1),

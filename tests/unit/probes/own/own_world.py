@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import (
-    Ask,
     Cell,
-    Discover,
-    Discovered,
-    Look,
-    Looked,
-    Offer,
-    Offered,
-    Probing,
-    Ran,
+    CommandResult,
+    DdsDiscoverRequest,
+    DdsDiscoverResult,
+    DhcpDiscoverRequest,
+    DhcpOffer,
+    DhcpOffers,
+    LinkStatusRequest,
+    LinkStatusResult,
+    RouterOsQuery,
     Rows,
     Run,
     Trouble,
@@ -74,7 +74,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 }
 
 PREFIX = b"it who asks."
-SAID: dict[Ask, Rows] = {}
+SAID: dict[RouterOsQuery, Rows] = {}
 
 
 @cache
@@ -141,24 +141,26 @@ class World:
 
     def _answer(self, question: Question) -> Answer:
         stamps = {"asked": NOW.timestamp() - 0.2, "heard": NOW.timestamp() + 0.3}
-        if isinstance(question, Ask):
+        if isinstance(question, RouterOsQuery):
             return replace(self._rows(question), asked=stamps["asked"], heard=stamps["heard"])
         if isinstance(question, Run):
             rc, out, err = self.computer.answer(question.argv)
             trouble = Trouble.MISSING if rc == 127 else None
-            return Ran(trouble, "", rc, out, err, began=self.computer.now, **stamps)
-        if isinstance(question, Probing):
+            return CommandResult(trouble, "", rc, out, err, began=self.computer.now, **stamps)
+        if isinstance(question, DhcpDiscoverRequest):
             found = self.computer.offers(question.interface, question.cards) or ()
-            return Offered(
-                None, "", tuple(Offer(one.server, one.mac.lower(), one.address, one.router) for one in found)
+            return DhcpOffers(
+                None, "", tuple(DhcpOffer(one.server, one.mac.lower(), one.address, one.router) for one in found)
             )
-        if isinstance(question, Discover):
+        if isinstance(question, DdsDiscoverRequest):
             heard = self.computer.participants(question.domain, question.address, PREFIX)
-            return Discovered(Trouble.UNREACHABLE) if heard is None else Discovered(None, "", PREFIX, heard)
-        assert isinstance(question, Look)
-        return Looked(None, "", self.looks[question.bearer])
+            return (
+                DdsDiscoverResult(Trouble.UNREACHABLE) if heard is None else DdsDiscoverResult(None, "", PREFIX, heard)
+            )
+        assert isinstance(question, LinkStatusRequest)
+        return LinkStatusResult(None, "", self.looks[question.bearer])
 
-    def _rows(self, question: Ask) -> Rows:
+    def _rows(self, question: RouterOsQuery) -> Rows:
         """A router as it should be says the same to everybody, so that it is asked once."""
         if self.script or self.around != AROUND or self.device is not kept():
             return self._told(question)
@@ -166,7 +168,7 @@ class World:
             SAID[question] = self._told(question)
         return SAID[question]
 
-    def _told(self, question: Ask) -> Rows:
+    def _told(self, question: RouterOsQuery) -> Rows:
         words = [question.query.path, *(f"={name}={value}" for name, value in question.query.words)]
         replies = self.device.run(self.caller, words)
         if refused := [reply for reply in replies if reply.kind == "!trap"]:

@@ -10,7 +10,14 @@ import trees
 from own_world import declaration, own_steps
 
 from atlantis_netcfg import cli
-from atlantis_netcfg.checklist.probes import Ask, Discover, Look, Probing, Run, site_checks
+from atlantis_netcfg.checklist.probes import (
+    DdsDiscoverRequest,
+    DhcpDiscoverRequest,
+    LinkStatusRequest,
+    RouterOsQuery,
+    Run,
+    site_checks,
+)
 from atlantis_netcfg.checklist.probes.allowed import allowed
 from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
 from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
@@ -19,7 +26,7 @@ from atlantis_netcfg.gateway import network
 from atlantis_netcfg.vpn import client
 
 EVERY = [question for step in own_steps() if step.probe is not None for question in step.probe.asks()]
-QUERIES = [one.query for one in EVERY if isinstance(one, Ask)]
+QUERIES = [one.query for one in EVERY if isinstance(one, RouterOsQuery)]
 POE = "/interface/ethernet/poe"
 
 
@@ -49,7 +56,13 @@ def test_the_properties_are_those_of_the_menus() -> None:
 def test_nothing_but_reading_is_asked_for() -> None:
     assert {query.command for query in QUERIES} == {"print", "monitor", "ping"}
     assert all(("arp-ping", "yes") in query.arguments for query in QUERIES if query.command == "ping")
-    assert {type(one) for one in EVERY} == {Ask, Discover, Look, Probing, Run}
+    assert {type(one) for one in EVERY} == {
+        RouterOsQuery,
+        DdsDiscoverRequest,
+        LinkStatusRequest,
+        DhcpDiscoverRequest,
+        Run,
+    }
     asked = {name for query in QUERIES for name in query.proplist}
     assert not {name for name in asked if "password" in name or "secret" in name}
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from own_broken import LEAVE, lines_of, with_address
 from own_world import NETPLAN, SITE, World, computer, declaration
 
-from atlantis_netcfg.checklist.probes import Cell, Probing
+from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
 from atlantis_netcfg.gateway.network import gateway_network
@@ -62,7 +62,7 @@ def test_the_promised_file_is_compared_word_by_word() -> None:
 def test_a_declared_interface_is_asked_for_offers_by_its_name() -> None:
     step = next(one for one in own(with_gateway(network=NETWORK)) if one.name == "rogue-dhcp")
     assert step.probe is not None
-    assert [one.interface for one in step.probe.asks() if isinstance(one, Probing)] == ["eth7"]
+    assert [one.interface for one in step.probe.asks() if isinstance(one, DhcpDiscoverRequest)] == ["eth7"]
 
 
 def leased() -> tuple[Step, ...]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes import Ran, Trouble
+from atlantis_netcfg.checklist.probes import CommandResult, Trouble
 from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
@@ -52,12 +52,12 @@ def codes(*lists: tuple[Case, ...]) -> set[str]:
     return {line.split(" ")[1].rstrip(":") for cases in lists for case in cases for line in case.findings}
 
 
-def printed(out: str, rc: int = 0, err: str = "") -> Ran:
+def printed(out: str, rc: int = 0, err: str = "") -> CommandResult:
     """What a program printed."""
-    return Ran(None, rc=rc, out=out, err=err)
+    return CommandResult(None, rc=rc, out=out, err=err)
 
 
-NOBODY = Ran(Trouble.NO_PLACE, "coastal-gateway: connection timed out")
+NOBODY = CommandResult(Trouble.NO_PLACE, "coastal-gateway: connection timed out")
 
 
 def linked(  # noqa: PLR0913, PLR0917 - the lines that `iw` prints
@@ -67,7 +67,7 @@ def linked(  # noqa: PLR0913, PLR0917 - the lines that `iw` prints
     rx: str = "144.4 MBit/s MCS 15 short GI",
     tx: str = "130.0 MBit/s MCS 15",
     bssid: str = BSSID,
-) -> Ran:
+) -> CommandResult:
     """`iw dev wlan1 link`."""
     name = "" if ssid is None else f"\tSSID: {ssid}\n"
     lines = (
@@ -78,7 +78,7 @@ def linked(  # noqa: PLR0913, PLR0917 - the lines that `iw` prints
     return printed(lines)
 
 
-def stations(signal: str = "-52 [-54, -55] dBm", mean: str = "-52 [-54, -55] dBm", bssid: str = BSSID) -> Ran:
+def stations(signal: str = "-52 [-54, -55] dBm", mean: str = "-52 [-54, -55] dBm", bssid: str = BSSID) -> CommandResult:
     """`iw dev wlan1 station dump`."""
     return printed(
         f"Station {bssid} (on wlan1)\n\tinactive time:\t12 ms\n\trx bytes:\t128230\n\trx packets:\t1013\n"
@@ -89,7 +89,7 @@ def stations(signal: str = "-52 [-54, -55] dBm", mean: str = "-52 [-54, -55] dBm
     )
 
 
-def info(kind: str = "managed", channel: str = "100 (5500 MHz), width: 20 MHz, center1: 5500 MHz") -> Ran:
+def info(kind: str = "managed", channel: str = "100 (5500 MHz), width: 20 MHz, center1: 5500 MHz") -> CommandResult:
     """`iw dev wlan1 info`."""
     return printed(
         f"Interface wlan1\n\tifindex 4\n\twdev 0x100000001\n\taddr 02:00:5e:00:01:31\n\tssid EXAMPLE-SPARUS\n"
@@ -97,23 +97,25 @@ def info(kind: str = "managed", channel: str = "100 (5500 MHz), width: 20 MHz, c
     )
 
 
-def rules(*countries: str) -> Ran:
+def rules(*countries: str) -> CommandResult:
     """`iw reg get`."""
     blocks = [f"country {one}: DFS-ETSI\n\t(5470 - 5725 @ 160), (N/A, 26), (0 ms), DFS\n" for one in countries]
     return printed("global\n" + "\nphy#1\n".join(blocks))
 
 
-def card(flags: str = '"BROADCAST","MULTICAST","UP","LOWER_UP"', more: str = "") -> Ran:
+def card(flags: str = '"BROADCAST","MULTICAST","UP","LOWER_UP"', more: str = "") -> CommandResult:
     """`ip -j addr show dev wlan1`."""
     return printed(f'[{{"ifindex":4,"ifname":"wlan1","flags":[{flags}],{more}"operstate":"UP","addr_info":[]}}]\n')
 
 
-def way(dev: str = "wlan1", address: str = "10.70.2.1") -> Ran:
+def way(dev: str = "wlan1", address: str = "10.70.2.1") -> CommandResult:
     """`ip -j route get`."""
     return printed(f'[{{"dst":"{address}","dev":"{dev}","prefsrc":"10.70.2.2","flags":[],"uid":0,"cache":[]}}]\n')
 
 
-def pings(received: int = 20, mean: float = 3.2, address: str = "10.70.2.1", more: str = "", twice: int = 0) -> Ran:
+def pings(
+    received: int = 20, mean: float = 3.2, address: str = "10.70.2.1", more: str = "", twice: int = 0
+) -> CommandResult:
     """`ping -n -c 20 -i 0.2 -W 2`."""
     lines = "".join(
         f"64 bytes from {address}: icmp_seq={number} ttl=64 time={mean} ms\n" for number in range(1, received + 1)

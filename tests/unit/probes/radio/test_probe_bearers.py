@@ -6,7 +6,13 @@ import pytest
 from radio_cases import Case, check, codes
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes import Look, Looked, Prove, Proved, Trouble
+from atlantis_netcfg.checklist.probes import (
+    AllowListTestRequest,
+    AllowListTestResult,
+    LinkStatusRequest,
+    LinkStatusResult,
+    Trouble,
+)
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
 from atlantis_netcfg.checklist.probes.lte import _registered
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
@@ -28,7 +34,9 @@ UNSEEN = Finding(
 )
 
 
-def looked(kind: str, state: str = "up", findings: tuple[Finding, ...] = (), **quality: str | float | None) -> Looked:
+def looked(
+    kind: str, state: str = "up", findings: tuple[Finding, ...] = (), **quality: str | float | None
+) -> LinkStatusResult:
     """One bearer of `provision links --json`."""
     answered: dict[str, str | float | None] = {"loss_percent": 0} if state == "up" else {}
     quality |= {name: value for name, value in answered.items() if name not in quality}
@@ -38,16 +46,16 @@ def looked(kind: str, state: str = "up", findings: tuple[Finding, ...] = (), **q
         "quality": quality,
         "findings": [one.as_dict() for one in findings],
     }
-    return Looked(None, bearer={**told, "box": "coastal-box"})
+    return LinkStatusResult(None, bearer={**told, "box": "coastal-box"})
 
 
 def proved(
     *findings: Finding, seconds: float = 90.0, bill: str = "336 B, billed as 5.0 kB, 0.04 EUR"
-) -> dict[str, Proved]:
-    return {"prove": Proved(None, findings=findings, seconds=seconds, bill=bill)}
+) -> dict[str, AllowListTestResult]:
+    return {"prove": AllowListTestResult(None, findings=findings, seconds=seconds, bill=bill)}
 
 
-AWAY = {"look": Looked(Trouble.NO_PLACE, "coastal-router: connection refused")}
+AWAY = {"look": LinkStatusResult(Trouble.NO_PLACE, "coastal-router: connection refused")}
 BRIDGE = {"look": looked("wifi_ptp", port="ether1", rtt_ms=1.0, loss_percent=0, signal_dbm=-49.0, tx_rate_mbps=130.0)}
 UNIT = {
     "look": looked(
@@ -120,7 +128,7 @@ BRIDGES = (
     Case(
         "garbage",
         ("INCONCLUSIVE state-unknown: nobody says whether wifi-ptp works",),
-        {"look": Looked(None, bearer={})},
+        {"look": LinkStatusResult(None, bearer={})},
         evidence=("read state of the link: unknown",),
     ),
     Case(
@@ -131,7 +139,7 @@ BRIDGES = (
     Case(
         "the site has no such link",
         ("INCONCLUSIVE not-asked: the boxes of wifi-ptp could not be asked: it does not answer",),
-        {"look": Looked(None)},
+        {"look": LinkStatusResult(None)},
     ),
 )
 UNITS = (
@@ -274,12 +282,12 @@ PROOFS = (
     Case(
         "absent",
         ("INCONCLUSIVE not-asked: the satellite's router could not be asked: coastal-router: connection refused",),
-        {"prove": Proved(Trouble.NO_PLACE, "coastal-router: connection refused")},
+        {"prove": AllowListTestResult(Trouble.NO_PLACE, "coastal-router: connection refused")},
     ),
     Case(
         "refused, for nobody pays",
         ("INCONCLUSIVE not-asked: the satellite's router could not be asked: nobody has accepted the cost",),
-        {"prove": Proved(Trouble.DENIED, "nobody has accepted the cost")},
+        {"prove": AllowListTestResult(Trouble.DENIED, "nobody has accepted the cost")},
     ),
 )
 
@@ -320,5 +328,5 @@ def test_every_code_of_ours_has_its_case() -> None:
 
 
 def test_one_question_serves() -> None:
-    assert BearerProbe("4g").asks() == (Look("look", "4g"),)
-    assert AllowListProbe("satellite", "coastal").asks() == (Prove("prove", "satellite"),)
+    assert BearerProbe("4g").asks() == (LinkStatusRequest("look", "4g"),)
+    assert AllowListProbe("satellite", "coastal").asks() == (AllowListTestRequest("prove", "satellite"),)

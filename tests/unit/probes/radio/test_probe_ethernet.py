@@ -4,7 +4,7 @@ import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, pings, printed, way
 
-from atlantis_netcfg.checklist.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, Run, Trouble
 from atlantis_netcfg.checklist.probes.allowed import allowed
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.declaration.model import EthernetEndpoint
@@ -12,7 +12,7 @@ from atlantis_netcfg.declaration.model import EthernetEndpoint
 MAC = "02:00:5E:00:01:26"
 
 
-def neighbour(mac: str = MAC.lower(), state: str = "REACHABLE") -> Ran:
+def neighbour(mac: str = MAC.lower(), state: str = "REACHABLE") -> CommandResult:
     """`ip -j neigh show to`."""
     return printed(f'[{{"dst":"10.64.1.26","dev":"eth0","lladdr":"{mac}","state":["{state}"]}}]\n')
 
@@ -362,7 +362,7 @@ def test_every_code_has_its_case() -> None:
 @pytest.mark.parametrize("version", trees.VERSIONS)
 def test_the_router_has_the_words(version: str) -> None:
     tree = trees.Tree(version)
-    asked = [one.query for one in probe(CASES[0]).asks() if isinstance(one, Ask)]
+    asked = [one.query for one in probe(CASES[0]).asks() if isinstance(one, RouterOsQuery)]
     assert len(asked) == 2
     for query in asked:
         assert tree.has_command(query.menu, query.command)

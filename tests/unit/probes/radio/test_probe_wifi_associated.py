@@ -17,7 +17,7 @@ from radio_cases import (
     way,
 )
 
-from atlantis_netcfg.checklist.probes import Answer, Place, Ran, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, Run, Trouble
 from atlantis_netcfg.checklist.probes.allowed import allowed
 from atlantis_netcfg.checklist.probes.iw import read_link, read_station
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe
@@ -38,7 +38,7 @@ SILENT = "FAIL silent: Sparus (10.70.2.1) answers none of 20 pings"
 OVERDRIVEN = "wlan1 of the gateway hears Sparus with {} dBm, above -35 dBm: its receiver is overdriven"
 
 
-def heard(level: int) -> dict[str, Ran]:
+def heard(level: int) -> dict[str, CommandResult]:
     return {"link": linked(signal=f"{level} dBm"), "stations": stations(f"{level} dBm", f"{level} dBm")}
 
 
@@ -262,7 +262,7 @@ CASES = (
     Case(
         "iw is not installed",
         ("INCONCLUSIVE program-missing: the gateway has no program `iw`",),
-        {"link": Ran(Trouble.MISSING, "iw")},
+        {"link": CommandResult(Trouble.MISSING, "iw")},
     ),
     Case(
         "the gateway is not reached",
@@ -272,7 +272,7 @@ CASES = (
     Case(
         "nothing was answered at all",
         ("INCONCLUSIVE not-asked: the gateway could not be asked: it does not answer",),
-        {"addr": Ran(Trouble.UNREACHABLE)},
+        {"addr": CommandResult(Trouble.UNREACHABLE)},
     ),
     # garbage
     Case(
@@ -311,7 +311,7 @@ CASES = (
     Case(
         "ping does not end",
         (UP, "INCONCLUSIVE program-slow: `ping` did not come to an end in time on the gateway"),
-        {"ping": Ran(Trouble.SILENT, "20 s")},
+        {"ping": CommandResult(Trouble.SILENT, "20 s")},
     ),
     # in use by another vehicle
     Case(

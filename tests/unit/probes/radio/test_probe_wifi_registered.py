@@ -4,7 +4,7 @@ import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, pings, way
 
-from atlantis_netcfg.checklist.probes import Answer, Ask, Place, Ran, Rows, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, Run, Trouble
 from atlantis_netcfg.checklist.probes.allowed import allowed
 from atlantis_netcfg.checklist.probes.wifi import RegisteredProbe
 from atlantis_netcfg.declaration.model import WifiEndpoint
@@ -162,7 +162,10 @@ CASES = (
             "INCONCLUSIVE signal-unknown: coastal-ap does not say how well it hears Zarco",
             "INCONCLUSIVE ping-not-understood: no ping was sent to Zarco (10.64.1.23) from the gateway",
         ),
-        {"wireless": wireless(**{"signal-strength": "N/A", "signal-strength-ch0": "?"}), "ping": Ran(None, out="")},
+        {
+            "wireless": wireless(**{"signal-strength": "N/A", "signal-strength-ch0": "?"}),
+            "ping": CommandResult(None, out=""),
+        },
     ),
     Case(
         "slow",
@@ -227,7 +230,7 @@ def test_every_code_has_its_case() -> None:
 @pytest.mark.parametrize("version", trees.VERSIONS)
 def test_the_device_has_the_words(version: str) -> None:
     tree = trees.Tree(version)
-    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, Ask)]
+    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RouterOsQuery)]
     assert {one.host for one in asked} == {"coastal-ap"}
     assert all(tree.has_command(one.query.menu, one.query.command) for one in asked)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Place, Ran
+from atlantis_netcfg.checklist.probes import CommandResult, Place
 from atlantis_netcfg.checklist.probes import ping as _ping
 from atlantis_netcfg.checklist.probes.ping import (
     Card,
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Run
 
 
-def run(question: Run) -> Ran:
+def run(question: Run) -> CommandResult:
     done = subprocess.run(question.argv, capture_output=True, text=True, timeout=20, check=False)
-    return Ran(None, rc=done.returncode, out=done.stdout, err=done.stderr)
+    return CommandResult(None, rc=done.returncode, out=done.stdout, err=done.stderr)
 
 
 def short(address: str) -> Run:
@@ -56,9 +56,9 @@ def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [one.code for one in _ping.judge_ping(wanted, ran).findings] == ["answers"]
 
 
-def iw(*words: str) -> Ran:
+def iw(*words: str) -> CommandResult:
     done = subprocess.run(("iw", *words), capture_output=True, text=True, timeout=20, check=False)
-    return Ran(None, rc=done.returncode, out=done.stdout, err=done.stderr)
+    return CommandResult(None, rc=done.returncode, out=done.stdout, err=done.stderr)
 
 
 def test_iw_has_the_commands() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pymavlink.dialects.v20 import common
 
 from atlantis_netcfg.checklist.probes import Transcript
-from atlantis_netcfg.checklist.probes.rc_rf import Wanted
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 SENDER, STRANGER = "10.64.1.24", "10.64.1.77"
 """Stork's companion computer, and another computer of the LAN."""
 BEGAN = 1.8e9
-WANTED = Wanted("Stork", "coastal-gateway", 14550, address=SENDER)
+WANTED = RcExpectation("Stork", "coastal-gateway", 14550, address=SENDER)
 RC = common.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 ARMED = common.MAV_MODE_FLAG_SAFETY_ARMED
 UNUSED = 0xFFFF

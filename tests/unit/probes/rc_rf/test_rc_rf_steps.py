@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Place, Step
-from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved, Wanted, steps
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Endpoints
@@ -40,7 +40,7 @@ def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(d
         ("failsafe", Kind.PERSON, Phase.BENCH),
         ("range", Kind.PERSON, Phase.QUAY),
     ]
-    wanted = Wanted("Stork", "coastal-gateway", 14550, address="10.64.1.24")
+    wanted = RcExpectation("Stork", "coastal-gateway", 14550, address="10.64.1.24")
     assert [step.probe for step in made[:2]] == [RcHeard(wanted, Place.GATEWAY), SticksMoved(wanted, Place.GATEWAY)]
     assert [step.concerns for step in made] == [("coastal-gateway",), ("coastal-gateway",), (), ()]
     consent = made[1].consent
@@ -62,6 +62,6 @@ def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Declar
 
 def test_the_declared_values_are_those_of_the_probe(declaration: Declaration) -> None:
     made = of(declaration, "stork", {"rc_rf": {"port": 14560, "system_id": 7, "rssi_low": 90, "seen_from": "laptop"}})
-    wanted = Wanted("Stork", "this computer", 14560, 7, 90, "10.64.1.24")
+    wanted = RcExpectation("Stork", "this computer", 14560, 7, 90, "10.64.1.24")
     assert made[0].probe == RcHeard(wanted, Place.LAPTOP)
     assert made[0].concerns == ()
