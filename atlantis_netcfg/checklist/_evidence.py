@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist._errors import Refused
-from atlantis_netcfg.journal import make_private, translated, write_atomically
+from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -134,7 +134,7 @@ def _copied(book: Path, name: str, data: bytes) -> Copied:
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).lstrip(".")[-_NAME_LENGTH:] or "file"
     copy = Copied(f"{FOLDER}/{digest[:_HASH_DIGITS]}-{plain}", digest, len(data))
     path = book / copy.file
-    with translated("the evidence", path):
+    with os_errors_as("the evidence", path):
         make_private(path.parent)
         if not path.exists() or path.read_bytes() != data:
             write_atomically(path, data)

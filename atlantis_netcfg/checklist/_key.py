@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from atlantis_netcfg.checklist._errors import KeyDamaged
-from atlantis_netcfg.journal import make_private, sync_directory, translated, write_atomically
+from atlantis_netcfg.journal import make_private, os_errors_as, sync_directory, write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -59,7 +59,7 @@ class Key:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
         scratch = path.with_name(f".{path.name}.new.{os.getpid()}")
-        with translated("the key for signing", path):
+        with os_errors_as("the key for signing", path):
             make_private(path.parent)
             write_atomically(scratch, pem)
             try:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
 from atlantis_netcfg.checklist.report import Document
-from atlantis_netcfg.journal import make_private, new_run, run_order, sync_directory, translated
+from atlantis_netcfg.journal import make_private, new_run, os_errors_as, run_order, sync_directory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -113,13 +113,13 @@ def _go_on(run: Path, before: Document, checklist: Checklist, head: Head, now: C
 def begin(folder: Path, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> Path:
     """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
     started = now()
-    with translated("the checklist", folder):
+    with os_errors_as("the checklist", folder):
         make_private(folder)
         run = new_run(folder, started, head.run)
         sync_directory(folder)
     with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
         ledger.write(_ledger.Begun(document=_document(run.name, started, checklist, head)))
-    with translated("the checklist", run):
+    with os_errors_as("the checklist", run):
         sync_directory(run)
     return run
 

@@ -29,7 +29,7 @@ SAYABLE: Mapping[Verdict, str] = {
     Verdict.SKIP: "does-not-apply",
 }
 """What a person can say, and the code of the finding; ERROR is for programs."""
-_SAID = {
+_STATEMENTS = {
     Verdict.PASS: "{by} has seen that it is well",
     Verdict.WARN: "{by} has seen that it works, but",
     Verdict.FAIL: "{by} has seen that it is not well",
@@ -99,7 +99,7 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
         if confirmation.note or confirmation.verdict is not Verdict.PASS
         else ""
     )
-    message = _SAID[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
+    message = _STATEMENTS[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
     mend = _HINTS.get(confirmation.verdict)
     return item.model_copy(
         update={

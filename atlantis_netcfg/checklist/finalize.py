@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist import _evidence, _ledger
 from atlantis_netcfg.checklist._canonical import written
 from atlantis_netcfg.checklist._errors import NotSigned
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, sealed
-from atlantis_netcfg.journal import translated, write_atomically
+from atlantis_netcfg.journal import os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +33,7 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
         raise ValueError(f"no names for pages: {wrong}")
     _clear(folder, {*pages, REPORT})
     files = {REPORT: written(document.model_dump(mode="json")), **pages}
-    with translated("the report", folder):
+    with os_errors_as("the report", folder):
         for name, data in files.items():
             write_atomically(folder / name, data)
         manifest = _manifest(folder, document, listed(folder))

@@ -48,6 +48,6 @@ COMMAND = Command(
 
 def run(arguments: Arguments) -> ExitCode:
     """Work out the list, open its book, look and ask, tell."""
-    from atlantis_netcfg.cli._checking.sitting import sit
+    from atlantis_netcfg.cli._checking.sitting import run_check
 
-    return sit(arguments)
+    return run_check(arguments)

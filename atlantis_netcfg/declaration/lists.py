@@ -49,11 +49,11 @@ class ListInvalid(UsageError):
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         self.findings = tuple(sorted(set(findings)))
-        self.errors = tuple(UsageError(_told(finding), hint=finding.hint) for finding in self.findings)
+        self.errors = tuple(UsageError(_message(finding), hint=finding.hint) for finding in self.findings)
         super().__init__("\n".join(str(error) for error in self.errors))
 
 
-def _told(finding: Finding) -> str:
+def _message(finding: Finding) -> str:
     return f"{finding.file}:{finding.line}: {finding.message}"
 
 

@@ -120,7 +120,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 @contextmanager
-def translated(what: str, path: Path) -> Iterator[None]:
+def os_errors_as(what: str, path: Path) -> Iterator[None]:
     """Say in words that a file of the state directory could not be written."""
     try:
         yield

@@ -16,7 +16,7 @@ from atlantis_netcfg.journal.files import (
     JournalFailed,
     component,
     make_private,
-    translated,
+    os_errors_as,
     unwritable,
     vanished,
     write_atomically,
@@ -183,7 +183,7 @@ def unrecorded(result: _R, failure: JournalFailed | None) -> _R:
 
 
 def _put(what: str, path: Path, data: bytes) -> None:
-    with translated(what, path):
+    with os_errors_as(what, path):
         make_private(path.parent)
         write_atomically(path, data)
 

@@ -20,9 +20,9 @@ from atlantis_netcfg.journal.files import (
     component,
     make_private,
     new_run,
+    os_errors_as,
     run_order,
     sync_directory,
-    translated,
 )
 from atlantis_netcfg.journal.log import Journal, utc_now
 from atlantis_netcfg.journal.pins import Pins
@@ -74,7 +74,7 @@ class SiteLock:
         self._descriptor = -1
 
     def __enter__(self) -> Self:
-        with translated("the site lock", self._path):
+        with os_errors_as("the site lock", self._path):
             make_private(self._path.parent)
             self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
@@ -224,7 +224,7 @@ class Store:
         """
         directory = self._new(started.site, name)
         journal = Journal(directory, self._now)
-        with translated("the journal", directory):
+        with os_errors_as("the journal", directory):
             sync_directory(directory)
         journal.write(started)
         self._archive(started.site)
@@ -312,7 +312,7 @@ class Store:
 
     def _new(self, site: str, name: str) -> Path:
         runs = self._runs(site)
-        with translated("the journal", runs):
+        with os_errors_as("the journal", runs):
             make_private(runs)
             directory = new_run(runs, self._now(), name, archive=self._site(site) / _ARCHIVE)
             sync_directory(runs)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from atlantis_netcfg.journal.files import StateDamaged, make_private, translated, write_atomically
+from atlantis_netcfg.journal.files import StateDamaged, make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,7 +124,7 @@ class Usage:
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, _Bearer]]:
-        with translated(_WHAT, self._path):
+        with os_errors_as(_WHAT, self._path):
             make_private(self._path.parent)
             guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
             try:

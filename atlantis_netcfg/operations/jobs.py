@@ -15,7 +15,7 @@ from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restore import confirmed_state, restored
 from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, Fitting, NoHistory, SshEndpoint
+from atlantis_netcfg.routeros.apply import DeviceJob, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import from_export, read
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def device_job(
         address=str(access.address),
         endpoint=patient(endpoint_of(host, access, request), bearer),
         desired=next(iter(states.values())),
-        fitting=None if "" in states else Fitting(states, known.unfit),
+        fitting=None if "" in states else StateVariants(states, known.unfit),
         bearer=bearer,
         events=notify,
         journal=_minding_the_sim(host, request, store, journal),

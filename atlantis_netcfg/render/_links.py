@@ -33,7 +33,7 @@ _GAP_S = 5.0
 _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
-def judged(bearer: Bearer, failover: Failover) -> Judged:
+def probe_timing(bearer: Bearer, failover: Failover) -> Judged:
     """Return how a bearer with canaries is judged.
 
     From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
@@ -119,7 +119,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         place=place,
         canaries=tuple(str(canary) for canary in bearer.canaries),
         targets=tuple(_targets(admitted)),
-        judged=judged(bearer, site.failover) if bearer.canaries and later else None,
+        judged=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
     )

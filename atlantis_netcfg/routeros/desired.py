@@ -26,7 +26,7 @@ __all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
 _ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
-_ONE = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)")
+_SINGLE = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)")
 _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
@@ -100,7 +100,7 @@ def _run_time(argument: str) -> RunTime:
 
 
 def _value_in_menu(argument: str) -> tuple[str, str, str]:
-    match = _ONE.fullmatch(argument)
+    match = _SINGLE.fullmatch(argument)
     if match is None:
         raise Mistake("write `atlantis:undeclared /menu property=value`")
     title, name, value = match.groups()

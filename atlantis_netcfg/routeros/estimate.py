@@ -200,7 +200,7 @@ def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Es
     _read(tally, menus, observed.rows if observed is not None else None)
     if plan.actions:
         _change(tally, plan, observed, menus)
-    return _told(tally, bearer)
+    return _described(tally, bearer)
 
 
 def _whole(rows: tuple[Row, ...]) -> tuple[Row, ...]:
@@ -223,7 +223,7 @@ def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exp
     tally.log_in()
     if exports:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
-        return _told(tally, bearer)
+        return _described(tally, bearer)
     _read(tally, TYPICAL_MENUS, None)
     if plans or writes:
         tally.spend(up=ceil(PARSED * MOST_TEXT) + LATER_UP, down=LATER_DOWN)
@@ -238,10 +238,10 @@ def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exp
         tally.log_in()
         _read(tally, TYPICAL_MENUS, None, AGAIN)
         tally.spend(trips=1, up=120, down=120)
-    return _told(tally, bearer)
+    return _described(tally, bearer)
 
 
-def _told(tally: _Tally, bearer: Bearer) -> Estimate:
+def _described(tally: _Tally, bearer: Bearer) -> Estimate:
     return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
 
 

@@ -82,7 +82,9 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
     over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
-    tasks = [asyncio.create_task(_one(job, mode, room, over, reported, done), name=job.name) for job, reported in turns]
+    tasks = [
+        asyncio.create_task(_device(job, mode, room, over, reported, done), name=job.name) for job, reported in turns
+    ]
     await _finish(tasks)
     for (job, output), task in zip(turns, tasks, strict=True):
         if task.cancelled():
@@ -92,7 +94,7 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
             task.result()
 
 
-async def _one(  # noqa: PLR0913, PLR0917 - one call, from one place
+async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
     job: Waiting, mode: Mode, room: _Room, over: Mapping[str, asyncio.Event], reported: Told, done: Told | None
 ) -> None:
     for name in job.after:

@@ -104,7 +104,7 @@ class Examination:
         A value that a row of the menu has already needs no question.
         """
         self._whole = [each for each, _ in self._values if each not in self._lists and self._missing(each)]
-        self._values = list(self._asked(actions, rows))
+        self._values = list(self._requested(actions, rows))
         lines = [] if self.unclear else [line for line in map(_line, actions) if line not in self.refused]
         lines = list(dict.fromkeys(lines))
         self._scripts = _cut(lines, ROOM - len(self._values) - len(self._whole))
@@ -114,7 +114,7 @@ class Examination:
             *(_offered(*argument, among=values) for argument, values in self._values),
         )
 
-    def _asked(
+    def _requested(
         self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]
     ) -> Iterator[tuple[_Argument, tuple[str, ...]]]:
         found: dict[_Argument, dict[str, None]] = {}

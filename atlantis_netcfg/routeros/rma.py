@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 __all__ = ["for_replacement"]
 
-_OWN = {"/ip/service": frozenset({"certificate"})}
+_UNIT = {"/ip/service": frozenset({"certificate"})}
 """Properties that stay what they are on the replacement."""
 
 
 def for_replacement(saved: Desired, declared: Desired) -> Desired:
     """Return the saved state with the secrets of the declaration, and without what belongs to the old box."""
     items = {
-        path: tuple(_with_secrets(_own(item), _twins(item, declared)) for item in rows)
+        path: tuple(_with_secrets(_unit(item), _twins(item, declared)) for item in rows)
         for path, rows in saved.items.items()
     }
     return replace(saved, items=items, notes=(*saved.notes, *_newer(saved, declared)))
@@ -39,8 +39,8 @@ def _newer(saved: Desired, declared: Desired) -> tuple[str, ...]:
     return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
 
 
-def _own(item: Item) -> Item:
-    local = _OWN.get(item.menu, frozenset())
+def _unit(item: Item) -> Item:
+    local = _UNIT.get(item.menu, frozenset())
     values = {name: value for name, value in item.values.items() if name not in local}
     return replace(item, values=values, unknown=item.unknown | local)
 

@@ -324,7 +324,7 @@ async def _refuse(session: Session) -> None:
             "nothing was tried: this device has no safe mode for the API",
             hint="it came with RouterOS 7.18; without `--try` the device is only read",
         )
-    if _held(state):
+    if _holds(state):
         raise DeviceFailed(
             "nothing was tried: somebody holds safe mode of this device",
             hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
@@ -336,7 +336,7 @@ async def _refuse(session: Session) -> None:
         )
 
 
-def _held(state: Reply) -> bool:
+def _holds(state: Reply) -> bool:
     return any(row.get("enabled") in _TRUE for row in state.rows)
 
 
@@ -499,7 +499,7 @@ async def _gone(session: Session, within_s: float, every_s: float = 1.0) -> floa
     begun = clock()
     while True:
         state, marked = await session.flight([_SAFE_MODE, _MARKED])
-        if not _held(state) and not marked.checked().rows:
+        if not _holds(state) and not marked.checked().rows:
             return clock() - begun
         if clock() - begun >= within_s:
             return None
@@ -516,7 +516,7 @@ async def _cleaned(endpoint: Endpoint) -> None:
         async with await Session.open(endpoint) as session:
             clock = asyncio.get_running_loop().time
             until = clock() + UNDO_S
-            while _held(await session.command(_SAFE_MODE)) and clock() < until:  # noqa: ASYNC110 - the device tells when
+            while _holds(await session.command(_SAFE_MODE)) and clock() < until:  # noqa: ASYNC110 - the device tells when
                 await asyncio.sleep(1.0)
             rows = (await session.command(_MARKED)).checked().rows
             if rows:

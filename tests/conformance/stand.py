@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.routeros import Knobs
+    from atlantis_netcfg.emulator.routeros import WireBehaviour
 
 ROOT = Path(__file__).resolve().parents[2]
 STRANGERS = ROOT / ".venv-strangers"
@@ -149,7 +149,7 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 @contextmanager
-def stand(folder: Path, *, version: str = "7.18.2", knobs: Knobs | None = None, **box: Any) -> Iterator[Stand]:  # noqa: ANN401
+def stand(folder: Path, *, version: str = "7.18.2", knobs: WireBehaviour | None = None, **box: Any) -> Iterator[Stand]:  # noqa: ANN401
     """Start the coastal router as `provision adopt` leaves it, without a link in between; `box`: fields of its spec."""
     (twin,) = site_spec(declaration(), [declaration().hosts[ROUTER]]).twins
     wanted = {"version": version, "users": (*twin.router.users, STRANGER), **box}

@@ -67,10 +67,10 @@ def _judge(case: ET.Element, item: Item) -> None:
         add(case, "error", str(shown), *words)
     elif shown is State.SKIP:
         skip(case, item.message)
-    tell(case, *_told(item))
+    tell(case, *_lines(item))
 
 
-def _told(item: Item) -> Iterator[str]:
+def _lines(item: Item) -> Iterator[str]:
     yield f"{item.verdict}: {item.title}"
     yield item.message
     if item.override is not None:

@@ -31,7 +31,7 @@ class Listener:
     grace_s: float
     """What the way there may take on top of the questions."""
     answers: dict[str, Answer] = field(default_factory=dict)
-    _asked: float = 0.0
+    _requests: float = 0.0
     _faults: list[RuntimeError] = field(default_factory=list)
 
     async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, Answer]:
@@ -46,7 +46,7 @@ class Listener:
             loop.call_soon_threadsafe(self._line, text, time.time())
 
         carrier = Carrier(program(made.asked), line, made.within_s + self.grace_s)
-        self._asked = time.time()
+        self._requests = time.time()
         await carrier.beside(lambda: words.append(carry(carrier)))
         if self._faults:
             raise self._faults[0]
@@ -59,7 +59,7 @@ class Listener:
         try:
             result = json.loads(text)
             question = by_key[result["key"]]
-            answer = read_result(result, question, self._asked, now)
+            answer = read_result(result, question, self._requests, now)
         except RuntimeError as fault:
             self._faults.append(fault)
             return

@@ -68,14 +68,14 @@ class Routers:
         looks = [(key, one) for key, one in questions if isinstance(one, LinkStatusRequest)]
         proofs = [(key, request) for key, request in questions if isinstance(request, AllowListTestRequest)]
         work = [
-            self._told(self._look(looks), result),
-            *(self._told(self._prove(key, prove), result) for key, prove in proofs),
+            self._progress(self._look(looks), result),
+            *(self._progress(self._prove(key, prove), result) for key, prove in proofs),
         ]
         found = await asyncio.gather(*work)
         return {key: answer for answers in found for key, answer in answers.items()}
 
     @staticmethod
-    async def _told(work: Awaitable[Mapping[str, Answer]], result: Heard) -> Mapping[str, Answer]:
+    async def _progress(work: Awaitable[Mapping[str, Answer]], result: Heard) -> Mapping[str, Answer]:
         answers = await work
         for key, answer in answers.items():
             result(key, answer)
@@ -108,7 +108,7 @@ class Routers:
         except NetcfgError as error:
             return all_unanswered(questions, in_words(error))
         values = seen.as_dict()
-        return {key: _looked(values, item) for key, item in questions}
+        return {key: _link_status(values, item) for key, item in questions}
 
     async def _prove(self, key: str, question: AllowListTestRequest) -> Mapping[str, Answer]:
         try:
@@ -146,7 +146,7 @@ def _rows(reply: Reply, requested: float, now: float) -> Rows:
     return Rows(None, words, rows(reply), requested, now)
 
 
-def _looked(values: Mapping[str, Mapping[str, object]], question: LinkStatusRequest) -> Answer:
+def _link_status(values: Mapping[str, Mapping[str, object]], question: LinkStatusRequest) -> Answer:
     if question.bearer not in values:
         return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
     return LinkStatusResult(None, "", values[question.bearer])

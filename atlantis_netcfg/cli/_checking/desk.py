@@ -13,18 +13,18 @@ from atlantis_netcfg.core.suggest import nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = ["LATER", "Desk", "Later"]
+__all__ = ["LATER", "Prompt", "PromptAborted"]
 
 T = TypeVar("T")
 LATER = "later"
 """Typed in answer to any question: what is answered stays, the rest is open."""
 
 
-class Later(Exception):
+class PromptAborted(Exception):
     """The person goes on another time."""
 
 
-class Desk:
+class Prompt:
     """Where somebody is asked; `ask` and `say` are those of a terminal, unless a test brings its own."""
 
     def __init__(self, ask: Callable[[str], str] = input, say: Callable[[str], None] = print) -> None:
@@ -41,9 +41,9 @@ class Desk:
         try:
             answer = self._ask(f"{printable.lines(question)} ").strip()
         except EOFError:
-            raise Later from None
+            raise PromptAborted from None
         if answer.lower() == LATER:
-            raise Later
+            raise PromptAborted
         return answer
 
     def choose(self, question: str, words: Mapping[str, T], default: str = "") -> T:

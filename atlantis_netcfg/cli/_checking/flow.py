@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import Answers, Book, Entry
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.cli._checking.desk import Desk
+    from atlantis_netcfg.cli._checking.desk import Prompt
     from atlantis_netcfg.cli._checking.listening import Listening
     from atlantis_netcfg.cli._checking.price import Price
 
-__all__ = ["Round", "shown"]
+__all__ = ["CheckWorkflow", "shown"]
 
 
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
@@ -51,7 +51,7 @@ def shown(item: Item) -> str:
     return f"  {item.verdict:<12} {item.id}: {item.message}{hint}"
 
 
-def ready(prompt: Desk, phase: Phase) -> bool:
+def ready(prompt: Prompt, phase: Phase) -> bool:
     """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
     return prompt.choose(f"Is everything {_WHERE[phase]} and switched on?", {"yes": True, "skip": False})
 
@@ -63,14 +63,14 @@ _WHERE: Mapping[Phase, str] = {
 }
 
 
-def confirm(book: Book, prompt: Desk, entry: Entry) -> None:
+def confirm(book: Book, prompt: Prompt, entry: Entry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
     prompt.say(f"\n{entry.item.id}: {entry.item.title}")
     prompt.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
     _confirm(book, prompt, entry)
 
 
-def _confirm(book: Book, prompt: Desk, entry: Entry) -> None:
+def _confirm(book: Book, prompt: Prompt, entry: Entry) -> None:
     while True:
         try:
             prompt.say(shown(book.confirm(entry.item.id, _answer(prompt))))
@@ -80,13 +80,13 @@ def _confirm(book: Book, prompt: Desk, entry: Entry) -> None:
             return
 
 
-def _answer(prompt: Desk) -> Confirmation:
+def _answer(prompt: Prompt) -> Confirmation:
     verdict = prompt.choose("Does it hold?", _WORDS)
     note = prompt.needs(_NOTES[verdict]) if verdict in _NOTES else prompt.ask("Note (may be empty):")
     return Confirmation(verdict=verdict, by=prompt.name, note=note, files=prompt.files())
 
 
-def consent(prompt: Desk, entry: Entry, price: Price | None) -> str | None:
+def consent(prompt: Prompt, entry: Entry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
     needed = entry.step.consent
     assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
@@ -100,7 +100,7 @@ def consent(prompt: Desk, entry: Entry, price: Price | None) -> str | None:
     return prompt.name
 
 
-def otherwise(book: Book, prompt: Desk, entry: Entry) -> None:
+def otherwise(book: Book, prompt: Prompt, entry: Entry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
@@ -111,7 +111,7 @@ def otherwise(book: Book, prompt: Desk, entry: Entry) -> None:
             _override(book, prompt, book.item(entry.item.id))
 
 
-def mend(book: Book, prompt: Desk, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
+def mend(book: Book, prompt: Prompt, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
     """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
 
     `read`: its result is the line above.
@@ -130,7 +130,7 @@ def mend(book: Book, prompt: Desk, entry: Entry, probe: Callable[[Entry], None],
                 probe(entry)
 
 
-def _override(book: Book, prompt: Desk, item: Item) -> None:
+def _override(book: Book, prompt: Prompt, item: Item) -> None:
     try:
         book.override(item.id, prompt.needs("The reason, which stands in the report:"), prompt.name)
     except Refused as refused:
@@ -142,7 +142,7 @@ _ELSE = {word: word for word in ("open", "seen", "override")}
 
 
 @dataclass(slots=True)
-class Round:
+class CheckWorkflow:
     """One sitting over a book."""
 
     book: Book
@@ -165,7 +165,7 @@ class Round:
         self._examine([entry for entry in self.entries if self._by_itself(entry) or entry.item.id in agreed], agreed)
         return answers.write_down(self.book, self.told) if answers is not None else ()
 
-    def with_a_person(self, prompt: Desk) -> None:
+    def with_a_person(self, prompt: Prompt) -> None:
         """Go through what is not green, phase by phase. Raises Later."""
         if self.at_once:
             self._examine(self._unseen(self.entries), {})
@@ -179,7 +179,7 @@ class Round:
                 self._phase(prompt, entries)
             before = phase
 
-    def _phase(self, prompt: Desk, entries: Sequence[Entry]) -> None:
+    def _phase(self, prompt: Prompt, entries: Sequence[Entry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
             is_requested = self._open(entry)
@@ -193,13 +193,13 @@ class Round:
     def _unseen(self, entries: Sequence[Entry]) -> list[Entry]:
         return [entry for entry in entries if entry.item.kind is Kind.AUTOMATIC and self._open(entry)]
 
-    def _again(self, prompt: Desk, entry: Entry) -> None:
+    def _again(self, prompt: Prompt, entry: Entry) -> None:
         if entry.item.kind is Kind.ACTIVE:
             self._act(prompt, entry)
         else:
             self._examine([entry], {})
 
-    def _act(self, prompt: Desk, entry: Entry) -> None:
+    def _act(self, prompt: Prompt, entry: Entry) -> None:
         """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
         sick = self._sick(entry)
         if sick is not None:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import Answers, NotSigned, Scope, plan
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.report import Phase, lines
-from atlantis_netcfg.cli._checking.desk import Desk, Later
-from atlantis_netcfg.cli._checking.flow import Round, shown
+from atlantis_netcfg.cli._checking.desk import Prompt, PromptAborted
+from atlantis_netcfg.cli._checking.flow import CheckWorkflow, shown
 from atlantis_netcfg.cli._checking.kept import as_json, pages_in
 from atlantis_netcfg.cli._checking.listening import (
     asks_a_router,
@@ -33,7 +33,7 @@ from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.cli._session import session
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage, ignore
-from atlantis_netcfg.journal import translated, write_atomically
+from atlantis_netcfg.journal import os_errors_as, write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.request import refuse_examples
 
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["Prepared", "Stopped", "sit", "taking_part"]
+__all__ = ["Prepared", "Stopped", "run_check", "taking_part"]
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -59,7 +59,7 @@ def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     return shlex.join(["provision", arguments.command.name, *words, *flags])
 
 
-def greet(prompt: Desk, book: Book) -> None:
+def greet(prompt: Prompt, book: Book) -> None:
     """Say what is settled already, and what is open; and how it is left for another time."""
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
@@ -74,7 +74,7 @@ def note(words: str) -> None:
     print(f"note: {words}", file=sys.stderr)
 
 
-def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Desk | None) -> str | None:
+def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Prompt | None) -> str | None:
     """Who signs; None: nobody, or something is open."""
     if typed is not None:
         return typed
@@ -85,7 +85,7 @@ def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Desk 
     prompt.say(f"\n{lines(book.document())}\n")
     try:
         return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
-    except Later:
+    except PromptAborted:
         return None
 
 
@@ -120,7 +120,7 @@ def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Docum
 
 def _draft(book: Book, document: Document) -> None:
     """The pages as they would be, for who wants to look before anybody signs."""
-    with translated("the report", book.folder):
+    with os_errors_as("the report", book.folder):
         for name, data in _pages(document, book).items():
             write_atomically(book.folder / name, data)
 
@@ -193,14 +193,14 @@ def taking_part(
     return tuple(host for host in hosts if routers and not is_computer(host))
 
 
-def sit(arguments: Arguments, prompt: Desk | None = None) -> ExitCode:
+def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None:
         named(name)
     prepared = Prepared(arguments)
     if prompt is None and _somebody_is_here(arguments):
-        prompt = Desk()
+        prompt = Prompt()
     try:
         with session(
             arguments,
@@ -223,7 +223,7 @@ def _scope(arguments: Arguments) -> Scope:
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
 
 
-def _sit(opened: Session, prepared: Prepared, prompt: Desk | None) -> ExitCode:
+def _sit(opened: Session, prepared: Prepared, prompt: Prompt | None) -> ExitCode:
     faults = opened.arguments.many("break")
     with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
         _look(opened, prepared, book, prompt)
@@ -233,15 +233,15 @@ def _sit(opened: Session, prepared: Prepared, prompt: Desk | None) -> ExitCode:
         return close(opened.arguments, book, by, leave, read=read)
 
 
-def _look(opened: Session, prepared: Prepared, book: Book, prompt: Desk | None) -> None:
+def _look(opened: Session, prepared: Prepared, book: Book, prompt: Prompt | None) -> None:
     entries, faults = prepared.checklist.entries, opened.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
         progress(quiet=opened.as_json) if prompt is None else nullcontext(ignore) as notify,
         listening(opened, faults, notify) as ears,
     ):
-        turn = Round(
-            book, entries, ears, _told(notify, prompt), lambda entry: price_of(opened, entry), opened.rehearsed
+        turn = CheckWorkflow(
+            book, entries, ears, _message(notify, prompt), lambda entry: price_of(opened, entry), opened.rehearsed
         )
         if prompt is None:
             for words in turn.alone(prepared.answers):
@@ -250,7 +250,7 @@ def _look(opened: Session, prepared: Prepared, book: Book, prompt: Desk | None) 
             _with(prompt, turn, book)
 
 
-def _told(notify: Subscriber, prompt: Desk | None) -> Callable[[Item], None]:
+def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
     def told(item: Item) -> None:
         if prompt is not None:
             prompt.say(shown(item))
@@ -260,14 +260,14 @@ def _told(notify: Subscriber, prompt: Desk | None) -> Callable[[Item], None]:
     return told
 
 
-def _anew(opened: Session, prompt: Desk | None) -> bool:
+def _anew(opened: Session, prompt: Prompt | None) -> bool:
     """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
     return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 
 
-def _with(prompt: Desk, turn: Round, book: Book) -> None:
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book) -> None:
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
-    except Later:
+    except PromptAborted:
         prompt.say("left for later")

@@ -179,7 +179,7 @@ class _Talk:
             return [taken, self._frame(_PINGED, self.spec.fix(remote, len(self.beacon.transmitted)))]
         return [taken, self._frame(_FAILED, bytes([_TIMEOUT, remote]))]
 
-    def _told(self, remote: int) -> bytes:
+    def _report(self, remote: int) -> bytes:
         record = self.spec.fix(remote, self.rounds)
         # Behind the fix of a NAV_QUERY: no further fields are asked for, and the answer is for this beacon.
         return self._frame(_NAVIGATED, record + b"\x00\x01") if self.spec.navigates else self._frame(_PINGED, record)
@@ -197,7 +197,7 @@ class _Talk:
         if spec.hears and spec.fixes != self.rounds:
             if now_s >= (self.rounds + 1) * spec.fix_every_s:
                 self.rounds += 1
-                data += b"".join(self._told(remote) for remote in spec.hears)
+                data += b"".join(self._report(remote) for remote in spec.hears)
             due.append((self.rounds + 1) * spec.fix_every_s)
         if spec.status_every_s is not None:
             if now_s >= (self.statuses + 1) * spec.status_every_s:

@@ -15,20 +15,20 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
 from atlantis_netcfg.emulator.lab.hosts import Machine
-from atlantis_netcfg.emulator.lab.lab import Yard, provide, why_not, yard
+from atlantis_netcfg.emulator.lab.lab import Lab, provide, why_not, yard
 from atlantis_netcfg.emulator.lab.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.emulator.lab.relay import Traffic
-from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, tree
+from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
 
 __all__ = [
     "NOT_REHEARSED",
+    "Lab",
     "Machine",
     "MachineFailed",
     "Traffic",
     "TreeSpec",
-    "Yard",
+    "build_rootfs",
     "provide",
-    "tree",
     "why_not",
     "yard",
 ]

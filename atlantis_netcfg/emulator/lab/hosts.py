@@ -259,7 +259,7 @@ class Machine:
 
     def __init__(self, spec: MachineSpec, unique: str, lab: str, inside: Inside, folder: Path, log: Path) -> None:  # noqa: PLR0913, PLR0917 - where it stands
         self.spec = spec
-        self._unique, self._yard, self._inside, self._log = unique, lab, inside, log
+        self._unique, self._lab, self._inside, self._log = unique, lab, inside, log
         self._ports: list[str] = []
         self._container: Container | None = None
         self._disk = Disk(folder, spec.tree, spec.disk_mb)
@@ -327,9 +327,9 @@ class Machine:
 
     def wait_until_up(self, timeout_s: float = _PATIENCE_S) -> None:
         """Wait until its sshd answers and lets in who may log in; MachineFailed with its last words otherwise."""
-        wait(lambda: not self.runs or self._greets(), timeout_s, lambda: self._said("does not answer SSH"))
+        wait(lambda: not self.runs or self._greets(), timeout_s, lambda: self._output("does not answer SSH"))
         if not self.runs:
-            raise MachineFailed(self._said("ended while it booted"))
+            raise MachineFailed(self._output("ended while it booted"))
 
     def state(self, *, settled: bool = False) -> str:
         """What systemd says of itself: `running`, `degraded`, `starting`, …; `settled`: once the boot has ended."""
@@ -345,7 +345,7 @@ class Machine:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a line of shell inside as root, without SSH; `check`: MachineFailed unless it ends with 0."""
-        wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._said("does not boot"))
+        wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._output("does not boot"))
         leader = self._leader()
         if leader is None:
             raise MachineFailed(f"{self.name} is off")
@@ -382,14 +382,14 @@ class Machine:
         for interface in filter(None, (self.spec.interface, self.spec.spare)):
             port = f"{self._unique.rpartition('-')[2]}-{len(self._ports)}"
             mac = bytes([2, *sha256(f"{self._unique} {interface}".encode()).digest()[:5]]).hex(":")
-            join(self._yard, port, self._unique, interface, mac)
+            join(self._lab, port, self._unique, interface, mac)
             self._ports.append(port)
         near = self.spec.interface
         if configured:
             self._ip("address", "add", str(self.spec.address), "dev", near)
             self._ip("link", "set", near, "up")
         for port in self._ports:
-            program("ip", "-n", self._yard, "link", "set", port, "up")
+            program("ip", "-n", self._lab, "link", "set", port, "up")
         if configured:
             self._ip("route", "add", "default", "via", self.spec.gateway)
 
@@ -399,7 +399,7 @@ class Machine:
     def _off(self) -> None:
         """Cut its cables first, so that no peer hears of its end."""
         while self._ports:
-            program("ip", "-n", self._yard, "link", "delete", self._ports.pop())
+            program("ip", "-n", self._lab, "link", "delete", self._ports.pop())
         if self._container is not None:
             self._container.kill()
             self._container = None
@@ -419,7 +419,7 @@ class Machine:
             return caller.recv(4) == b"SSH-"
         return False
 
-    def _said(self, what: str) -> str:
+    def _output(self, what: str) -> str:
         words = self._container.last_words() if self._container is not None else ""
         return f"machine {self.name} {what}; its console ({self._log}):\n{words}"
 

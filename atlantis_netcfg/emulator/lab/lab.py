@@ -29,7 +29,7 @@ from atlantis_netcfg.emulator.lab.rootfs import in_use
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-__all__ = ["Yard", "_missing", "provide", "why_not", "yard"]
+__all__ = ["Lab", "_missing", "provide", "why_not", "yard"]
 
 
 OFF = "ATLANTIS_NO_MACHINES"
@@ -109,7 +109,7 @@ _POLL_S = 0.05
 """How often a server looks whether it shall end."""
 
 
-class Yard:
+class Lab:
     """Machines on one cable, and this computer's end of it; made by `yard`."""
 
     def __init__(self, name: str, folder: Path, stack: ExitStack) -> None:
@@ -220,7 +220,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def yard(folder: Path) -> Iterator[Yard]:
+def yard(folder: Path) -> Iterator[Lab]:
     """Ground for machines; consoles are written to `folder`. At its end, or its owner's, nothing is left of it.
 
     MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.
@@ -231,7 +231,7 @@ def yard(folder: Path) -> Iterator[Yard]:
     reaper.YARDS.mkdir(parents=True, exist_ok=True)
     reaper.sweep()
     with _kept() as name, ExitStack() as stack:
-        yield Yard(name, folder, stack)
+        yield Lab(name, folder, stack)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import subprocess
     from collections.abc import Iterator
 
-__all__ = ["KEPT_DAYS", "TreeSpec", "in_use", "tree"]
+__all__ = ["KEPT_DAYS", "TreeSpec", "build_rootfs", "in_use"]
 
 BASE = ("systemd", "systemd-sysv", "dbus", "udev", "openssh-server", "python3", "iproute2", "sudo")
 """What every machine has: it boots, answers SSH, and Ansible finds a Python."""
@@ -46,7 +46,7 @@ _HOOKS = (
 )
 # Each package of dpkg's would wait for the disk by itself; the tree is written out once, before it gets its name.
 _QUICK = ("--dpkgopt=force-unsafe-io", '--customize-hook=rm -f "$1/etc/dpkg/dpkg.cfg.d/99mmdebstrap"')
-_TOLD = 6
+_MESSAGES = 6
 """How many of mmdebstrap's last lines are told when it fails; those of its own progress are not."""
 
 
@@ -70,7 +70,7 @@ class TreeSpec:
         return f"{self.release}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
-def tree(spec: TreeSpec, cache: Path | None = None) -> Path:
+def build_rootfs(spec: TreeSpec, cache: Path | None = None) -> Path:
     """The unpacked root, built if it is missing: 25 s for the bare one, about 300 MB; MachineFailed if that fails.
 
     `cache`: where trees are kept, and the packages that they were made from; `trees` in the user's cache if left out.
@@ -155,7 +155,7 @@ def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
     done = _mmdebstrap(spec, half, lock)
     if done.returncode:
         _remove(half)
-        lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_TOLD:]
+        lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_MESSAGES:]
         raise MachineFailed(
             f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {done.returncode}:\n"
             + "\n".join(f"  {line}" for line in lines),

@@ -14,7 +14,7 @@ from atlantis_netcfg.core.lazy_imports import homes
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.control import COMMANDS, TwinRefused
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.environment import Around, Called, Load, Validity
+    from atlantis_netcfg.emulator.routeros.environment import Called, Environment, Load, Validity
     from atlantis_netcfg.emulator.routeros.lte import CellSpec, ModemSpec, SimSpec
     from atlantis_netcfg.emulator.routeros.not_rehearsed import NOT_REHEARSED
     from atlantis_netcfg.emulator.routeros.radio import Air, RadioLink, RadioPair
@@ -35,25 +35,24 @@ if TYPE_CHECKING:
         User,
     )
     from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind
-    from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+    from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
     from atlantis_netcfg.emulator.routeros.wire.link import Link
-    from atlantis_netcfg.emulator.routeros.wire.tally import Counters, Tally
+    from atlantis_netcfg.emulator.routeros.wire.tally import Counters, TrafficCounters
 
 __all__ = [
     "COMMANDS",
     "NOT_REHEARSED",
     "Air",
-    "Around",
     "Called",
     "CellSpec",
     "Counters",
     "Deviation",
     "Device",
     "DeviceMode",
+    "Environment",
     "Execute",
     "Fault",
     "FaultKind",
-    "Knobs",
     "Link",
     "Load",
     "Management",
@@ -70,19 +69,20 @@ __all__ = [
     "Site",
     "SiteSpec",
     "SpawnedSite",
-    "Tally",
+    "TrafficCounters",
     "TwinRefused",
     "TwinSpec",
     "TwinsFailed",
     "User",
     "Validity",
+    "WireBehaviour",
     "spawn",
 ]
 
 __getattr__ = homes(
     __name__,
     {
-        "environment": ("Around", "Called", "Load", "Validity"),
+        "environment": ("Environment", "Called", "Load", "Validity"),
         "control": ("COMMANDS", "TwinRefused"),
         "device": ("Device",),
         "lte": ("CellSpec", "ModemSpec", "SimSpec"),
@@ -97,8 +97,8 @@ __getattr__ = homes(
             *("SiteSpec", "TwinSpec", "User"),
         ),
         "wire.faults": ("Fault", "FaultKind"),
-        "wire.knobs": ("Knobs",),
+        "wire.knobs": ("WireBehaviour",),
         "wire.link": ("Link",),
-        "wire.tally": ("Counters", "Tally"),
+        "wire.tally": ("Counters", "TrafficCounters"),
     },
 )

@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.lte._modem import refit
 from atlantis_netcfg.emulator.routeros.site import describe
 from atlantis_netcfg.emulator.routeros.wire.faults import Fault
-from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ async def _link(router: Router, **link: Any) -> None:  # noqa: ANN401 (validated
 
 
 async def _knobs(router: Router, **knobs: Any) -> None:  # noqa: ANN401 (validated by Knobs)
-    router.turn(Knobs.model_validate(knobs))
+    router.turn(WireBehaviour.model_validate(knobs))
 
 
 async def _console(router: Router, words: list[str], user: str | None = None) -> list[list[str]]:

@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros.boot import boot
 from atlantis_netcfg.emulator.routeros.commands._call import Call, Result
 from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
-from atlantis_netcfg.emulator.routeros.console.side import ConsoleSide
+from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend
 from atlantis_netcfg.emulator.routeros.console.typed import Printed
 from atlantis_netcfg.emulator.routeros.core import Core, File
 from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
 
 
-class Device(ConsoleSide, FileSide):
+class Device(ConsoleBackend, FileSide):
     """A router twin's core. Synchronous; every method but `path_open`, `services` and `export` may change its state.
 
     It stands for the router's configuration: menus, values, history, safe mode, export, and the walk of the

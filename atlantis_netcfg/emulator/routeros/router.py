@@ -16,11 +16,11 @@ from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_ke
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
 from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
 from atlantis_netcfg.emulator.routeros.storage import Flash
-from atlantis_netcfg.emulator.routeros.wire.host import HOST, Doors
-from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.host import HOST, Listeners
+from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard
-from atlantis_netcfg.emulator.routeros.wire.tally import Counters, Tally
+from atlantis_netcfg.emulator.routeros.wire.tally import Counters, TrafficCounters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -51,16 +51,16 @@ class Router:
         *,
         state_dir: Path,
         link: Link | None = None,
-        knobs: Knobs | None = None,
+        knobs: WireBehaviour | None = None,
         ports: Mapping[int, int] | None = None,
     ) -> None:
         self.spec = spec
         self._link = link or Link()
-        self._knobs = knobs or Knobs()
+        self._knobs = knobs or WireBehaviour()
         self._flash = Flash(state_dir)
-        self._doors = Doors(self._visitor, ports or {})
-        self._side_doors = Doors(self._side_visitor, {})
-        self._tallies: list[Tally] = []
+        self._doors = Listeners(self._visitor, ports or {})
+        self._side_doors = Listeners(self._side_visitor, {})
+        self._tallies: list[TrafficCounters] = []
         self._consoles: dict[str, Caller] = {}
         self._serial: SerialLine | None = None
         self._radio: Callable[[], None] | None = None
@@ -178,7 +178,7 @@ class Router:
             total = total.plus(tally.counters)
         return total
 
-    def connections(self) -> tuple[Tally, ...]:
+    def connections(self) -> tuple[TrafficCounters, ...]:
         """Counters and sentences of each connection, in the order of their coming."""
         return tuple(self._tallies)
 
@@ -212,7 +212,7 @@ class Router:
         """Another bearer for everything that is sent from now on."""
         self._link = self._board.bearer.link = link
 
-    def turn(self, knobs: Knobs) -> None:
+    def turn(self, knobs: WireBehaviour) -> None:
         """Set the knobs."""
         self._knobs = knobs
         self._board.turn(knobs)

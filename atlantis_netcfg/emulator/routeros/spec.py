@@ -13,10 +13,10 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from atlantis_netcfg.emulator.routeros.environment._spec import Around
+from atlantis_netcfg.emulator.routeros.environment._spec import Environment
 from atlantis_netcfg.emulator.routeros.lte._spec import ModemSpec
 from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
-from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 
 __all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "SiteSpec", "TwinSpec", "User"]
@@ -179,7 +179,7 @@ class RouterSpec(_Spec):
     certificates: tuple[str, ...] = ("atlantis-api",)
     neighbours: tuple[str, ...] = ()
     """Addresses that answer `/ping` when a route leads to them."""
-    around: Around = Around()
+    around: Environment = Environment()
     """What else stands around it: cards, loads on PoE, the far end of a VPN, other DHCP servers."""
     execute: Execute = Execute.OUTPUT
     disk_bytes: int = Field(default=1041235968, ge=0)
@@ -218,7 +218,7 @@ class TwinSpec(_Spec):
 
     router: RouterSpec
     link: Link = Link()
-    knobs: Knobs = Knobs()
+    knobs: WireBehaviour = WireBehaviour()
     ports: dict[int, int] = Field(default_factory=dict)
     """Loopback ports wished for, by service port; the kernel chooses the others."""
 

@@ -46,7 +46,7 @@ class Web:
         self._visits[visit] = writer
         try:
             with suppress(asyncio.IncompleteReadError, ConnectionError, asyncio.LimitOverrunError, ValueError):
-                while await self._one(reader, writer):
+                while await self._item(reader, writer):
                     pass
         finally:
             writer.close()
@@ -61,7 +61,7 @@ class Web:
             writer.transport.abort()
         await asyncio.gather(*visits, return_exceptions=True)
 
-    async def _one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+    async def _item(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")
         first, *lines = head.split("\r\n")
         method, path, _ = first.split(" ")

@@ -493,9 +493,9 @@ class Proving:
                 answers = dict.fromkeys(found, waited_s) | answers
                 if len(answers) == len(todo) or now.port_bytes - self._start_bytes >= BUDGET_BYTES:
                     break
-        return [self._asked(task, answers, waited_s, before, now) for task in todo]
+        return [self._requested(task, answers, waited_s, before, now) for task in todo]
 
-    def _asked(
+    def _requested(
         self, task: Task, answers: Mapping[Task, float], waited_s: float, before: Reading, now: Reading
     ) -> Attempt:
         found, note = outcome(task, answers, before, now, self._chains[0])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
-from atlantis_netcfg.journal import make_private, translated, write_atomically
+from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _declared_key(host: Host, request: Request) -> str:
         return ""
     path = request.state / "known_hosts" / host.name
     line = f"{host.name} {device.ssh.host_key}\n".encode()
-    with translated("the declared host key", path):
+    with os_errors_as("the declared host key", path):
         if not path.is_file() or path.read_bytes() != line:
             make_private(path.parent)
             write_atomically(path, line)

@@ -82,7 +82,7 @@ def rehearsed_computers(
         return
     for host in computers:
         notify(Event(host.name, Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"))
-    root = lab.tree(tree_spec(declaration))
+    root = lab.build_rootfs(tree_spec(declaration))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
@@ -132,7 +132,7 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     return lab.TreeSpec(packages=tuple(sorted(requested)))
 
 
-def _served(stack: ExitStack, ground: lab.Yard, declaration: Declaration, folder: Path) -> StandIns | None:
+def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder: Path) -> StandIns | None:
     """Serve stand-ins for the archive of ROS and for the partners' repositories; None: no ROS is declared."""
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
@@ -161,7 +161,7 @@ _NETWORK = "the declared network of the gateways: a machine keeps the one that i
 _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 
-def _started(ground: lab.Yard, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
+def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")

@@ -237,7 +237,7 @@ class Wire(asyncio.Protocol):
         self._pending: dict[str, _Pending] = {}
         self._settled: asyncio.Future[None] | None = None
         self._failure: SessionLost | None = None
-        self._heard = 0.0
+        self._received = 0.0
         self._partial = self._bytes = self._rows = self._attributes = 0
         """What came since something whole did; what the answers to this batch came to."""
 
@@ -259,7 +259,7 @@ class Wire(asyncio.Protocol):
         try:
             sentences = self._decoder.feed(data)
             if sentences or self._partial >= _PROGRESS_BYTES:
-                self._heard, self._partial = asyncio.get_running_loop().time(), 0
+                self._received, self._partial = asyncio.get_running_loop().time(), 0
             for words in sentences:
                 self._dispatch(parse(words))
             self._bound(sentences)
@@ -315,7 +315,7 @@ class Wire(asyncio.Protocol):
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
-        self._heard = asyncio.get_running_loop().time()
+        self._received = asyncio.get_running_loop().time()
 
     async def _wait(self, settled: asyncio.Future[None], silence_s: float, longest_s: float) -> None:
         loop = asyncio.get_running_loop()
@@ -323,12 +323,12 @@ class Wire(asyncio.Protocol):
         end = loop.time() + longest_s
         while not settled.done():
             now = loop.time()
-            if now >= self._heard + silence_s:
+            if now >= self._received + silence_s:
                 self._fail(f"has not answered for {silence_s:g} s", kind=FellSilent)
             elif now >= end:
                 self._fail(f"has gone on answering for {longest_s:g} s without an end", kind=ProtocolError)
             else:
-                await asyncio.wait([settled], timeout=min(self._heard + silence_s, end) - now)
+                await asyncio.wait([settled], timeout=min(self._received + silence_s, end) - now)
         settled.result()
 
     def _dispatch(self, answer: Answer) -> None:

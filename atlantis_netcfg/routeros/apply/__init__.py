@@ -7,11 +7,12 @@ everything back from a new session and releases. After a failure it finds out by
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.apply._executor import converge
-from atlantis_netcfg.routeros.apply._fitting import Fitting
+from atlantis_netcfg.routeros.apply._fitting import StateVariants
 from atlantis_netcfg.routeros.apply._job import (
     Admission,
     Channel,
     Connect,
+    CostPolicy,
     DeviceJob,
     DeviceResult,
     History,
@@ -20,22 +21,21 @@ from atlantis_netcfg.routeros.apply._job import (
     Patience,
     SshEndpoint,
     Status,
-    Toll,
 )
 
 __all__ = [
     "Admission",
     "Channel",
     "Connect",
+    "CostPolicy",
     "DeviceJob",
     "DeviceResult",
-    "Fitting",
     "History",
     "Mode",
     "NoHistory",
     "Patience",
     "SshEndpoint",
+    "StateVariants",
     "Status",
-    "Toll",
     "converge",
 ]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._work import RunContext
     from atlantis_netcfg.routeros.apply._writer import Writer
 
 __all__ = ["begin", "safe_mode_first", "take"]
@@ -42,7 +42,7 @@ _SIGN_S = 1800.0
 _SHOWN = 5
 
 
-async def begin(work: Work) -> Writer:
+async def begin(work: RunContext) -> Writer:
     """Do all that comes before the first change. Raises DeviceFailed if somebody else was faster."""
     stages, protection = work.stages, work.protection
     alone = safe_mode_first(work)
@@ -73,7 +73,7 @@ async def begin(work: Work) -> Writer:
     return found.writer
 
 
-def _as_read(work: Work) -> str:
+def _as_read(work: RunContext) -> str:
     """Write down what was read, where the device cannot hand out its own export: the menus of this plan."""
     if work.seen.facts.version >= _READS_FILES:
         raise DeviceFailed("the state before the change cannot be saved, so nothing is changed")
@@ -81,17 +81,17 @@ def _as_read(work: Work) -> str:
     return snapshot.write(work.job.name, restoring(work.seen), work.seen)
 
 
-def _sign_s(work: Work) -> float:
+def _sign_s(work: RunContext) -> float:
     """Longer than the dead-man job waits, and than the run may take."""
     return max(_SIGN_S, 2 * (work.choice.dead_man_s or 0.0))
 
 
-def safe_mode_first(work: Work) -> bool:
+def safe_mode_first(work: RunContext) -> bool:
     """Tell whether safe mode is taken before anything is written: no harmless addition goes before it."""
     return work.protection is Protection.SAFE_MODE and not work.stages.prepare
 
 
-async def take(work: Work) -> None:
+async def take(work: RunContext) -> None:
     """Take safe mode. Raises DeviceFailed if it is not ours then."""
     work.holding = True
     try:
@@ -103,12 +103,12 @@ async def take(work: Work) -> None:
     _taken(work)
 
 
-def _taken(work: Work) -> None:
+def _taken(work: RunContext) -> None:
     work.record(Protected(device=work.job.name, how=work.choice.value))
     work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
 
 
-def _nobody_else(work: Work, claims: Reply, holder: Holder | None) -> None:
+def _nobody_else(work: RunContext, claims: Reply, holder: Holder | None) -> None:
     other = work.signer.other(signs(claims.rows))
     if other is not None:
         raise claimed_by(other, work.job.site)
@@ -116,7 +116,7 @@ def _nobody_else(work: Work, claims: Reply, holder: Holder | None) -> None:
         raise held_by(holder.who)
 
 
-async def _arm(work: Work) -> None:
+async def _arm(work: RunContext) -> None:
     """Arm the dead-man job where one was planned; safe mode alone is enough where the device does not run it."""
     after_s, script = work.choice.dead_man_s, work.script
     if after_s is None or script is None:
@@ -138,7 +138,7 @@ async def _arm(work: Work) -> None:
         work.record(Protected(device=work.job.name, how=work.choice.value))
 
 
-def _is_untouched(work: Work, history: Reply) -> bool:
+def _is_untouched(work: RunContext, history: Reply) -> bool:
     """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
     known = work.seen.facts.history
     if known >= HISTORY - 1:
@@ -149,7 +149,7 @@ def _is_untouched(work: Work, history: Reply) -> bool:
     return len(newer) == known or (len(newer) == known + 1 and any(map(is_claiming, (newer[0], newer[-1]))))
 
 
-async def _look_again(work: Work) -> None:
+async def _look_again(work: RunContext) -> None:
     """Read everything once more: it has to be what the plan was made for.
 
     Of a menu with very many rows they are counted: over a satellite each thousand costs 94 kB. Given up: what somebody
@@ -169,7 +169,7 @@ async def _look_again(work: Work) -> None:
         )
 
 
-async def _counted(work: Work, long: Sequence[str]) -> Observed:
+async def _counted(work: RunContext, long: Sequence[str]) -> Observed:
     """Read all menus but the `long` ones, whose rows are counted, and read where they have become more or fewer."""
     rows = work.seen.rows
     short = [path for path in rows if path not in long]

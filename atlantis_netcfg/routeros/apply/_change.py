@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Observed
     from atlantis_netcfg.routeros.api import Command, Reply
     from atlantis_netcfg.routeros.apply._job import Channel
-    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._work import RunContext
     from atlantis_netcfg.routeros.apply._writer import Writer
 
 __all__ = ["VerificationFailed", "change", "verify"]
@@ -61,7 +61,7 @@ class VerificationFailed(DeviceFailed):
     """A new session did not find what is declared, or there was no new session: the change must not stay."""
 
 
-async def change(work: Work) -> None:
+async def change(work: RunContext) -> None:
     """Carry the plan out; when this returns, everything was read back and is permanent."""
     writer = await begin(work)
     stages = work.stages
@@ -88,7 +88,7 @@ async def change(work: Work) -> None:
     work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
 
-async def _write(work: Work, writer: Writer, actions: Sequence[Action]) -> Holder | None:
+async def _write(work: RunContext, writer: Writer, actions: Sequence[Action]) -> Holder | None:
     """Send actions turn by turn, each announced in the journal before and acknowledged after.
 
     Returns who held safe mode at the end, if that could be seen in the same round trip.
@@ -102,7 +102,7 @@ async def _write(work: Work, writer: Writer, actions: Sequence[Action]) -> Holde
 
 
 async def _send(
-    work: Work, writer: Writer, turn: Sequence[Action], beside: Sequence[Command] = ()
+    work: RunContext, writer: Writer, turn: Sequence[Action], beside: Sequence[Command] = ()
 ) -> tuple[Reply, ...]:
     """Send one turn; the answers to `beside`."""
     if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
@@ -121,13 +121,13 @@ async def _send(
     return written.beside
 
 
-def _lost(work: Work, holder: Holder) -> ProtectionLost:
+def _lost(work: RunContext, holder: Holder) -> ProtectionLost:
     work.holding = False
     who = f"{holder.who} has taken safe mode from us" if holder.taken else "safe mode is not held any more"
     return ProtectionLost(f"{who} in the middle of the change")
 
 
-async def _checkpoint(work: Work, holder: Holder | None) -> None:
+async def _checkpoint(work: RunContext, holder: Holder | None) -> None:
     """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
 
     `hold` was read together with the piece's last script, or is asked for.
@@ -141,7 +141,7 @@ async def _checkpoint(work: Work, holder: Holder | None) -> None:
         await _take_later(work, unavailable)
 
 
-async def _take_later(work: Work, current: SafeModeUnavailable) -> None:
+async def _take_later(work: RunContext, current: SafeModeUnavailable) -> None:
     """Wait until whoever looked in has gone; they must not have changed anything.
 
     Raises SafeModeUnavailable, Interfered.
@@ -157,7 +157,7 @@ async def _take_later(work: Work, current: SafeModeUnavailable) -> None:
         raise Interfered(f"somebody else has changed the device between two pieces: {changed}") from changed
 
 
-async def verify(work: Work, rest: Sequence[Action]) -> None:
+async def verify(work: RunContext, rest: Sequence[Action]) -> None:
     """Read back in a new session: only `rest` may be left to do. Raises VerificationFailed."""
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _until_told(work, await _read_anew(work))
@@ -166,7 +166,7 @@ async def verify(work: Work, rest: Sequence[Action]) -> None:
     work.record(Verified(device=work.job.name, state=digest(now)))
 
 
-async def _read_anew(work: Work) -> Observed:
+async def _read_anew(work: RunContext) -> Observed:
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.verify_s
     while True:
@@ -181,7 +181,7 @@ async def _read_anew(work: Work) -> Observed:
             raise VerificationFailed(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
 
 
-async def _read(work: Work, session: Channel) -> Observed:
+async def _read(work: RunContext, session: Channel) -> Observed:
     """Read what was touched, and all of it where other menus may have followed or the state before is put back."""
     job, seen = work.job, work.seen
     touched = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
@@ -190,7 +190,7 @@ async def _read(work: Work, session: Channel) -> Observed:
     return await observe(session, job.endpoint, job.desired.menus, tuple(seen.rows), job.counted, seen.facts)
 
 
-async def _until_told(work: Work, now: Observed) -> Observed:
+async def _until_told(work: RunContext, now: Observed) -> Observed:
     """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
@@ -203,7 +203,7 @@ async def _until_told(work: Work, now: Observed) -> Observed:
     return now
 
 
-def _compare(work: Work, now: Observed, rest: Iterable[Action]) -> None:
+def _compare(work: RunContext, now: Observed, rest: Iterable[Action]) -> None:
     try:
         second = plan(work.job.name, work.job.desired, now)
     except CannotPlan as problem:
@@ -222,7 +222,7 @@ def _essence(action: Action) -> tuple[str, str, str]:
     return (action.menu, action.verb, action.subject)
 
 
-async def _holder(work: Work) -> Holder:
+async def _holder(work: RunContext) -> Holder:
     """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
     seen = work.after.facts.safe_mode_owner if work.after is not None else None
     if seen is not None and seen == work.owner:
@@ -230,7 +230,7 @@ async def _holder(work: Work) -> Holder:
     return await work.safe_mode.look(work.channel)
 
 
-async def _release(work: Work, holder: Holder, *, last: bool = False) -> None:
+async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> None:
     """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
     if not holder.ours:
         raise _lost(work, holder)
@@ -251,7 +251,7 @@ async def _release(work: Work, holder: Holder, *, last: bool = False) -> None:
     work.record(Released(device=work.job.name))
 
 
-async def _confirm(work: Work) -> None:
+async def _confirm(work: RunContext) -> None:
     """Take the dead-man job away: from here on the change is permanent."""
     if work.dead_man is None:
         return
@@ -291,7 +291,7 @@ class _Witness:
         return not differing(self.after, merged(self.after, (self.menu,), (reply,)))
 
 
-def _witness(work: Work) -> list[_Witness]:
+def _witness(work: RunContext) -> list[_Witness]:
     """Choose among the menus of the last piece one that need only be counted, or else the shortest."""
     if work.after is None:
         return []
@@ -309,7 +309,7 @@ def _stands(witness: Sequence[_Witness], answers: Sequence[Reply]) -> bool:
     return all(each.stands(reply) for each, reply in zip(witness, answers, strict=True))
 
 
-async def _finish(work: Work, writer: Writer) -> None:
+async def _finish(work: RunContext, writer: Writer) -> None:
     """Send what names rows that had to be verified first, and read that back.
 
     The answers to both come in one round trip. If rows are missing in them, the reading may have come first, which

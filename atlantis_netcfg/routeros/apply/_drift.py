@@ -12,14 +12,14 @@ from atlantis_netcfg.routeros.planner import newer_than_known
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import DeviceResult
-    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._work import RunContext
 
 __all__ = ["compared", "drift"]
 
 _FORGOTTEN = History()
 
 
-async def drift(work: Work) -> DeviceResult:
+async def drift(work: RunContext) -> DeviceResult:
     """End with what differs; the device's history costs one round trip, and only where something has drifted."""
     found = work.comparison = compared(work)
     if found.drifted:
@@ -33,7 +33,7 @@ async def drift(work: Work) -> DeviceResult:
     return replace(result, notes=(*newer_than_known(work.seen.facts.version), *work.notes))
 
 
-def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:
+def compared(work: RunContext, history: History = _FORGOTTEN) -> Comparison:
     """Compare with the declaration, and with the last confirmed state as far as that can be read."""
     found = compare(work.job.desired, work.seen, work.aim, _past(work), history)
     left = work.left.differences()
@@ -41,11 +41,11 @@ def compared(work: Work, history: History = _FORGOTTEN) -> Comparison:
     return replace(found, menus=tuple(menus), differences=(*found.differences, *left))
 
 
-def _differs(work: Work) -> bool:
+def _differs(work: RunContext) -> bool:
     return bool(work.aim.actions or work.aim.drift)
 
 
-def _past(work: Work) -> Past | None:
+def _past(work: RunContext) -> Past | None:
     confirmed = work.job.confirmed
     if confirmed is None:
         return None

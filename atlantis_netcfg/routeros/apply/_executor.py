@@ -33,7 +33,7 @@ from atlantis_netcfg.routeros.apply._settle import let_go, settle
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._telling import AGREE_APART, number_of, planned, unagreed
-from atlantis_netcfg.routeros.apply._work import Work
+from atlantis_netcfg.routeros.apply._work import RunContext
 from atlantis_netcfg.routeros.apply.leftovers import look
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
@@ -79,17 +79,17 @@ async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
     """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
     contact = Contact(job)
     ssh = job.ssh and replace(job.ssh, opening=contact.opening)
-    work = Work(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
+    work = RunContext(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
     try:
-        result = await _honestly(work, mode)
-        await _lay_down(work, result)
+        result = await _run_guarded(work, mode)
+        await _remove_run_marker(work, result)
         return work.ended(result)
     finally:
         await work.safe_mode.drop()
         await work.contact.close(wait=work.holding)
 
 
-async def _lay_down(work: Work, result: DeviceResult) -> None:
+async def _remove_run_marker(work: RunContext, result: DeviceResult) -> None:
     """Release safe mode that nothing was written under, and take the sign of a run down that has failed.
 
     Where that cannot be done both go by themselves.
@@ -102,7 +102,7 @@ async def _lay_down(work: Work, result: DeviceResult) -> None:
                 await work.session.flight(farewell)
 
 
-async def _honestly(work: Work, mode: Mode) -> DeviceResult:
+async def _run_guarded(work: RunContext, mode: Mode) -> DeviceResult:
     """Run, and turn whatever went wrong into a result."""
     try:
         return await (_backup(work) if mode is Mode.BACKUP else _run(work, mode))
@@ -122,7 +122,7 @@ async def _honestly(work: Work, mode: Mode) -> DeviceResult:
         return replace(result, exit=exit_, fault=fault)
 
 
-async def _run(work: Work, mode: Mode) -> DeviceResult:
+async def _run(work: RunContext, mode: Mode) -> DeviceResult:
     work.brief = _may_be_brief(work.job, mode)
     await _observe(work, mode)
     if mode in _READING:
@@ -136,28 +136,28 @@ async def _run(work: Work, mode: Mode) -> DeviceResult:
     return _refusal(work, mode) or await _as_declared(work, mode)
 
 
-async def _look(work: Work, mode: Mode) -> DeviceResult:
+async def _look(work: RunContext, mode: Mode) -> DeviceResult:
     """Say what a run would do, or what differs, and what is armed or open."""
     await _plan(work, mode)
     work.busy = "; ".join(work.left.words())
     work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.left.words()]
     if mode is Mode.DRIFT:
-        _toll(work, mode)
+        _cost_policy(work, mode)
         return await drift(work)
     refusal = _refusal(work, mode)
     work.comparison = compared(work)
     return _planned(work) if refusal is None else replace(refusal, comparison=work.comparison)
 
 
-def _refusal(work: Work, mode: Mode) -> DeviceResult | None:
+def _refusal(work: RunContext, mode: Mode) -> DeviceResult | None:
     """Return why the plan may not be carried out; None: it may."""
-    refusal = _toll(work, mode)
+    refusal = _cost_policy(work, mode)
     if refusal is None and work.aim.actions:
         refusal = _judge(work, mode)
     return refusal
 
 
-async def _as_declared(work: Work, mode: Mode) -> DeviceResult:
+async def _as_declared(work: RunContext, mode: Mode) -> DeviceResult:
     """Take away what runs that are over have left, and carry the plan out."""
     removed = await _clear(work, mode)
     if work.aim.actions:
@@ -168,7 +168,7 @@ async def _as_declared(work: Work, mode: Mode) -> DeviceResult:
     return work.result(Status.UNCHANGED, "already so: nothing to change")
 
 
-def _planned(work: Work) -> DeviceResult:
+def _planned(work: RunContext) -> DeviceResult:
     """Say what a run would do; one that finds somebody at work would do nothing."""
     words = "; ".join(work.left.words())
     if work.aim.actions:
@@ -180,7 +180,7 @@ def _planned(work: Work) -> DeviceResult:
     return work.result(Status.UNCHANGED, "already so: nothing to change")
 
 
-async def _observe(work: Work, mode: Mode) -> None:
+async def _observe(work: RunContext, mode: Mode) -> None:
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
     work.session = await work.contact.open()
     if mode is Mode.RESUME:
@@ -195,7 +195,7 @@ def _may_be_brief(job: DeviceJob, mode: Mode) -> bool:
     return dear and (mode is Mode.PLAN or (mode is Mode.APPLY and not job.remove_foreign))
 
 
-async def _read(work: Work) -> None:
+async def _read(work: RunContext) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
     watched = [path for path in GUARDED if path not in LATER]
@@ -209,7 +209,7 @@ async def _read(work: Work) -> None:
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
 
-async def _plan(work: Work, mode: Mode) -> None:
+async def _plan(work: RunContext, mode: Mode) -> None:
     """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
     work.plan = plan(job.name, job.desired, work.seen)
@@ -228,7 +228,7 @@ async def _plan(work: Work, mode: Mode) -> None:
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
 
-def _is_read_enough(work: Work) -> bool:
+def _is_read_enough(work: RunContext) -> bool:
     """Tell whether the plan would be the same, and judged the same, if the rows that are bare had been read whole.
 
     Given up: what they hold is neither shown nor compared with the last confirmed state, but for a few of them.
@@ -240,7 +240,7 @@ def _is_read_enough(work: Work) -> bool:
     return removed_alone and work.seen.facts.has_safe_mode and not objections(work.aim, work.seen, _path(work))
 
 
-async def _complete(work: Work, mode: Mode) -> None:
+async def _complete(work: RunContext, mode: Mode) -> None:
     """Read what has to be known before a change; safe mode is taken in the same round trip, if the change wants it.
 
     Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
@@ -264,7 +264,7 @@ async def _complete(work: Work, mode: Mode) -> None:
             work.holding = False
 
 
-def _questions(work: Work, mode: Mode) -> tuple[Command, ...]:
+def _questions(work: RunContext, mode: Mode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
     if mode is Mode.DRIFT:
         return ()
@@ -276,7 +276,7 @@ def _questions(work: Work, mode: Mode) -> tuple[Command, ...]:
     return work.examination.questions(work.aim.actions, work.seen.rows)
 
 
-async def _examine(work: Work, mode: Mode) -> None:
+async def _examine(work: RunContext, mode: Mode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
     while requested := _questions(work, mode):
         work.examination.answered(await work.channel.flight(requested))
@@ -285,7 +285,7 @@ async def _examine(work: Work, mode: Mode) -> None:
         work.notes.append(doubt)
 
 
-def _toll(work: Work, mode: Mode) -> DeviceResult | None:
+def _cost_policy(work: RunContext, mode: Mode) -> DeviceResult | None:
     """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
     if work.job.toll is None:
         return None
@@ -299,7 +299,7 @@ def _toll(work: Work, mode: Mode) -> DeviceResult | None:
     return work.result(Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
 
 
-def _judge(work: Work, mode: Mode) -> DeviceResult | None:
+def _judge(work: RunContext, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     found = work.aim
     reasons, hint = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)], None
@@ -325,12 +325,12 @@ def _judge(work: Work, mode: Mode) -> DeviceResult | None:
     return None
 
 
-def _unprotected(work: Work) -> str:
+def _unprotected(work: RunContext) -> str:
     local = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
     return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{local}"
 
 
-def _protect(work: Work) -> None:
+def _protect(work: RunContext) -> None:
     """Choose what takes the change back, and cut the plan for it."""
     facts, job, found = work.seen.facts, work.job, work.aim
     why = None
@@ -349,7 +349,7 @@ def _protect(work: Work) -> None:
         work.safe_mode = safe_mode_of(work.choice, job)
 
 
-async def _occupied(work: Work, mode: Mode) -> DeviceResult | None:
+async def _occupied(work: RunContext, mode: Mode) -> DeviceResult | None:
     """Return the refusal of a device on which somebody's changes are still open.
 
     What a dead run of this computer has left is waited for, and its sign is ours from here on.
@@ -368,7 +368,7 @@ async def _occupied(work: Work, mode: Mode) -> DeviceResult | None:
     return None
 
 
-async def _busy(work: Work, *, resumes: bool) -> Busy | None:
+async def _busy(work: RunContext, *, resumes: bool) -> Busy | None:
     """Say who may be at work on the device; None if nobody is, whatever a run that is over has left."""
     left, resume = work.left, f"provision resume site={work.job.site}"
     owner = left.safe_mode
@@ -391,7 +391,7 @@ async def _busy(work: Work, *, resumes: bool) -> Busy | None:
     return None
 
 
-async def _until_undone(work: Work) -> None:
+async def _until_undone(work: RunContext) -> None:
     """Wait until safe mode of a run that has died is over, and the device has taken back what was in it."""
     job, session = work.job, work.channel
     reply = await session.command(READ)
@@ -399,13 +399,13 @@ async def _until_undone(work: Work) -> None:
     await work.contact.until_free(work.safe_mode, session, job.patience.undo_s)
 
 
-def _has_to_run(work: Work) -> bool:
+def _has_to_run(work: RunContext) -> bool:
     """Tell whether a dead-man job is armed that may not be taken away: what it takes back is not as declared."""
     job = work.left.armed(DEAD_MAN)
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
-async def _taken_back(work: Work, mode: Mode) -> None:
+async def _taken_back(work: RunContext, mode: Mode) -> None:
     """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
     patience = work.job.patience
     await work.contact.until_fired(work.channel, ARMED, patience.undo_s + 2 * patience.dead_man_s)
@@ -413,7 +413,7 @@ async def _taken_back(work: Work, mode: Mode) -> None:
     await _plan(work, mode)
 
 
-async def _clear(work: Work, mode: Mode) -> tuple[str, ...]:
+async def _clear(work: RunContext, mode: Mode) -> tuple[str, ...]:
     """Take away what runs that are over have left, and read the device anew: a job may have run meanwhile.
 
     A bridge's job stays: whether it is still needed, only a run that sees both ends knows.
@@ -435,19 +435,19 @@ async def _clear(work: Work, mode: Mode) -> tuple[str, ...]:
     return removed
 
 
-def _path(work: Work) -> ManagementPath:
+def _path(work: RunContext) -> ManagementPath:
     job, facts = work.job, work.seen.facts
     return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
 
-async def _change(work: Work) -> DeviceResult:
+async def _change(work: RunContext) -> DeviceResult:
     actions = work.aim.actions
     work.record(Planned(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(planned, actions))))
     await change(work)
     return work.result(Status.CHANGED, f"{_actions(work)} read back and kept")
 
 
-async def _backup(work: Work) -> DeviceResult:
+async def _backup(work: RunContext) -> DeviceResult:
     """Save the device's own text of its state, and change nothing."""
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
     work.session = await work.contact.open()
@@ -458,5 +458,5 @@ async def _backup(work: Work) -> DeviceResult:
     return work.result(Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
 
 
-def _actions(work: Work) -> str:
+def _actions(work: RunContext) -> str:
     return number_of(work.aim)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
 
-__all__ = ["Fitting", "Unfit", "fitted"]
+__all__ = ["StateVariants", "Unfit", "fitted"]
 
 _MENUS = ("/interface/wireless", "/interface/wifi")
 _MISSING = ("no such command", "no such directory")
@@ -29,7 +29,7 @@ class Unfit(DeviceFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class Fitting:
+class StateVariants:
     """The desired states to choose from."""
 
     states: Mapping[str, Desired]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
-    from atlantis_netcfg.routeros.apply._fitting import Fitting
+    from atlantis_netcfg.routeros.apply._fitting import StateVariants
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
 
@@ -164,7 +164,7 @@ class DeviceJob:
     endpoint: Endpoint
     desired: Desired
     """With `fitting`, what is taken for granted until the device has been asked."""
-    fitting: Fitting | None = None
+    fitting: StateVariants | None = None
     """What there is to choose from where the device decides; None: nothing."""
     site: str = ""
     address: str = ""
@@ -191,7 +191,7 @@ class DeviceJob:
     """A person has said that rows of others may go by the hundred from menus that are ours entirely."""
     counted: tuple[str, ...] = ()
     """Ports whose byte counters are read along, where that costs no round trip."""
-    toll: Toll | None = None
+    toll: CostPolicy | None = None
     """Who says what the run may cost; None: it may cost anything."""
 
 
@@ -290,7 +290,7 @@ class Admission:
     hint: str | None = None
 
 
-class Toll(Protocol):
+class CostPolicy(Protocol):
     """Who knows what the bearers cost and what a person has agreed to."""
 
     def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:

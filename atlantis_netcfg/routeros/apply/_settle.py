@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros.apply._job import Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, safe_mode_of
 from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
-from atlantis_netcfg.routeros.apply._work import Work
+from atlantis_netcfg.routeros.apply._work import RunContext
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
@@ -36,7 +36,7 @@ __all__ = ["let_go", "settle"]
 _SHOWN = 5
 
 
-async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
+async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     """End a run that failed for `reason`, as honestly as the device lets us."""
     work.say(Stage.FAILED, work.clean(str(reason)))
     if not work.touched:
@@ -53,7 +53,7 @@ async def settle(work: Work, reason: NetcfgError) -> DeviceResult:
         return replace(unknown, fault=fault)
 
 
-async def let_go(work: Work) -> bool:
+async def let_go(work: RunContext) -> bool:
     """Take back what is in safe mode, if it is ours; False if it may still be held.
 
     Where nothing was written it is released instead: somebody who is at work may have changed something meanwhile.
@@ -79,7 +79,7 @@ async def let_go(work: Work) -> bool:
     return True
 
 
-async def _stood_down(work: Work) -> bool:
+async def _stood_down(work: RunContext) -> bool:
     """Take the dead-man job away where nothing was written; False if it may still run: in vain."""
     if work.dead_man is None:
         return True
@@ -96,7 +96,7 @@ async def _stood_down(work: Work) -> bool:
     return False
 
 
-async def _disarm_ours(work: Work, job: str) -> None:
+async def _disarm_ours(work: RunContext, job: str) -> None:
     """Take the job away; one that was sent and not read back is looked for, and may not be there."""
     armed = jobs_of((await work.channel.command(ARMED)).checked().rows) if not job else ()
     ours = [each.id for each in armed if each.name == DEAD_MAN and each.owner == work.signer.text]
@@ -104,7 +104,7 @@ async def _disarm_ours(work: Work, job: str) -> None:
         await disarm(work.channel, each)
 
 
-async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
+async def _read_back(work: RunContext, reason: NetcfgError) -> DeviceResult:
     await let_go(work)
     while True:
         result = await _decided(work, reason)
@@ -112,7 +112,7 @@ async def _read_back(work: Work, reason: NetcfgError) -> DeviceResult:
             return result
 
 
-async def _disarmed(work: Work) -> bool:
+async def _disarmed(work: RunContext) -> bool:
     """Take the dead-man job away; False if it had run meanwhile, for then the device has to be read again."""
     job = work.dead_man
     if job is None:
@@ -125,7 +125,7 @@ async def _disarmed(work: Work) -> bool:
     return in_time
 
 
-async def _decided(work: Work, reason: NetcfgError) -> DeviceResult:
+async def _decided(work: RunContext, reason: NetcfgError) -> DeviceResult:
     session, holder, now = await _state(work)
     changed = differing(work.seen, now)
     if not changed:
@@ -144,7 +144,7 @@ async def _decided(work: Work, reason: NetcfgError) -> DeviceResult:
     return await _put_back(work, reason, session, now)
 
 
-def _is_foreign(work: Work, now: Observed) -> bool:
+def _is_foreign(work: RunContext, now: Observed) -> bool:
     """Tell whether more is to be done than was planned: then not only this run has been at work.
 
     Rows of a first-match menu that were half written may also have to be moved, which tells nothing.
@@ -157,7 +157,7 @@ def _is_foreign(work: Work, now: Observed) -> bool:
     return any((action.menu, action.subject) not in planned for action in left if action.verb is not Verb.MOVE)
 
 
-async def _state(work: Work) -> tuple[Channel, Holder, Observed]:
+async def _state(work: RunContext) -> tuple[Channel, Holder, Observed]:
     """Read the device once nobody holds safe mode any more, over as many sessions as that takes."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.reach_s + patience.undo_s
@@ -176,7 +176,7 @@ async def _state(work: Work) -> tuple[Channel, Holder, Observed]:
             return session, holder, now
 
 
-def _is_declared(work: Work, reason: NetcfgError, now: Observed) -> bool:
+def _is_declared(work: RunContext, reason: NetcfgError, now: Observed) -> bool:
     """Tell whether everything is there and may stay."""
     if isinstance(reason, (VerificationFailed, ActionRefused)):
         return False
@@ -187,7 +187,7 @@ def _is_declared(work: Work, reason: NetcfgError, now: Observed) -> bool:
     return not left and not set(invalid(now)) - set(invalid(work.seen))
 
 
-async def _is_reachable(work: Work) -> bool:
+async def _is_reachable(work: RunContext) -> bool:
     """Prove by a new session that the way in is open: what stays must not depend on the session that wrote it."""
     try:
         session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
@@ -197,22 +197,22 @@ async def _is_reachable(work: Work) -> bool:
     return True
 
 
-def _declared(work: Work, reason: NetcfgError) -> DeviceResult:
+def _declared(work: RunContext, reason: NetcfgError) -> DeviceResult:
     work.confirmed = len(work.aim.actions)
     work.note(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
     return work.result(Status.CHANGED, f"as declared: {_count(work)} read back, although: {reason}", hint=reason.hint)
 
 
-def _rolled_back(work: Work, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
+def _rolled_back(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
     work.note(Unrolled(device=work.job.name, reason=work.clean(str(reason))))
     return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
 
 
-def _unknown(work: Work, message: str) -> DeviceResult:
+def _unknown(work: RunContext, message: str) -> DeviceResult:
     return work.result(Status.UNKNOWN, f"the outcome is not known: {message}", hint=_stale(work))
 
 
-def _stale(work: Work) -> str:
+def _stale(work: RunContext) -> str:
     if work.dead_man is not None:
         what = f"the dead-man job takes everything back within {work.dead_man.after_s / 60:.0f} minutes of its arming"
     else:
@@ -221,11 +221,11 @@ def _stale(work: Work) -> str:
     return f"{what}; then:  provision resume site={work.job.site}{run}"
 
 
-async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:
+async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:
     """Write the state that was observed at the start, guarded by safe mode like any other change."""
     work.say(Stage.APPLYING, "putting the state before the run back")
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
-    inner = Work(job, work.contact, work.started, restores=True, session=session, before=now)
+    inner = RunContext(job, work.contact, work.started, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else Choice(Protection.NONE)
     inner.safe_mode, inner.permanent = safe_mode_of(inner.choice, job), True
     try:
@@ -242,7 +242,7 @@ async def _put_back(work: Work, reason: NetcfgError, session: Channel, now: Obse
     return _rolled_back(work, reason, "put back by us")
 
 
-async def _left_to_the_job(work: Work, reason: NetcfgError, failed: str) -> DeviceResult:
+async def _left_to_the_job(work: RunContext, reason: NetcfgError, failed: str) -> DeviceResult:
     """Wait until the dead-man job has run, if one is armed: it does what we could not."""
     job = work.dead_man
     if job is not None:
@@ -259,6 +259,6 @@ def _names(menus: tuple[str, ...]) -> str:
     return ", ".join(menus[:_SHOWN]) + more
 
 
-def _count(work: Work) -> str:
+def _count(work: RunContext) -> str:
     number = len(work.aim.actions)
     return f"{number} action{'s' if number != 1 else ''}"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.safe_mode import SafeMode
     from atlantis_netcfg.routeros.scheduler_jobs import DeadMan
 
-__all__ = ["Work"]
+__all__ = ["RunContext"]
 
 _STAGES = {
     Status.UNCHANGED: Stage.DONE,
@@ -46,7 +46,7 @@ _STAGES = {
 
 
 @dataclass(slots=True)
-class Work:
+class RunContext:
     """A run on one device; the steps read it and write down here what has become true."""
 
     job: DeviceJob

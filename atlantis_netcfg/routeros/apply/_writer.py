@@ -83,7 +83,7 @@ class ScriptWriter:
         """Run the scripts of one turn."""
         parts = list(scripts(turn))
         answers = await session.flight([*(executed(text) for text, _ in parts), *beside])
-        result = [_said(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
+        result = [_output(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
         done = dict.fromkeys(number for acknowledged, _ in result for number in acknowledged)
         refused = next((words for _, words in result if words is not None), None)
         return Written(tuple(done), refused, tuple(answers[len(parts) :]))
@@ -120,7 +120,7 @@ def _independent(actions: Sequence[Action]) -> bool:
     return all(action.verb is Verb.ADD and action.menu in _INDEPENDENT for action in actions)
 
 
-def _said(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
+def _output(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
     """Return what a script acknowledged, and how it was stopped if it was."""
     result = output(reply.ret or "")
     if reply.trap is None and list(result.acknowledged) == [action.number for action in turn]:

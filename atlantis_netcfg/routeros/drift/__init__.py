@@ -7,12 +7,20 @@ confirmed last and what the device remembers are given as text and rows.
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.drift._compare import HISTORY, History, Past, compare
-from atlantis_netcfg.routeros.drift._model import Comparison, Deed, Difference, DriftKind, FieldDifference, Owner, Since
+from atlantis_netcfg.routeros.drift._model import (
+    ChangeRecord,
+    Comparison,
+    Difference,
+    DriftKind,
+    FieldDifference,
+    Owner,
+    Since,
+)
 
 __all__ = [
     "HISTORY",
+    "ChangeRecord",
     "Comparison",
-    "Deed",
     "Difference",
     "DriftKind",
     "FieldDifference",

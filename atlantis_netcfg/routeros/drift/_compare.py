@@ -22,7 +22,15 @@ from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import is_bare
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
-from atlantis_netcfg.routeros.drift._model import Comparison, Deed, Difference, DriftKind, FieldDifference, Owner, Since
+from atlantis_netcfg.routeros.drift._model import (
+    ChangeRecord,
+    Comparison,
+    Difference,
+    DriftKind,
+    FieldDifference,
+    Owner,
+    Since,
+)
 from atlantis_netcfg.routeros.drift._raw import Raw, alone, content, marked, raw_differences
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape, canonical, rank
 from atlantis_netcfg.routeros.planner import as_renamed
@@ -46,12 +54,12 @@ class History:
 
     rows: Sequence[Row] = ()
 
-    def deed(self, menu: Menu, raw: Raw) -> Deed | None:
+    def deed(self, menu: Menu, raw: Raw) -> ChangeRecord | None:
         """Return the latest entry about the row of a difference."""
         for row in self.rows:
             commands = [command for command in (row.get("undo", ""), row.get("redo", "")) if _is_about(menu, command)]
             if any(_names(menu, raw, command) for command in commands):
-                return Deed(row.get("by", ""), row.get("time", ""), row.get("action", ""))
+                return ChangeRecord(row.get("by", ""), row.get("time", ""), row.get("action", ""))
         return None
 
 
@@ -112,7 +120,7 @@ def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
     by_id = {row.get(".id"): row for row in view.rows}
     raws += [Raw(DriftKind.FOREIGN, found=by_id[each.id]) for each in plan.drift if each.menu == path]
     read = [raw for raw in raws if raw.found is None or view.menu.ordered or not is_bare(raw.found)]
-    yield from (_told(view, raw) for raw in read)
+    yield from (_message(view, raw) for raw in read)
     if unread := len(raws) - len(read):
         subject = f"{unread} rows more"
         yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
@@ -121,7 +129,7 @@ def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
             yield _hidden(view.menu, hidden.subject, hidden.name)
 
 
-def _told(view: _View, raw: Raw) -> Difference:
+def _message(view: _View, raw: Raw) -> Difference:
     menu = view.menu
     since, why = (Since.UNKNOWN, _NEVER) if view.past is None else view.past.since(menu, raw, view.rows)
     values = raw.declared or raw.found or {}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from datetime import datetime
 
-__all__ = ["Comparison", "Deed", "Difference", "DriftKind", "FieldDifference", "Owner", "Since"]
+__all__ = ["ChangeRecord", "Comparison", "Difference", "DriftKind", "FieldDifference", "Owner", "Since"]
 
 
 class DriftKind(StrEnum):
@@ -65,7 +65,7 @@ class FieldDifference:
 
 
 @dataclass(frozen=True, slots=True)
-class Deed:
+class ChangeRecord:
     """What the device's own history still knows: who did what when, in its words and by its clock."""
 
     by: str
@@ -89,7 +89,7 @@ class Difference:
     fields: tuple[FieldDifference, ...] = ()
     since: Since = Since.UNKNOWN
     why_unknown: str = ""
-    deed: Deed | None = None
+    deed: ChangeRecord | None = None
 
     @property
     def counts(self) -> bool:

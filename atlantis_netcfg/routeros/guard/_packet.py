@@ -56,7 +56,7 @@ def matches(menu: str, rule: Row, packet: Packet, state: State) -> Answer:
     """Return the answer of all matchers of a rule together; one that is not understood makes the answer MAYBE."""
     fields = MENUS[menu].by_name
     answers = [
-        _one(name, value, packet, state)
+        _rule(name, value, packet, state)
         for name, value in rule.items()
         if name in fields and name not in _NO_MATCHERS and value
     ]
@@ -65,7 +65,7 @@ def matches(menu: str, rule: Row, packet: Packet, state: State) -> Answer:
     return min(answers, default=Answer.YES)
 
 
-def _one(name: str, value: str, packet: Packet, state: State) -> Answer:
+def _rule(name: str, value: str, packet: Packet, state: State) -> Answer:
     judge = _JUDGES.get(name)
     if judge is None:
         return Answer.MAYBE

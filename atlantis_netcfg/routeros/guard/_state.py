@@ -58,12 +58,12 @@ class State:
     @property
     def local(self) -> IPv4Address:
         """The router's address that we talk to."""
-        return _told(self.path.local)
+        return _message(self.path.local)
 
     @property
     def technician(self) -> IPv4Address:
         """The address from which we talk."""
-        return _told(self.path.technician)
+        return _message(self.path.technician)
 
     def address_row(self) -> Row | None:
         """Return the row that gives the router our address; one in force if there are several."""
@@ -139,7 +139,7 @@ def _network(interface: IPv4Interface, far_end: str) -> IPv4Network:
     return interface.network
 
 
-def _told(address: str) -> IPv4Address:
+def _message(address: str) -> IPv4Address:
     """An end of our own session as the device shows it. Raises DeviceFailed for what is no address."""
     try:
         return IPv4Address(address)

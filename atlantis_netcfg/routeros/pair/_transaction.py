@@ -186,7 +186,7 @@ class Transaction:
         self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
         done, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
         if done:
-            self._heard(await self._answer)
+            self._received(await self._answer)
         else:
             far.say(Stage.WAITING, "its radio was changed, the link is gone")
 
@@ -205,7 +205,7 @@ class Transaction:
         end.record(LayerSent(device=end.name, layer=layers, actions=tuple(action.number for action in actions)))
         end.touched = True
 
-    def _heard(self, replies: Sequence[Reply]) -> None:
+    def _received(self, replies: Sequence[Reply]) -> None:
         self._acknowledged(self.far, self.far.storm, *replies)
 
     def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
@@ -227,7 +227,7 @@ class Transaction:
                 await self._prove_end(self.far)
                 self.linked = True
                 if self._answer is not None:
-                    self._heard(await self._answer)
+                    self._received(await self._answer)
                 await self._prove_end(self.near)
                 await self._prove_radio()
         except TimeoutError:

@@ -150,7 +150,7 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         return {}
     value = item.values[name]
     if each.asked and value:
-        return _asked(context, report, item, row, name)
+        return _requested(context, report, item, row, name)
     desired = menu.default_of(name, row) if value is None else value
     if any(either.covers(menu, name, desired, row) for either in context.desired.run_time):
         return {}
@@ -161,7 +161,7 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
     return changes
 
 
-def _asked(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
+def _requested(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
     """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
     value = item.values[name] or ""
     if context.sim is Sim.FREE:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.emulator.routeros import Knobs, Link
+    from atlantis_netcfg.emulator.routeros import Link, WireBehaviour
     from atlantis_netcfg.routeros.api import Command, Reply
     from atlantis_netcfg.routeros.apply import Channel
 
@@ -144,7 +144,7 @@ class Bench:
     tmp_path: Path
     text: str = TEXT
     link: Link | None = None
-    knobs: Knobs | None = None
+    knobs: WireBehaviour | None = None
     spec: dict[str, Any] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
     router: Router = field(init=False)

@@ -9,7 +9,7 @@ import pytest
 from engine_bench import TEXT, Bench, leases, on, without_header
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN
-from atlantis_netcfg.emulator.routeros import Execute, Knobs, Link
+from atlantis_netcfg.emulator.routeros import Execute, Link, WireBehaviour
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
@@ -192,7 +192,7 @@ def test_devices_that_answer_scripts_otherwise_converge_too(tmp_path: Path, exec
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("execute", [Execute.OUTPUT, Execute.NONE])
 def test_the_order_in_which_sentences_run_is_no_matter(tmp_path: Path, seed: int, execute: Execute) -> None:
-    bench = Bench(tmp_path / "shuffled", knobs=Knobs(shuffle=seed), spec={"execute": execute})
+    bench = Bench(tmp_path / "shuffled", knobs=WireBehaviour(shuffle=seed), spec={"execute": execute})
     plain = Bench(tmp_path / "plain")
 
     async def act(bench: Bench) -> tuple[DeviceResult, str]:

@@ -11,7 +11,7 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind, Knobs
+from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind, WireBehaviour
 from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
@@ -201,7 +201,7 @@ def test_the_history_is_exhausted_before_the_end(tmp_path: Path) -> None:
 
 
 def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
-    bench = Bench(tmp_path, knobs=Knobs(boot_s=100_000))
+    bench = Bench(tmp_path, knobs=WireBehaviour(boot_s=100_000))
 
     async def act(bench: Bench) -> DeviceResult:
         bench.router.arm(Fault(do=FaultKind.POWER, match="/execute", sentence=3, when="after"))

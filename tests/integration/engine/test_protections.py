@@ -10,7 +10,7 @@ import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros import DeviceMode, Fault, FaultKind, Knobs
+from atlantis_netcfg.emulator.routeros import DeviceMode, Fault, FaultKind, WireBehaviour
 from atlantis_netcfg.emulator.routeros import Mode as TwinMode
 from atlantis_netcfg.journal import Protected
 from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status
@@ -153,7 +153,7 @@ def test_new_sessions_are_shut_out(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(("path", "nth"), [("/execute", 3), ("/ip/address/print", 3), ("/system/scheduler/remove", 1)])
 def test_the_session_is_cut(tmp_path: Path, kind: FaultKind, ssh: bool, path: str, nth: int) -> None:  # noqa: FBT001
     # A console that is opened again waits for a reboot in real time.
-    bench = Bench(tmp_path, spec={"version": "7.16"}, knobs=Knobs(boot_s=2.0))
+    bench = Bench(tmp_path, spec={"version": "7.16"}, knobs=WireBehaviour(boot_s=2.0))
 
     async def act(bench: Bench) -> Any:  # noqa: ANN401
         bench.router.arm(Fault(do=kind, match=path, sentence=nth, when="after"))

@@ -10,7 +10,7 @@ from engine_bench import Bench, on
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.emulator.routeros import Deviation, Execute, Knobs, ModemSpec
+from atlantis_netcfg.emulator.routeros import Deviation, Execute, ModemSpec, WireBehaviour
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
 from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Finding, Seen, fall_silent, read, try_out
@@ -84,8 +84,8 @@ def test_a_renamed_modem_is_asked_under_its_name(tmp_path: Path) -> None:
 
 
 OFF_BY_READING: dict[str, dict[str, Any]] = {
-    "api-flight-100": {"knobs": Knobs(hang_at=25)},
-    "tls-version": {"knobs": Knobs(tls="1.3")},
+    "api-flight-100": {"knobs": WireBehaviour(hang_at=25)},
+    "tls-version": {"knobs": WireBehaviour(tls="1.3")},
     **{each: {"deviations": (Deviation(each),)} for each in CHECKS},
 }
 
@@ -97,8 +97,8 @@ def test_what_is_turned_off_is_told_by_reading(tmp_path: Path, name: str) -> Non
 
 
 OFF_BY_TRYING: dict[str, dict[str, Any]] = {
-    "api-flight-24": {"knobs": Knobs(hang_writes_at=24)},
-    "api-tagged-order": {"knobs": Knobs(shuffle=3)},
+    "api-flight-24": {"knobs": WireBehaviour(hang_writes_at=24)},
+    "api-tagged-order": {"knobs": WireBehaviour(shuffle=3)},
     "execute-error-text": {"execute": Execute.TRAP},
     "safe-mode-close": {"unroll_delay_s": 60.0},
     **{

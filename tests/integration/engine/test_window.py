@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from engine_bench import Bench, on
 
-from atlantis_netcfg.emulator.routeros import Knobs
+from atlantis_netcfg.emulator.routeros import WireBehaviour
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.api import WINDOW
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 NOTE = "the device fell silent with more than 24 questions at once"
 
 
-def twice(tmp_path: Path, knobs: Knobs) -> tuple[DeviceResult, DeviceResult, list[bool]]:
+def twice(tmp_path: Path, knobs: WireBehaviour) -> tuple[DeviceResult, DeviceResult, list[bool]]:
     """Converge two times, the second time with what the first has taught."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, list[bool]]:
@@ -31,7 +31,7 @@ def twice(tmp_path: Path, knobs: Knobs) -> tuple[DeviceResult, DeviceResult, lis
 
 
 def test_a_device_that_bears_it_is_read_in_one_flight(tmp_path: Path) -> None:
-    first, second, told = twice(tmp_path, Knobs())
+    first, second, told = twice(tmp_path, WireBehaviour())
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED)
     assert not told
     assert second.round_trips == 5
@@ -39,7 +39,7 @@ def test_a_device_that_bears_it_is_read_in_one_flight(tmp_path: Path) -> None:
 
 
 def test_a_device_that_hangs_is_asked_again_in_smaller_batches_and_that_is_told(tmp_path: Path) -> None:
-    first, second, told = twice(tmp_path, Knobs(hang_at=25))
+    first, second, told = twice(tmp_path, WireBehaviour(hang_at=25))
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
     assert told == [True]
     assert [note for note in first.notes if NOTE in note]
@@ -53,6 +53,6 @@ def test_a_plan_is_told_so_as_well(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
         return await bench.converge(Mode.PLAN)
 
-    result = on(Bench(tmp_path, knobs=Knobs(hang_at=25)), act)
+    result = on(Bench(tmp_path, knobs=WireBehaviour(hang_at=25)), act)
     assert result.status is Status.PLANNED
     assert [note for note in result.notes if NOTE in note]

@@ -26,7 +26,7 @@ from bench.proxy import Count, Proxy, Shape
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros import Endpoint
-    from atlantis_netcfg.routeros.apply._work import Work
+    from atlantis_netcfg.routeros.apply._work import RunContext
 
 RTT_S = 0.7
 PLAIN = Shape(RTT_S / 2)
@@ -184,7 +184,7 @@ def test_the_devices_parser_costs_what_it_may(scenario: Scenario, monkeypatch: p
     scripts: list[int] = []
     monkeypatch.setattr(Examination, "questions", lambda *_: ())
 
-    async def change(work: Work) -> None:
+    async def change(work: RunContext) -> None:
         scripts.append(sum(len(text.encode()) for text, _ in written(work.aim.actions)))
         await changing(work)
 

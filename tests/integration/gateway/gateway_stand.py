@@ -18,13 +18,13 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import tree, why_not, yard
+from atlantis_netcfg.emulator.lab import build_rootfs, why_not, yard
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 SPEC = tree_spec(SHIPPED)
@@ -37,7 +37,7 @@ _FIRST = 10
 
 def gateway_tree() -> Path:
     """The tree of all these tests, in the user's cache: built once, in about 90 s."""
-    return tree(SPEC)
+    return build_rootfs(SPEC)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def technician(tmp_path_factory: pytest.TempPathFactory) -> Key:
 
 
 @pytest.fixture
-def ground(tmp_path: Path) -> Iterator[Yard]:
+def ground(tmp_path: Path) -> Iterator[Lab]:
     """A yard that stands as long as the test; its end is the router's address."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
@@ -79,7 +79,7 @@ def ground(tmp_path: Path) -> Iterator[Yard]:
 
 
 @pytest.fixture
-def machine(ground: Yard, technician: Key) -> Start:
+def machine(ground: Lab, technician: Key) -> Start:
     """Starts machines in the test's yard; `how` is what `Yard.start` takes."""
     numbers = itertools.count(_FIRST)
 

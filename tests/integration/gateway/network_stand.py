@@ -16,7 +16,7 @@ from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, GatewayNetwork, NetworkTool
-from atlantis_netcfg.emulator.lab import TreeSpec, tree, why_not, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, why_not, yard
 from atlantis_netcfg.gateway.network import gateway_network
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def network_stand(tmp_path: Path, technician: Key) -> Iterator[NetworkStand]:
         pytest.skip(reason)
     with yard(tmp_path / "yard") as made:
         gateway = made.start(
-            NAME, tree(SPEC), address="10.64.1.10/24", gateway=ROUTER, keys=(technician.public,), spare="eth1"
+            NAME, build_rootfs(SPEC), address="10.64.1.10/24", gateway=ROUTER, keys=(technician.public,), spare="eth1"
         )
         gateway.put("/usr/local/sbin/udevadm", NO_UDEV, mode="0755")
         yield NetworkStand(gateway, technician, tmp_path)

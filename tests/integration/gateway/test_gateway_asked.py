@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gateway_stand import Key, Start
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -63,7 +63,7 @@ def asked(ears: RealEars, *questions: Listen | Run | DhcpDiscoverRequest) -> Map
 
 def test_a_gateway_is_asked_in_one_command(
     ears: RealEars,
-    ground: Yard,  # noqa: F811 - as above
+    ground: Lab,  # noqa: F811 - as above
     technician: Key,  # noqa: F811
     tmp_path: Path,
 ) -> None:

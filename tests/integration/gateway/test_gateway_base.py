@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -53,7 +53,7 @@ def wait_until(holds: Callable[[], bool], timeout_s: float = 60) -> None:
         time.sleep(0.05)
 
 
-def test_a_computer_becomes_a_gateway(stand: Stand, ground: Yard, tmp_path: Path) -> None:  # noqa: F811 - fixtures
+def test_a_computer_becomes_a_gateway(stand: Stand, ground: Lab, tmp_path: Path) -> None:  # noqa: F811 - fixtures
     planned = stand.run("--check")
     assert said(stand, "cat /etc/timezone") == "Etc/UTC"
     done = stand.run()
@@ -83,7 +83,7 @@ def test_a_computer_becomes_a_gateway(stand: Stand, ground: Yard, tmp_path: Path
     assert who_answers(ground, stand) == {"22": True, "7401": True, "8000": False}
 
 
-def who_answers(ground: Yard, stand: Stand) -> dict[str, bool]:  # noqa: F811 - a fixture
+def who_answers(ground: Lab, stand: Stand) -> dict[str, bool]:  # noqa: F811 - a fixture
     """Of ports on which a program listens, as the LAN sees it: TCP, but for the one of DDS."""
     stand.gateway.run(
         "for port in 8000; do setsid python3 -m http.server $port >/dev/null 2>&1 </dev/null & done; "
@@ -103,7 +103,7 @@ def who_answers(ground: Yard, stand: Stand) -> dict[str, bool]:  # noqa: F811 - 
     }
 
 
-def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Yard, tmp_path: Path) -> None:  # noqa: F811
+def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Lab, tmp_path: Path) -> None:  # noqa: F811
     """The technician works from 192.0.2.1, which the site does not admit, as root or by sudo; then sshd is odd."""
     ground.own("192.0.2.1/24")
     stand = made(machine, technician, tmp_path, address="192.0.2.10/24", gateway="192.0.2.1")

@@ -17,7 +17,7 @@ import pytest
 from gateway_role import NAME, Stand
 from gateway_stand import technician  # noqa: F401 - a fixture
 
-from atlantis_netcfg.emulator.lab import Machine, TreeSpec, tree, why_not
+from atlantis_netcfg.emulator.lab import Machine, TreeSpec, build_rootfs, why_not
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,7 +57,7 @@ class Guest:
 def card(folder: Path, key: Key) -> tuple[Path, str]:
     """The disk of a board, and its host key."""
     root = folder / "root"
-    subprocess.run(["cp", "-a", tree(SPEC), root], check=True)
+    subprocess.run(["cp", "-a", build_rootfs(SPEC), root], check=True)
     subprocess.run(
         ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", root / "etc/ssh/ssh_host_ed25519_key"], check=True
     )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 
@@ -86,7 +86,7 @@ class Interop:
 
 
 @pytest.fixture
-def interop(ground: Yard, machine: Start, technician: Key, tmp_path: Path) -> Iterator[Interop]:  # noqa: F811
+def interop(ground: Lab, machine: Start, technician: Key, tmp_path: Path) -> Iterator[Interop]:  # noqa: F811
     stand = Stand(machine("coastal-gateway"), technician, tmp_path, ["gateway_interop"])
     stand.gateway.put("/opt/ros/foxy/setup.sh", "export ROS_DISTRO=foxy\n")
     authority, context = certified(tmp_path, ROUTER)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -43,7 +43,7 @@ class Ros:
 
 
 @pytest.fixture
-def ros(ground: Yard, machine: Start, technician: Key, tmp_path: Path) -> Ros:  # noqa: F811 - fixtures
+def ros(ground: Lab, machine: Start, technician: Key, tmp_path: Path) -> Ros:  # noqa: F811 - fixtures
     stand = Stand(machine("coastal-gateway"), technician, tmp_path, ["gateway_ros2"])
     stand.gateway.run("rm -f /etc/os-release /etc/apt/sources.list /etc/apt/sources.list.d/*")
     stand.gateway.put("/etc/os-release", UBUNTU)

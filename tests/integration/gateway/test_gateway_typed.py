@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gateway_stand import Key, Start
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
     from atlantis_netcfg.emulator.lab.stubs import Archive
     from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer
 
@@ -48,7 +48,7 @@ class Typed(Voyage):
     def declaration(self) -> Declaration:
         return load(self.inventory, decrypt=lambda _sealed: TOKEN)
 
-    def provision(self, ground: Yard, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture
+    def provision(self, ground: Lab, *words: str) -> dict[str, Any]:  # noqa: F811 - not the fixture
         """Type it where the laptop stands: in the network of the quay."""
         typed = ["site=coastal", f"only={NAME}", f"inventory={self.inventory}", "--json", *words]
         options = f"-F none -i {self.key.file} -o IdentitiesOnly=yes -o UserKnownHostsFile={self.known}"
@@ -101,7 +101,7 @@ def typed(
     return stand
 
 
-def test_it_is_planned_done_and_done_again(typed: Typed, ground: Yard) -> None:  # noqa: F811 - a fixture
+def test_it_is_planned_done_and_done_again(typed: Typed, ground: Lab) -> None:  # noqa: F811 - a fixture
     typed.pack()
     bundle = str(typed.folder / "bundle")
     known = typed.known.read_text()
@@ -126,7 +126,7 @@ def test_it_is_planned_done_and_done_again(typed: Typed, ground: Yard) -> None: 
     assert (other["exit"], other["devices"][NAME]["status"]) == (4, "left-as-found"), other["errors"]
 
 
-def test_a_bundle_that_lacks_something_is_refused_before_anything_starts(typed: Typed, ground: Yard) -> None:  # noqa: F811
+def test_a_bundle_that_lacks_something_is_refused_before_anything_starts(typed: Typed, ground: Lab) -> None:  # noqa: F811
     typed.pack()
     pilot = typed.inventory / "group_vars/all/pilot.yml"
     pilot.write_text(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -49,7 +49,7 @@ def stand(machine: Start, technician: Key, tmp_path: Path) -> Stand:  # noqa: F8
 
 
 @pytest.fixture
-def vpn(ground: Yard, tmp_path: Path) -> Iterator[Vpn]:  # noqa: F811 - fixture
+def vpn(ground: Lab, tmp_path: Path) -> Iterator[Vpn]:  # noqa: F811 - fixture
     made = Vpn(ground, tmp_path / "vpn")
     made.start()
     yield made

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from gateway_stand import Key, Start
 
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
@@ -101,7 +101,7 @@ class Board:
 
 
 @pytest.fixture
-def board(ground: Yard, machine: Start, technician: Key, tmp_path: Path) -> Board:  # noqa: F811 - fixtures
+def board(ground: Lab, machine: Start, technician: Key, tmp_path: Path) -> Board:  # noqa: F811 - fixtures
     made = Board(machine(NAME), technician, tmp_path, lambda archive: ground.serve(archive.folder))
     made.gateway.run("rm -f /etc/apt/sources.list /etc/apt/sources.list.d/*")
     return made
@@ -168,7 +168,7 @@ def test_another_one_at_work_is_named_and_waited_for(board: Board) -> None:
 
 
 def test_a_full_disk_is_told_before_and_while_and_the_next_run_ends(
-    ground: Yard,  # noqa: F811 - a fixture
+    ground: Lab,  # noqa: F811 - a fixture
     machine: Start,  # noqa: F811 - a fixture
     technician: Key,  # noqa: F811 - a fixture
     tmp_path: Path,

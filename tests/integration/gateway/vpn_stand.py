@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.emulator.lab import Yard
+    from atlantis_netcfg.emulator.lab import Lab
 
 ENDPOINT = "203.0.113.2"
 SERVER = "scc-vpn"
@@ -54,7 +54,7 @@ log {folder}/server.log
 class Vpn:
     """The server's folder; `admit` and `refuse` write what it reads at the next handshake."""
 
-    ground: Yard
+    ground: Lab
     folder: Path
     ca: pki.Ca = field(default_factory=lambda: pki.new_ca("test", datetime.now(UTC)))
     running: subprocess.Popen[bytes] | None = None

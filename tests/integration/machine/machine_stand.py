@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import paramiko
 import pytest
 
-from atlantis_netcfg.emulator.lab import TreeSpec, tree, why_not, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, why_not, yard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 ADDRESS, ROUTER = "10.64.1.10/24", "10.64.1.1"
 _PATIENCE_S = 30.0
@@ -26,11 +26,11 @@ def bare() -> Path:
     """The smallest tree, in the user's cache."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    return tree(TreeSpec())
+    return build_rootfs(TreeSpec())
 
 
 @pytest.fixture
-def ground(bare: Path, tmp_path: Path) -> Iterator[Yard]:
+def ground(bare: Path, tmp_path: Path) -> Iterator[Lab]:
     assert bare.is_dir()
     with yard(tmp_path / "yard") as made:
         yield made
@@ -42,7 +42,7 @@ def key() -> paramiko.PKey:
 
 
 @pytest.fixture
-def gateway(ground: Yard, bare: Path, key: paramiko.PKey) -> Machine:
+def gateway(ground: Lab, bare: Path, key: paramiko.PKey) -> Machine:
     public = f"{key.get_name()} {key.get_base64()}"
     return ground.start("coastal-gateway", bare, address=ADDRESS, gateway=ROUTER, keys=(public,), disk_mb=64)
 

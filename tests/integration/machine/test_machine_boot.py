@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.lab import MachineFailed
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -70,7 +70,7 @@ def test_commands_get_input_and_tell_their_failure(gateway: Machine) -> None:
         gateway.run("ls /none")
 
 
-def test_a_spare_interface_and_a_network_of_its_own_making(ground: Yard, bare: Path, key: paramiko.PKey) -> None:
+def test_a_spare_interface_and_a_network_of_its_own_making(ground: Lab, bare: Path, key: paramiko.PKey) -> None:
     keys = (f"{key.get_name()} {key.get_base64()}",)
     one = ground.start(
         *("robot", bare), address=ADDRESS, gateway=ROUTER, keys=keys, spare="eth1", configured=False, wait_s=None
@@ -84,7 +84,7 @@ def test_a_spare_interface_and_a_network_of_its_own_making(ground: Yard, bare: P
 
 
 def test_machines_of_a_yard_and_its_servers_reach_each_other(
-    gateway: Machine, ground: Yard, bare: Path, tmp_path: Path
+    gateway: Machine, ground: Lab, bare: Path, tmp_path: Path
 ) -> None:
     other = ground.start("other", bare, address="10.64.2.10/24", gateway="10.64.2.1", wait_s=None)
     (tmp_path / "served").mkdir()
@@ -103,6 +103,6 @@ def test_machines_of_a_yard_and_its_servers_reach_each_other(
     ]
 
 
-def test_one_name_stands_once(gateway: Machine, ground: Yard, bare: Path) -> None:
+def test_one_name_stands_once(gateway: Machine, ground: Lab, bare: Path) -> None:
     with pytest.raises(MachineFailed, match=f"{gateway.name} stands in this yard already"):
         ground.start(gateway.name, bare, address=ADDRESS, gateway=ROUTER)

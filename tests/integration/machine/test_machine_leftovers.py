@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 
-from atlantis_netcfg.emulator.lab import TreeSpec, tree, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, yard
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -119,7 +119,7 @@ def test_an_owner_that_is_killed_with_its_reaper_is_swept_by_the_next_yard(owner
         assert left(owner.yard) == []
 
 
-def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, ground: Yard, tmp_path: Path) -> None:
+def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, ground: Lab, tmp_path: Path) -> None:
     with yard(tmp_path / "third") as third:
         names = {owner.yard, ground.name, third.name}
         assert len(names) == 3
@@ -142,13 +142,13 @@ def test_a_killed_build_is_thrown_away_but_not_what_is_mounted_in_it(
     (tmp_path / "mmdebstrap").write_text(f"#!/bin/sh\nmkdir '{half}'\n")
     (tmp_path / "mmdebstrap").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    made = tree(TreeSpec(), tmp_path / "a cache")
+    made = build_rootfs(TreeSpec(), tmp_path / "a cache")
     assert list(made.iterdir()) == []
     assert (ours / "kept").read_text() == "kept\n"
     assert str(ours) not in Path("/proc/self/mountinfo").read_text()
 
 
-def test_a_stopped_machine_is_gone_before_its_yard(gateway: Machine, ground: Yard) -> None:
+def test_a_stopped_machine_is_gone_before_its_yard(gateway: Machine, ground: Lab) -> None:
     gateway.stop()
     running = subprocess.run(["ip", "netns", "pids", ground.name], capture_output=True, text=True, check=True)
     assert running.stdout == ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import serial
 from shell_site import PASSWORD, Twin, twin
 
-from atlantis_netcfg.emulator.routeros import Knobs
+from atlantis_netcfg.emulator.routeros import WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,7 +83,7 @@ def test_first_login(tmp_path: Path) -> None:
 
 
 def test_the_network_s_faults_do_not_reach_it_and_a_reboot_does(tmp_path: Path) -> None:
-    with twin(tmp_path, serial=True, knobs=Knobs(boot_s=0.2)) as box, cable(box) as line:
+    with twin(tmp_path, serial=True, knobs=WireBehaviour(boot_s=0.2)) as box, cable(box) as line:
         line.login()
         for fault in ("drop", "vanish"):
             box.do(fault)
@@ -109,7 +109,7 @@ def test_safe_mode_on_the_line(tmp_path: Path) -> None:
 
 
 def test_a_terminal_that_says_nothing_about_itself_sees_no_output(tmp_path: Path) -> None:
-    with twin(tmp_path, serial=True, knobs=Knobs(probe_s=0.1)) as box, cable(box) as line:
+    with twin(tmp_path, serial=True, knobs=WireBehaviour(probe_s=0.1)) as box, cable(box) as line:
         line.say("\r", b"Login: ")
         line.say("admin\r", b"Password: ")
         assert "\x1bZ" in line.say(f"{PASSWORD}\r", b"] > \x1b[K")

@@ -14,7 +14,7 @@ from npk_files import write
 from atlantis_netcfg.console.types import HostKeyChanged, UnknownHostKey
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import Knobs, RouterSpec, RunningSite, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
 from atlantis_netcfg.operations.upgrade import Upgrading, Waiting
 from atlantis_netcfg.routeros.api import Endpoint
@@ -50,7 +50,7 @@ class Records(NoJournal):
 def router(tmp_path: Path, *, boot_s: float = 0.3, **spec: Any) -> Iterator[tuple[RunningSite, Upgrading]]:  # noqa: ANN401
     """A twin of RouterOS 7.18.2 on real sockets, and the upgrade of it to 7.21.5."""
     described = RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **spec)
-    site = SiteSpec(name="quay", twins=(TwinSpec(router=described, knobs=Knobs(boot_s=boot_s)),))
+    site = SiteSpec(name="quay", twins=(TwinSpec(router=described, knobs=WireBehaviour(boot_s=boot_s)),))
     (tmp_path / "twins").mkdir()
     with RunningSite(site, tmp_path / "twins") as running:
         ready = running.ready["router"]

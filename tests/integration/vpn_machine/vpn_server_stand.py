@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import tree, why_not, yard
+from atlantis_netcfg.emulator.lab import build_rootfs, why_not, yard
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.emulator.lab import Machine, Yard
+    from atlantis_netcfg.emulator.lab import Lab, Machine
     from atlantis_netcfg.vpn import pki
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -119,7 +119,7 @@ class Client:
 class Stand:
     """A server that runs, and the laptop of the operator."""
 
-    ground: Yard
+    ground: Lab
     machine: Machine
     key: Path
     public: str
@@ -336,7 +336,11 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
     with ExitStack() as stack:
         ground = stack.enter_context(yard(folder / "yard"))
         machine = ground.start(
-            NAME, tree(tree_spec(load(ROOT / "inventory"))), address=f"{ADDRESS}/24", gateway=ROUTER, keys=(public,)
+            NAME,
+            build_rootfs(tree_spec(load(ROOT / "inventory"))),
+            address=f"{ADDRESS}/24",
+            gateway=ROUTER,
+            keys=(public,),
         )
         vpn = folder / "state" / "vpn"
         vpn.parent.mkdir(mode=0o700)

@@ -11,8 +11,8 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
 from atlantis_netcfg.checklist.report import Drawing, Item, Kind, Phase, Row
-from atlantis_netcfg.cli._checking.desk import Desk
-from atlantis_netcfg.cli._checking.flow import Round, shown
+from atlantis_netcfg.cli._checking.desk import Prompt
+from atlantis_netcfg.cli._checking.flow import CheckWorkflow, shown
 from atlantis_netcfg.cli._checking.listening import Listening
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.verdicts import Verdict
@@ -139,7 +139,7 @@ class Sitting:
     def __post_init__(self) -> None:
         self.ears = ScriptedEars(self.words)
         self._typing = list(self.typed)
-        self.desk = Desk(self._ask, self.said.append)
+        self.desk = Prompt(self._ask, self.said.append)
 
     def _ask(self, question: str) -> str:
         if not self._typing:
@@ -157,9 +157,11 @@ class Sitting:
         )
         return Book.open(self.folder / "checks", checklist(*self.entries), head, now=lambda: NOON)
 
-    def turn(self, book: Book) -> Round:
+    def turn(self, book: Book) -> CheckWorkflow:
         ears = Listening(self.ears, self.ears)
-        return Round(book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price, self.at_once)
+        return CheckWorkflow(
+            book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price, self.at_once
+        )
 
     def sit(self) -> tuple[Item, ...]:
         """Go through it; give the items as they are then."""

@@ -9,7 +9,7 @@ from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.cli._checking.desk import Desk, Later
+from atlantis_netcfg.cli._checking.desk import Prompt, PromptAborted
 from atlantis_netcfg.cli._checking.price import Price
 from atlantis_netcfg.core.verdicts import Verdict
 
@@ -102,7 +102,7 @@ def test_later_at_any_question_leaves_the_rest_open(kept: int, tmp_path: Path) -
     typed = ["yes", "", "N", "", "yes"]
     words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
     sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
-    with pytest.raises(Later):
+    with pytest.raises(PromptAborted):
         sitting.sit()
     with sitting.book() as book:
         assert [item.open for item in book.items] == [False, kept < 4, True]
@@ -197,7 +197,7 @@ def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
 def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
     typed = iter(["x", "overide", "unlcear", "u"])
     said: list[str] = []
-    desk = Desk(lambda _question: next(typed), said.append)
+    desk = Prompt(lambda _question: next(typed), said.append)
     assert desk.choose("?", {"yes": 1, "unclear": 2, "override": 3}) == 2
     assert said == [
         "  type one of: yes, unclear, override, later",
@@ -217,11 +217,11 @@ def test_the_end_of_the_input_is_later() -> None:
     def ended(_question: str) -> str:
         raise EOFError
 
-    with pytest.raises(Later):
-        Desk(ended).ask("Anybody?")
+    with pytest.raises(PromptAborted):
+        Prompt(ended).ask("Anybody?")
 
 
 def test_what_is_said_cannot_move_the_cursor() -> None:
     said: list[str] = []
-    Desk(say=said.append).say("one\x1b[2Jtwo\nthree")
+    Prompt(say=said.append).say("one\x1b[2Jtwo\nthree")
     assert said == ["one\\u001b[2Jtwo\nthree"]

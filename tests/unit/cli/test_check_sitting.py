@@ -16,10 +16,10 @@ from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.runner.no_result import unanswered
 from atlantis_netcfg.cli import _session, main
 from atlantis_netcfg.cli._checking import sitting
-from atlantis_netcfg.cli._checking.desk import Desk
+from atlantis_netcfg.cli._checking.desk import Prompt
 from atlantis_netcfg.cli._checking.listening import Listening
 from atlantis_netcfg.cli._checking.price import price_of
-from atlantis_netcfg.cli._checking.sitting import Stopped, sit
+from atlantis_netcfg.cli._checking.sitting import Stopped, run_check
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli.check import COMMAND
 
@@ -109,7 +109,7 @@ def at_desk(*typed: str, words: Sequence[str] = ROV) -> tuple[int, str]:
             raise KeyboardInterrupt
         return answer
 
-    code = sit(parse(COMMAND, words), Desk(ask, said.append))
+    code = run_check(parse(COMMAND, words), Prompt(ask, said.append))
     assert rest == []
     return int(code), "\n".join(said)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, rootfs, tree
+from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, rootfs
 from atlantis_netcfg.emulator.lab.rootfs import KEPT_DAYS, in_use
 
 if TYPE_CHECKING:
@@ -61,8 +61,8 @@ def test_the_order_of_packages_makes_no_other_tree() -> None:
 
 def test_it_is_built_once(builds: Path, tmp_path: Path) -> None:
     spec = TreeSpec(packages=("git",), mirror="http://192.0.2.1/debian")
-    made = tree(spec, tmp_path / "cache")
-    assert tree(spec, tmp_path / "cache") == made
+    made = build_rootfs(spec, tmp_path / "cache")
+    assert build_rootfs(spec, tmp_path / "cache") == made
     assert builds.read_text() == "once\n"
     words = (made / "words").read_text()
     assert "--include=dbus,git,iproute2,openssh-server,python3,sudo,systemd,systemd-sysv,udev" in words
@@ -71,7 +71,9 @@ def test_it_is_built_once(builds: Path, tmp_path: Path) -> None:
 
 def test_many_who_want_it_at_once_wait_for_one(builds: Path, tmp_path: Path) -> None:
     made: list[Path] = []
-    threads = [threading.Thread(target=lambda: made.append(tree(TreeSpec(), tmp_path / "cache"))) for _ in range(4)]
+    threads = [
+        threading.Thread(target=lambda: made.append(build_rootfs(TreeSpec(), tmp_path / "cache"))) for _ in range(4)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -83,7 +85,7 @@ def test_many_who_want_it_at_once_wait_for_one(builds: Path, tmp_path: Path) -> 
 def test_what_a_killed_build_has_left_is_thrown_away(builds: Path, tmp_path: Path) -> None:
     half = tmp_path / "cache" / f"{TreeSpec().key()}.half"
     (half / "etc").mkdir(parents=True)
-    made = tree(TreeSpec(), tmp_path / "cache")
+    made = build_rootfs(TreeSpec(), tmp_path / "cache")
     assert builds.read_text() == "once\n"
     assert not half.exists()
     assert [path.name for path in made.iterdir()] == ["words"]
@@ -92,7 +94,7 @@ def test_what_a_killed_build_has_left_is_thrown_away(builds: Path, tmp_path: Pat
 def test_mmdebstrap_holds_the_lock_beyond_the_life_of_its_caller(builds: Path, tmp_path: Path) -> None:
     script = tmp_path / "bin" / "mmdebstrap"
     script.write_text(f"{BUILT}\nls -l /proc/self/fd > $target/open\n")
-    made = tree(TreeSpec(), tmp_path / "cache")
+    made = build_rootfs(TreeSpec(), tmp_path / "cache")
     assert str(made.with_suffix(".lock")) in (made / "open").read_text().split()
     with made.with_suffix(".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -102,7 +104,7 @@ def test_mmdebstrap_holds_the_lock_beyond_the_life_of_its_caller(builds: Path, t
 def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -> None:
     (tmp_path / "bin" / "mmdebstrap").write_text(REFUSED)
     with pytest.raises(MachineFailed) as caught:
-        tree(TreeSpec(packages=("no-such-package",)), tmp_path / "cache")
+        build_rootfs(TreeSpec(packages=("no-such-package",)), tmp_path / "cache")
     assert str(caught.value) == (
         "no Debian bookworm for machines could be built: mmdebstrap ended with 25:\n"
         "  Get:3\n  Get:4\n  Get:5\n  Get:6\n  Get:7\n"
@@ -115,7 +117,7 @@ def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -
 @pytest.mark.usefixtures("builds")
 def test_by_default_it_is_kept_in_the_cache_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert tree(TreeSpec()).parent == tmp_path / "xdg" / "atlantis" / "trees"
+    assert build_rootfs(TreeSpec()).parent == tmp_path / "xdg" / "atlantis" / "trees"
 
 
 OTHER = TreeSpec(packages=("git",))
@@ -142,30 +144,30 @@ def _last_used(cache: Path, spec: TreeSpec, version: str, days: float = 0.0) -> 
     ],
 )
 def test_the_tree_of_an_old_release_is_removed(tmp_path: Path, version: str, days: float, kept: bool) -> None:  # noqa: FBT001 - a case
-    made = tree(OTHER, tmp_path)
+    made = build_rootfs(OTHER, tmp_path)
     _last_used(tmp_path, OTHER, version, days)
-    tree(TreeSpec(), tmp_path)
+    build_rootfs(TreeSpec(), tmp_path)
     assert made.is_dir() is kept
     assert list(tmp_path.glob("*.half")) == []
 
 
 @pytest.mark.usefixtures("builds")
 def test_a_tree_that_is_used_again_is_kept(tmp_path: Path) -> None:
-    made = tree(OTHER, tmp_path)
+    made = build_rootfs(OTHER, tmp_path)
     _last_used(tmp_path, OTHER, "0.0.9", KEPT_DAYS + 1)
-    tree(OTHER, tmp_path)
-    tree(TreeSpec(), tmp_path)
+    build_rootfs(OTHER, tmp_path)
+    build_rootfs(TreeSpec(), tmp_path)
     assert made.is_dir()
 
 
 @pytest.mark.usefixtures("builds")
 def test_an_old_tree_is_kept_as_long_as_a_machine_stands_on_it(tmp_path: Path) -> None:
-    made = tree(OTHER, tmp_path)
+    made = build_rootfs(OTHER, tmp_path)
     _last_used(tmp_path, OTHER, "0.0.9")
     with in_use(made):
-        tree(TreeSpec(), tmp_path)
+        build_rootfs(TreeSpec(), tmp_path)
         assert made.is_dir()
-    tree(TreeSpec(), tmp_path)
+    build_rootfs(TreeSpec(), tmp_path)
     assert not made.exists()
 
 
@@ -173,30 +175,30 @@ def test_an_old_tree_is_kept_as_long_as_a_machine_stands_on_it(tmp_path: Path) -
 def test_an_old_tree_is_kept_while_a_mount_of_a_killed_process_is_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = tree(OTHER, tmp_path / "cache")
+    made = build_rootfs(OTHER, tmp_path / "cache")
     _last_used(tmp_path / "cache", OTHER, "0.0.9")
     (tmp_path / "mounts").write_text(
         f"1 2 0:3 / /run/x rw - overlay atlantis rw,lowerdir={made},upperdir=/u,workdir=/w\n"
     )
     monkeypatch.setattr(rootfs, "_MOUNTS", tmp_path / "mounts")
-    tree(TreeSpec(), tmp_path / "cache")
+    build_rootfs(TreeSpec(), tmp_path / "cache")
     assert made.is_dir()
 
 
 @pytest.mark.usefixtures("builds")
 def test_an_old_tree_is_kept_while_another_process_is_about_to_use_it(tmp_path: Path) -> None:
-    made = tree(OTHER, tmp_path)
+    made = build_rootfs(OTHER, tmp_path)
     lock = _last_used(tmp_path, OTHER, "0.0.9").with_suffix(".lock")
     with lock.open() as held:
         fcntl.flock(held, fcntl.LOCK_EX)
-        tree(TreeSpec(), tmp_path)
+        build_rootfs(TreeSpec(), tmp_path)
     assert made.is_dir()
 
 
 @pytest.mark.usefixtures("builds")
 def test_what_a_killed_build_of_another_tree_has_left_is_removed(tmp_path: Path) -> None:
-    tree(TreeSpec(), tmp_path)
+    build_rootfs(TreeSpec(), tmp_path)
     (tmp_path / f"{OTHER.key()}.lock").touch()
     (tmp_path / f"{OTHER.key()}.half" / "etc").mkdir(parents=True)
-    tree(TreeSpec(), tmp_path)
+    build_rootfs(TreeSpec(), tmp_path)
     assert list(tmp_path.glob("*.half")) == []

@@ -8,7 +8,7 @@ import pytest
 from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import Around, Called, Load, Validity
+from atlantis_netcfg.emulator.routeros.environment import Called, Environment, Load, Validity
 from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, SiteSpec, TwinSpec, User
 
@@ -49,7 +49,7 @@ class Box:
             certificates=("atlantis-api", "atlantis-vpn"),
             clock=CLOCK,
             poe_ports=("ether1", "ether2"),
-            around=Around(**around),
+            around=Environment(**around),
             seed=SEED,
         )
         self.device = Device(spec, lambda: 1000.0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import asyncssh
 import pytest
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Knobs, Link, Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link, Router, RouterSpec, User, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Coroutine
@@ -33,7 +33,7 @@ async def router(tmp_path: Path, *, link: Link | None = None, **spec: Any) -> As
         "unroll_delay_s": 0.0,
         **spec,
     }
-    knobs = Knobs(boot_s=0.05)
+    knobs = WireBehaviour(boot_s=0.05)
     async with Router(RouterSpec.model_validate(wanted), state_dir=tmp_path, link=link, knobs=knobs) as twin:
         yield twin
 

@@ -7,7 +7,7 @@ import pytest
 from librouteros.exceptions import ConnectionClosed
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Knobs, Router
+from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Router, WireBehaviour
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -148,7 +148,7 @@ def test_gaps_that_overlap_end_with_the_last(tmp_path: Path) -> None:
 @pytest.mark.parametrize("asked", [True, False])
 def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, asked: bool) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(boot_s=40)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
             await client.login()
             await client.talk(*RENAME)
             start = now()
@@ -167,7 +167,7 @@ def test_a_reboot_is_eof_and_the_router_comes_back(tmp_path: Path, *, asked: boo
 
 def test_after_a_power_cut_the_old_connection_is_reset_when_it_speaks(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(boot_s=40)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(boot_s=40)) as twin, Client(twin) as client:
             await client.login()
             await client.talk("/safe-mode/take")
             await client.talk(*RENAME)

@@ -3,21 +3,21 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.emulator.routeros import Counters, Fault, FaultKind, Knobs
+from atlantis_netcfg.emulator.routeros import Counters, Fault, FaultKind, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.faults import Faults
 from atlantis_netcfg.emulator.routeros.wire.knobs import Pace
 from atlantis_netcfg.emulator.routeros.wire.tally import masked
 
 
 def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:
-    knobs, pace = Knobs(knee_after=2), Pace()
+    knobs, pace = WireBehaviour(knee_after=2), Pace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(4)] == pytest.approx([0, 0, 0.02, 0.04])
     assert pace.wait_s(knobs, 5.1) == pytest.approx(0.02)
     assert pace.wait_s(knobs, 7.0) == 0
 
 
 def test_every_nth_sentence_stalls_and_holds_up_the_rest() -> None:
-    knobs, pace = Knobs(stall_every=2, stall_s=7), Pace()
+    knobs, pace = WireBehaviour(stall_every=2, stall_s=7), Pace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(3)] == [0, 7, 7]
 
 

@@ -8,7 +8,7 @@ import pytest
 from librouteros.protocol import encode_word
 from wire_helpers import PASSWORD, Client, router, row, run
 
-from atlantis_netcfg.emulator.routeros import Knobs
+from atlantis_netcfg.emulator.routeros import WireBehaviour
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -41,8 +41,8 @@ def test_wrong_password_and_then_the_right_one(tmp_path: Path) -> None:
     run(main())
 
 
-@pytest.mark.parametrize("knobs", [Knobs(), Knobs(old_login=True)])
-def test_login_of_before_6_43(tmp_path: Path, knobs: Knobs) -> None:
+@pytest.mark.parametrize("knobs", [WireBehaviour(), WireBehaviour(old_login=True)])
+def test_login_of_before_6_43(tmp_path: Path, knobs: WireBehaviour) -> None:
     async def main() -> None:
         async with router(tmp_path, knobs=knobs) as twin, Client(twin) as client:
             first = ("/login", "=name=provision", f"=password={PASSWORD}") if knobs.old_login else ("/login",)
@@ -66,7 +66,7 @@ def test_a_response_without_challenge_is_refused(tmp_path: Path) -> None:
 
 def test_a_guesser_is_shown_the_door(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(sentences_before_login=2)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(sentences_before_login=2)) as twin, Client(twin) as client:
             await client.login(password="a")
             await client.login(password="b")
             client.write(("/login", "=name=provision", f"=password={PASSWORD}"))
@@ -95,7 +95,7 @@ def test_long_words_before_login_end_the_connection_and_are_fine_later(tmp_path:
 @pytest.mark.parametrize("accepted", [False, True])
 def test_sentences_in_one_write_with_the_login(tmp_path: Path, *, accepted: bool) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(pipelined_login=accepted)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(pipelined_login=accepted)) as twin, Client(twin) as client:
             client.write(("/login", "=name=provision", f"=password={PASSWORD}"), (PRINT,))
             assert await client.answer() == [DONE]
             if accepted:
@@ -201,7 +201,7 @@ def _pools(count: int) -> list[tuple[str, ...]]:
 @pytest.mark.parametrize("seed", [None, 1])
 def test_tagged_sentences_of_a_burst_have_no_order_of_their_own(tmp_path: Path, seed: int | None) -> None:
     async def main() -> list[str]:
-        async with router(tmp_path, knobs=Knobs(shuffle=seed)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(shuffle=seed)) as twin, Client(twin) as client:
             await client.login()
             client.write(*_pools(12))
             for _ in range(12):
@@ -215,7 +215,7 @@ def test_tagged_sentences_of_a_burst_have_no_order_of_their_own(tmp_path: Path, 
 
 def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(shuffle=2)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(shuffle=2)) as twin, Client(twin) as client:
             await client.login()
             client.write(*(("/ip/service/print", f".tag={number}") for number in range(3)))
             tags, done = [], 0
@@ -233,7 +233,11 @@ def test_answers_of_a_shuffled_burst_interleave(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("sentences", "hangs"), [(16, False), (24, False), (25, True)])
 def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences: int, *, hangs: bool) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(hang_at=25)) as twin, Client(twin) as client, Client(twin) as other:
+        async with (
+            router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin,
+            Client(twin) as client,
+            Client(twin) as other,
+        ):
             await client.login()
             await other.login()
             client.write(*((PRINT, f".tag={number}") for number in range(sentences)))
@@ -249,7 +253,7 @@ def test_too_many_in_flight_hang_the_connection(tmp_path: Path, sentences: int, 
 
 def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(hang_at=25)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(hang_at=25)) as twin, Client(twin) as client:
             await client.login()
             for _ in range(2):
                 client.write(*((PRINT, f".tag={number}") for number in range(16)))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.emulator.routeros import Knobs, Link
+from atlantis_netcfg.emulator.routeros import Link, WireBehaviour
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +50,7 @@ def test_connecting_costs_what_it_costs(
     tmp_path: Path, service: str, tls: Literal["1.2", "1.3"], round_trips: int
 ) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(delay_s=RTT / 2), knobs=Knobs(tls=tls)) as twin:
+        async with router(tmp_path, link=Link(delay_s=RTT / 2), knobs=WireBehaviour(tls=tls)) as twin:
             start = now()
             async with Client(twin, service) as client:
                 await client.login()
@@ -97,7 +97,7 @@ def test_a_gap_of_seventy_seconds_is_only_a_delay(tmp_path: Path) -> None:
 
 def test_after_a_burst_the_router_takes_twenty_milliseconds_each(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, knobs=Knobs(knee_after=10)) as twin, Client(twin) as client:
+        async with router(tmp_path, knobs=WireBehaviour(knee_after=10)) as twin, Client(twin) as client:
             await client.login()
             start = now()
             client.write(*((PRINT, f".tag={number}") for number in range(19)))

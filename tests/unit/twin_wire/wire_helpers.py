@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from librouteros import async_create_transport
 from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
-from atlantis_netcfg.emulator.routeros import Knobs, Link, Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import Link, Router, RouterSpec, User, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Mapping
@@ -134,7 +134,7 @@ def router_spec(**changes: Any) -> RouterSpec:  # noqa: ANN401 - fields of Route
     return RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **changes)
 
 
-def router(tmp_path: Path, *, link: Link | None = None, knobs: Knobs | None = None, **changes: Any) -> Router:  # noqa: ANN401
+def router(tmp_path: Path, *, link: Link | None = None, knobs: WireBehaviour | None = None, **changes: Any) -> Router:  # noqa: ANN401
     return Router(router_spec(**changes), state_dir=tmp_path / "flash", link=link, knobs=knobs)
 
 

@@ -47,7 +47,7 @@ def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> 
     return _gateway(changed)
 
 
-def _heard(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
+def _received(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
     def change(one: InterfaceSpec) -> dict[str, Any]:
         assert one.association is not None  # noqa: S101 - a healthy radio is associated
         return {"association": one.association.model_copy(update=changes)}
@@ -86,10 +86,10 @@ FAULTS: Mapping[str, Fault] = {
     "wifi-saturated": Fault(
         "the access point of Sparus is so near that it overdrives the receiver",
         ("sparus/wifi",),
-        _heard("wlan1", signal_dbm=-18),
+        _received("wlan1", signal_dbm=-18),
     ),
     "wifi-weak": Fault(
-        "the access point of Girona 500 is hardly heard", ("girona500/wifi",), _heard("wlan0", signal_dbm=-88)
+        "the access point of Girona 500 is hardly heard", ("girona500/wifi",), _received("wlan0", signal_dbm=-88)
     ),
     "wifi-gone": Fault(
         "the gateway has lost the access point of Mares",
@@ -99,12 +99,12 @@ FAULTS: Mapping[str, Fault] = {
     "wifi-other": Fault(
         "the gateway's radio for Sparus has joined another network",
         ("sparus/wifi",),
-        _heard("wlan1", ssid="EXAMPLE-SOMEBODY"),
+        _received("wlan1", ssid="EXAMPLE-SOMEBODY"),
     ),
     "wifi-indoors": Fault(
         "the access point of Mares is on a channel for indoor use",
         ("mares/wifi",),
-        _heard("wlan2", frequency_mhz=5180),
+        _received("wlan2", frequency_mhz=5180),
     ),
     "wifi-loss": Fault("two of five pings to Zarco are lost", ("zarco/wifi",), _echo("10.64.1.23", loss_percent=40.0)),
     "cable-out": Fault(

@@ -166,7 +166,7 @@ def get(core: Core, call: Call) -> Result:
     for name in call.arguments:
         if name not in known:
             raise unknown(name)
-    row = _one(core, call)
+    row = _row(core, call)
     desired = call.arguments.get("value-name")
     if desired is None:
         return Result(ret=";".join(f"{key}={value}" for key, value in row.items()))
@@ -175,7 +175,7 @@ def get(core: Core, call: Call) -> Result:
     return Result(ret=row.get(desired, ""))
 
 
-def _one(core: Core, call: Call) -> dict[str, str]:
+def _row(core: Core, call: Call) -> dict[str, str]:
     found = all_rows(core, call)
     number = call.arguments.get(".id") or call.arguments.get("number") or call.arguments.get("numbers")
     if not any(".id" in row for row in found) and _is_settings(core, call.menu):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.console.typed import rob
+from atlantis_netcfg.emulator.routeros.console.typed import notify_holder_lost
 from atlantis_netcfg.emulator.routeros.devicemode import FEATURES
 from atlantis_netcfg.emulator.routeros.environment._spec import load_of
 from atlantis_netcfg.emulator.routeros.path import answers
@@ -223,7 +223,7 @@ def take(core: Core, call: Call) -> Result:
     holder = core.history.holder
     if holder is not None and holder.number != call.caller.number:
         if core.deviates(Deviation.SECOND_TAKER):
-            rob(core, call.caller)
+            notify_holder_lost(core, call.caller)
             core.history.take(call.caller)
             return Result()
         raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
@@ -237,7 +237,7 @@ def release(core: Core, call: Call) -> Result:
     """Keep everything; any session may do that."""
     _arguments(core, call)
     if core.history.holder is not None:
-        rob(core, call.caller)
+        notify_holder_lost(core, call.caller)
         core.history.release()
         core.note("system,info", f"safe mode released by {call.caller.user}")
     return Result()
@@ -247,7 +247,7 @@ def unroll(core: Core, call: Call) -> Result:
     """Undo everything and leave safe mode; the session goes on."""
     _arguments(core, call)
     if core.history.holder is not None:
-        rob(core, call.caller)
+        notify_holder_lost(core, call.caller)
         core.history.unroll(core.store)
         core.note("system,info", f"safe mode unrolled by {call.caller.user}")
     return Result(text="Unrolling Safe Mode... Success!")

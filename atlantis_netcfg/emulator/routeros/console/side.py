@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.console.run import run_line, run_script
-from atlantis_netcfg.emulator.routeros.console.typed import Printed, holds, prompt, safe_key, typed
+from atlantis_netcfg.emulator.routeros.console.typed import Printed, handle_line, holds, prompt, safe_key
 from atlantis_netcfg.emulator.routeros.factory import default_configuration
 from atlantis_netcfg.emulator.routeros.listen import emit
 from atlantis_netcfg.emulator.routeros.values import id_text
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["ConsoleSide"]
+__all__ = ["ConsoleBackend"]
 
 _DEFAULTS_OFF = """/ip dns set allow-remote-requests=no
 /ip neighbor discovery-settings set discover-interface-list=static
@@ -25,7 +25,7 @@ _DEFAULTS_OFF = """/ip dns set allow-remote-requests=no
 """
 
 
-class ConsoleSide:
+class ConsoleBackend:
     """What `Device` adds for consoles."""
 
     _core: Core
@@ -41,7 +41,7 @@ class ConsoleSide:
         yes. A line that nobody can answer (exec, scripts) asks nothing.
         """
         self.tick()
-        printed = typed(self._core, caller, line, width=width, confirmed=confirmed)
+        printed = handle_line(self._core, caller, line, width=width, confirmed=confirmed)
         emit(self._core)
         return printed
 

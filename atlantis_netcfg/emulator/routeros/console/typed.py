@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["HIJACK", "REBOOT", "Printed", "holds", "prompt", "rob", "safe_key", "typed"]
+__all__ = ["HIJACK", "REBOOT", "Printed", "handle_line", "holds", "notify_holder_lost", "prompt", "safe_key"]
 
 REBOOT = "Reboot, yes? [y/N]:"
 _REBOOTING = "system will reboot shortly"
@@ -43,7 +43,7 @@ class Printed:
     """It ends by `/quit`: what was done in safe mode stays."""
 
 
-def typed(core: Core, caller: Caller, line: str, *, width: int | None = None, confirmed: bool = False) -> Printed:
+def handle_line(core: Core, caller: Caller, line: str, *, width: int | None = None, confirmed: bool = False) -> Printed:
     """Run a line where the caller's prompt stands, and move the prompt if the line was a path."""
     stripped = line.strip()
     if width is not None and not confirmed and _REBOOT.fullmatch(stripped):
@@ -77,7 +77,7 @@ def holds(core: Core, caller: Caller) -> bool:
     return core.history.holder is not None and core.history.holder.number == caller.number
 
 
-def rob(core: Core, caller: Caller) -> None:
+def notify_holder_lost(core: Core, caller: Caller) -> None:
     """Let a console whose safe mode somebody else ends know it."""
     holder = core.history.holder
     if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:
@@ -94,7 +94,7 @@ def safe_key(core: Core, caller: Caller, choice: str) -> Printed:
     if history.holder is not None and choice not in ("u", "r"):
         return Printed() if choice else Printed(asks=HIJACK)
     if history.holder is not None:
-        rob(core, caller)
+        notify_holder_lost(core, caller)
         if choice == "u":
             history.unroll(core.store)
         else:

@@ -8,6 +8,6 @@ Assumption: poe-load
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.environment._spec import Around, Called, Load, Validity
+from atlantis_netcfg.emulator.routeros.environment._spec import Called, Environment, Load, Validity
 
-__all__ = ["Around", "Called", "Load", "Validity"]
+__all__ = ["Called", "Environment", "Load", "Validity"]

@@ -50,7 +50,7 @@ class Validity(_Spec):
     until: datetime
 
 
-class Around(_Spec):
+class Environment(_Spec):
     """Everything around a router; by default nothing is."""
 
     cards: dict[str, str] = Field(default_factory=dict)
@@ -82,7 +82,7 @@ CLIENTS = "/interface/ovpn-client"
 
 def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Change the place of a router at work; what is not named stays. Raises ValueError for what cannot be."""
-    around = Around.model_validate({**core.spec.around.model_dump(), **changes})
+    around = Environment.model_validate({**core.spec.around.model_dump(), **changes})
     core.spec = core.spec.model_copy(update={"around": around})
     core.store.revision += 1
     return around.model_dump(mode="json")

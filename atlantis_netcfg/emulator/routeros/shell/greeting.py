@@ -64,7 +64,7 @@ class Greeting:
         self._device = session.talk.device
         self._then = then
         self._left = list(self._device.greetings(session.talk.caller))
-        self._wanted = ""
+        self._expected = ""
 
     async def next(self) -> None:
         """The next question, or the prompt."""
@@ -106,13 +106,13 @@ class Greeting:
         if text == _REFUSED:
             await self.next()
             return
-        self._wanted = text
+        self._expected = text
         self._session.ask_secret(REPEAT_PASSWORD, self._second)
 
     async def _second(self, text: str) -> None:
         if text == _REFUSED:
             await self.next()
-        elif text != self._wanted:
+        elif text != self._expected:
             self._session.lines(MISMATCH)
             self._new_password()
         elif refused := await self._session.talk.set_password(text):

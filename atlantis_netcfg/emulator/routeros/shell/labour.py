@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.emulator.routeros.wire.host import Host
-    from atlantis_netcfg.emulator.routeros.wire.tally import Tally
+    from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
 
-__all__ = ["Gone", "Labour"]
+__all__ = ["Gone", "WorkItem"]
 
 
 class Gone(Exception):
@@ -24,7 +24,7 @@ class Gone(Exception):
 
 
 class _Wire(Protocol):
-    tally: Tally
+    tally: TrafficCounters
 
     @property
     def over(self) -> bool: ...
@@ -34,7 +34,7 @@ class _Wire(Protocol):
     def vanish(self) -> None: ...
 
 
-class Labour:
+class WorkItem:
     """The gate between a channel and the device."""
 
     def __init__(self, host: Host, wire: _Wire) -> None:

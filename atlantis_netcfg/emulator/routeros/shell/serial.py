@@ -52,7 +52,7 @@ class SerialLine:
 
     def start(self) -> None:
         """Begin to listen."""
-        asyncio.get_running_loop().add_reader(self._master, self._heard)
+        asyncio.get_running_loop().add_reader(self._master, self._received)
         self._begin()
 
     def close(self) -> None:
@@ -95,7 +95,7 @@ class SerialLine:
 
     # --- bytes -----------------------------------------------------------------------------------------------------
 
-    def _heard(self) -> None:
+    def _received(self) -> None:
         with contextlib.suppress(BlockingIOError, OSError):
             self._typed.put_nowait(os.read(self._master, _MOST))
 

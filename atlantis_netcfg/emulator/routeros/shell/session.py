@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.device import Printed
     from atlantis_netcfg.emulator.routeros.shell.flags import Screen
-    from atlantis_netcfg.emulator.routeros.shell.talk import Talk
+    from atlantis_netcfg.emulator.routeros.shell.talk import ConsoleDevice
 
 __all__ = ["Session"]
 
@@ -32,7 +32,9 @@ class Session:
     Telnet, tik4net, Docs/findings-cli.md).
     """
 
-    def __init__(self, talk: Talk, screen: Screen, write: Callable[[bytes], None], *, sized: bool = True) -> None:
+    def __init__(
+        self, talk: ConsoleDevice, screen: Screen, write: Callable[[bytes], None], *, sized: bool = True
+    ) -> None:
         self.talk = talk
         self.over = False
         self.quitted = False

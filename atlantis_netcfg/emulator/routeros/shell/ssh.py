@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.shell.flags import Screen, split_login
-from atlantis_netcfg.emulator.routeros.shell.labour import Labour
+from atlantis_netcfg.emulator.routeros.shell.labour import WorkItem
 from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End
 from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-from atlantis_netcfg.emulator.routeros.wire.tally import Tally
+from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -39,10 +39,10 @@ class SshConnection:
     def __init__(self, host: Host, device: Device, *, address: str, key: Callable[[], bytes]) -> None:
         self.host = host
         self.device = device
-        self.tally = Tally("ssh")
+        self.tally = TrafficCounters("ssh")
         self.pipe = Pipe(host, "ssh")
         self.pipe.end = self
-        self.labour = Labour(host, self)
+        self.labour = WorkItem(host, self)
         self.screen = Screen()
         self._address = address
         self._key = key
@@ -55,7 +55,7 @@ class SshConnection:
         self._near: asyncio.Transport | None = None
         self._waiting: list[bytes] = []
         self._ssh: asyncssh.SSHServerConnection | None = None
-        self._said, self._listened = 0, -1
+        self._sent, self._listened = 0, -1
         self._closed = False
 
     @property
@@ -149,9 +149,9 @@ class SshConnection:
     def speak(self, data: bytes) -> None:
         """The router sends."""
         if not self.over:
-            self._said += 1
+            self._sent += 1
             self.tally.counters.wire_out += len(data)
-            self.pipe.depart(Chunk(data, heard=self._said))
+            self.pipe.depart(Chunk(data, heard=self._sent))
 
     def hang_up(self) -> None:
         """The router closes in good order, and knows that it is closed."""

@@ -8,10 +8,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
 
-__all__ = ["DirectTalk", "Talk"]
+__all__ = ["ConsoleDevice", "DirectTalk"]
 
 
-class Talk(Protocol):
+class ConsoleDevice(Protocol):
     """One caller's console. A method may never return: the connection under it has gone silent."""
 
     caller: Caller

@@ -12,7 +12,7 @@ from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
 from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
 from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End
 from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-from atlantis_netcfg.emulator.routeros.wire.tally import Tally, masked
+from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters, masked
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -119,7 +119,7 @@ _LONGEST_WORD = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _Received:
     """A sentence, and how many of its client's sentences had been answered when it was sent; no words: garbage."""
 
     words: tuple[str, ...]
@@ -130,18 +130,18 @@ class Connection:
     """One API session on its wire."""
 
     def __init__(self, host: Host, service: str) -> None:
-        self.tally = Tally(service)
+        self.tally = TrafficCounters(service)
         self.pipe = Pipe(host, service)
         self.pipe.end = self
         self._host = host
         self._dialogue = host.dialogue(service)
         self._decoder = Decoder(host.knobs.word_before_login)
         self._channel: Channel
-        self._inbox: deque[_Heard] = deque()
+        self._inbox: deque[_Received] = deque()
         self._news = asyncio.Event()
         self._writes: list[bool] = []
         """Of every sentence that came, whether it is no `print`."""
-        self._said = self._completed = 0
+        self._sent = self._completed = 0
         self._listened = -1
         self._mute = False
         """The router hangs: it hears and says nothing any more."""
@@ -222,9 +222,9 @@ class Connection:
                 hangs = knobs.hang_at is not None and len(waiting) >= knobs.hang_at
                 hangs_writing = knobs.hang_writes_at is not None and sum(waiting) >= knobs.hang_writes_at
                 self._mute = self._mute or hangs or hangs_writing
-                self._inbox.append(_Heard(words, answered))
+                self._inbox.append(_Received(words, answered))
         except (ReservedLength, WordTooLong):
-            self._inbox.append(_Heard((), answered))
+            self._inbox.append(_Received((), answered))
         self._news.set()
 
     # Working.
@@ -238,7 +238,7 @@ class Connection:
                 await self._answer_burst(self._next_burst())
                 self._host.tell()
 
-    def _next_burst(self) -> list[_Heard]:
+    def _next_burst(self) -> list[_Received]:
         """The next sentence; or all tagged ones that wait in front, shuffled, if that is asked for."""
         burst = [self._inbox.popleft()]
         chance = self._host.chance
@@ -248,7 +248,7 @@ class Connection:
             chance.shuffle(burst)
         return burst
 
-    async def _answer_burst(self, burst: Sequence[_Heard]) -> None:
+    async def _answer_burst(self, burst: Sequence[_Received]) -> None:
         answers = [await self._answer(sentence) for sentence in burst]
         chance = self._host.chance
         while chance is not None and any(answers):
@@ -257,7 +257,7 @@ class Connection:
         for replies in answers:
             self.say(replies)
 
-    async def _answer(self, sentence: _Heard) -> list[Reply]:
+    async def _answer(self, sentence: _Received) -> list[Reply]:
         """Run one sentence with the faults that were armed for it; what is left to be said."""
         if self._over:
             return []
@@ -271,7 +271,7 @@ class Connection:
         if self._over:
             return []
         for fault in faults:
-            sentence = _Heard(fault.shorten(sentence.words), sentence.answered)
+            sentence = _Received(fault.shorten(sentence.words), sentence.answered)
         replies = self._run(sentence)
         await self._host.settle()
         self._suffer(faults, "after")
@@ -281,7 +281,7 @@ class Connection:
         self.tally.counters.sentences += 1
         self.tally.sentences.append(masked(words))
 
-    def _run(self, sentence: _Heard) -> list[Reply]:
+    def _run(self, sentence: _Received) -> list[Reply]:
         stranger = self._dialogue.caller is None
         replies = self._dialogue.answer(sentence.words, sentence.answered, self._host.knobs)
         if stranger and self._dialogue.caller is not None:
@@ -333,14 +333,14 @@ class Connection:
         if self._over or not plain:
             return
         self.tally.counters.bytes_out += len(plain)
-        self._said += 1
+        self._sent += 1
         self._completed += completed
         self._send(self._channel.send(plain))
 
     def _send(self, wire: bytes) -> None:
         if wire:
             self.tally.counters.wire_out += len(wire)
-            self.pipe.depart(Chunk(wire, heard=self._said, answered=self._completed))
+            self.pipe.depart(Chunk(wire, heard=self._sent, answered=self._completed))
 
     def hang_up(self) -> None:
         """The router closes the connection in good order, and knows that it is closed."""

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs
+    from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 
 __all__ = ["Dialogue", "Reply", "tag_of"]
 
@@ -39,7 +39,7 @@ class Dialogue:
         self._greeted_at = 0
         self._going_on: list[str | None] = []
 
-    def answer(self, words: Sequence[str], answered: int, knobs: Knobs) -> list[Reply]:
+    def answer(self, words: Sequence[str], answered: int, knobs: WireBehaviour) -> list[Reply]:
         """Reply to a sentence that its client sent when it had seen `answered` sentences completed."""
         self._sentences += 1
         tag = tag_of(words)
@@ -75,7 +75,7 @@ class Dialogue:
         """The router has lost its memory."""
         self.caller = None
 
-    def _before_login(self, command: str, words: Sequence[str], knobs: Knobs) -> list[Answer]:
+    def _before_login(self, command: str, words: Sequence[str], knobs: WireBehaviour) -> list[Answer]:
         if command == "/quit":
             return [Answer.fatal("session terminated on request")]
         if self._sentences > knobs.sentences_before_login:
@@ -90,7 +90,7 @@ class Dialogue:
             self._greeted_at = self._completed + 1
         return [answer]
 
-    def _login(self, words: Sequence[str], knobs: Knobs) -> Answer:
+    def _login(self, words: Sequence[str], knobs: WireBehaviour) -> Answer:
         """Manual, API: since 6.43 name and password at once; before, a challenge and a response."""
         given = dict(word[1:].partition("=")[::2] for word in words[1:] if word.startswith("="))
         user = given.get("name", "")

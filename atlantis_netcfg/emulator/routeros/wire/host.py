@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Service
     from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
     from atlantis_netcfg.emulator.routeros.wire.faults import Fault
-    from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs, Pace
+    from atlantis_netcfg.emulator.routeros.wire.knobs import Pace, WireBehaviour
     from atlantis_netcfg.emulator.routeros.wire.link import Bearer
     from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-    from atlantis_netcfg.emulator.routeros.wire.tally import Tally
+    from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
 
-__all__ = ["HOST", "Doors", "Host", "Line", "Member", "write"]
+__all__ = ["HOST", "Host", "Line", "Listeners", "Member", "write"]
 
 
 class Line(Protocol):
@@ -42,7 +42,7 @@ class Line(Protocol):
 class Member(Protocol):
     """A connection as its router sees it."""
 
-    tally: Tally
+    tally: TrafficCounters
     pipe: Pipe
 
     def drop(self) -> None:
@@ -73,7 +73,7 @@ class Host(Protocol):
         """Cleared while the bearer has a gap."""
 
     @property
-    def knobs(self) -> Knobs:
+    def knobs(self) -> WireBehaviour:
         """The knobs of this moment."""
 
     @property
@@ -130,7 +130,7 @@ HOST = "127.0.0.1"
 SERVICES = ("api", "api-ssl", "ssh")
 
 
-class Doors:
+class Listeners:
     """`ports` wishes a loopback port for a service's port (8728, 8729, ...); without a wish the kernel chooses one.
 
     A service's port that comes back finds the loopback port it had before.

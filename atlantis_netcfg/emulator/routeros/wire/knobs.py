@@ -12,10 +12,10 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["Knobs", "Pace"]
+__all__ = ["Pace", "WireBehaviour"]
 
 
-class Knobs(BaseModel):
+class WireBehaviour(BaseModel):
     """Behaviour of the router's API service; all times in seconds as the caller wants to wait for them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -69,7 +69,7 @@ class Pace:
         self._total = 0
         self._free_at = 0.0
 
-    def wait_s(self, knobs: Knobs, now: float) -> float:
+    def wait_s(self, knobs: WireBehaviour, now: float) -> float:
         """Seconds until the sentence that has its turn now may run."""
         self._total += 1
         if now - self._free_at > knobs.idle_s:
@@ -78,7 +78,7 @@ class Pace:
         self._free_at = max(now, self._free_at) + self._cost_s(knobs)
         return self._free_at - now
 
-    def _cost_s(self, knobs: Knobs) -> float:
+    def _cost_s(self, knobs: WireBehaviour) -> float:
         knee = knobs.knee_after is not None and self._since_idle > knobs.knee_after
         stall = knobs.stall_every is not None and self._total % knobs.stall_every == 0
         return (knobs.knee_s if knee else 0.0) + (knobs.stall_s if stall else 0.0)

@@ -55,7 +55,7 @@ class Pipe(asyncio.Protocol):
         self._vanished = False
         self._held_up: list[Chunk] = []
         self._held_down: list[Chunk] = []
-        self._heard = self._answered = 0
+        self._received = self._answered = 0
         self._tasks: list[asyncio.Task[None]] = []
         self._silence: asyncio.TimerHandle | None = None
 
@@ -77,7 +77,7 @@ class Pipe(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """The client speaks."""
-        self._up.put(Chunk(data, heard=self._heard, answered=self._answered))
+        self._up.put(Chunk(data, heard=self._received, answered=self._answered))
 
     def eof_received(self) -> bool:
         """The client will say no more, the router may still answer."""
@@ -96,7 +96,7 @@ class Pipe(asyncio.Protocol):
             self.stop(reset=chunk.end is End.RST)
         elif not self._transport.is_closing():
             self._transport.write(chunk.data)
-            self._heard, self._answered = chunk.heard, chunk.answered
+            self._received, self._answered = chunk.heard, chunk.answered
 
     # The router's end.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.wire.connection import Connection
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
 from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
-from atlantis_netcfg.emulator.routeros.wire.knobs import Knobs, Pace
+from atlantis_netcfg.emulator.routeros.wire.knobs import Pace, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Bearer, Direction, Link
 from atlantis_netcfg.emulator.routeros.wire.tls import Channel, Plain, Tls, context
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import Management
     from atlantis_netcfg.emulator.routeros.wire.host import Host, Line, Member
     from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-    from atlantis_netcfg.emulator.routeros.wire.tally import Tally
+    from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
 
 __all__ = ["Switchboard"]
 
 
-class Way:
+class AccessPath:
     """The router seen from another port than the management port; all else is `host`'s."""
 
     def __init__(self, host: Host, device: Device, path: Management) -> None:
@@ -46,7 +46,7 @@ class Way:
         return self._host.air
 
     @property
-    def knobs(self) -> Knobs:
+    def knobs(self) -> WireBehaviour:
         """The knobs of this moment."""
         return self._host.knobs
 
@@ -131,7 +131,7 @@ class Switchboard:
         *,
         changed: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
-        tallies: list[Tally],
+        tallies: list[TrafficCounters],
         others: Mapping[str, Callable[[Host, str], Member]],
     ) -> None:
         self.bearer = Bearer(Link())
@@ -139,7 +139,7 @@ class Switchboard:
         self.air.set()
         self.pace = Pace()
         self.faults = Faults()
-        self.knobs = Knobs()
+        self.knobs = WireBehaviour()
         self.chance: random.Random | None = None
         self.booting = False
         self.radio: Callable[[], None] | None = None
@@ -187,13 +187,13 @@ class Switchboard:
 
     def visitor(self, service: str, way: Management | None = None) -> Pipe:
         """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
-        host: Host = self if way is None else Way(self, self._device, way)
+        host: Host = self if way is None else AccessPath(self, self._device, way)
         other = self._others.get(service)
         connection = Connection(host, service) if other is None else other(host, (way or self._path).technician)
         self._connections[connection.pipe] = connection
         return connection.pipe
 
-    def turn(self, knobs: Knobs) -> None:
+    def turn(self, knobs: WireBehaviour) -> None:
         """Set the knobs; the shuffling begins anew."""
         self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
         self.knobs = knobs

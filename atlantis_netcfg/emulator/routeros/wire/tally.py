@@ -11,7 +11,7 @@ from atlantis_netcfg.core.secret import MASK
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Counters", "Tally", "masked"]
+__all__ = ["Counters", "TrafficCounters", "masked"]
 
 _SECRET = r"(?:[\w.-]*(?:password|passphrase|secret|pre-?shared-key|private-key)|response|pin)"  # noqa: S105 (a pattern)
 _WORD = re.compile(rf"^(=!?{_SECRET}=).+$", re.DOTALL)
@@ -45,7 +45,7 @@ class Counters:
 
 
 @dataclass(slots=True)
-class Tally:
+class TrafficCounters:
     """One connection: its counters and the sentences it sent, secrets masked."""
 
     service: str

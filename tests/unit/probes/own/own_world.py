@@ -37,7 +37,7 @@ from atlantis_netcfg.emulator.linux import (
 )
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import Around, Load, Validity
+from atlantis_netcfg.emulator.routeros.environment import Environment, Load, Validity
 from atlantis_netcfg.emulator.routeros.environment._spec import move
 from atlantis_netcfg.emulator.routeros.spec import Management, RouterSpec, User
 from atlantis_netcfg.render import router
@@ -125,7 +125,7 @@ class World:
     """Of a site that is declared otherwise; none: those of the shipped example."""
 
     def __post_init__(self) -> None:
-        around = Around.model_validate(self.around)
+        around = Environment.model_validate(self.around)
         changed = self.clock != NOW or self.neighbours != NEIGHBOURS
         self.device = device(self.clock, self.neighbours) if changed else kept()
         move(self.device.core, around.model_dump())
