@@ -19,8 +19,6 @@ from atlantis_netcfg.core.errors import DeviceFailed
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["ACCEPT", "Basis", "Bill", "CostRefused", "Link", "Preview", "Tariff", "bill", "preview", "size"]
-
 ACCEPT: Final = "--accept-cost"
 """The flag with which a person agrees to pay; `--yes` does not."""
 _MB: Final = 1_000_000

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["ROUTE_PROPERTIES", "Probe", "Route", "active_bearer", "active_bearers", "daily_bytes", "probe_commands"]
-
 ROUTE_PROPERTIES = (
     "dst-address",
     "gateway",

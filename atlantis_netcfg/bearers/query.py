@@ -9,8 +9,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-__all__ = ["Query", "decibels", "megabits", "percent", "seconds", "whole", "yes"]
-
 
 @dataclass(frozen=True, slots=True)
 class Query:

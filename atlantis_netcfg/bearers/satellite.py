@@ -22,29 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from datetime import date
 
-__all__ = [
-    "FACTORY_ADDRESSES",
-    "STALE_AFTER_DAYS",
-    "WINDOW_S",
-    "Attempt",
-    "Backup",
-    "Capability",
-    "Evidence",
-    "Expected",
-    "ManualTerminal",
-    "NamedTarget",
-    "Outcome",
-    "Probe",
-    "SatTerminal",
-    "Unsupported",
-    "judge_attempt",
-    "judge_carrier_nat",
-    "judge_evidence",
-    "judge_factory_address",
-    "judge_names",
-]
-
-
 _SHARED = (
     (IPv4Network("100.64.0.0/10"), "the range for carriers' NAT, RFC 6598"),
     (IPv4Network("10.0.0.0/8"), "a private range, RFC 1918"),

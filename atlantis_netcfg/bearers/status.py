@@ -11,8 +11,6 @@ from atlantis_netcfg.core.verdicts import Verdict, worst
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["BearerStatus", "Finding", "LinkState", "Quality"]
-
 
 class LinkState(StrEnum):
     """Whether the bearer carries traffic."""

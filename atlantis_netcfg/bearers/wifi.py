@@ -14,19 +14,6 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = [
-    "Condition",
-    "Family",
-    "WifiExpected",
-    "WifiPeer",
-    "WifiReading",
-    "judge",
-    "link_state",
-    "quality",
-    "queries",
-    "read",
-]
-
 
 class Family(StrEnum):
     """RouterOS' two families of radio menus; the value is the menu under `/interface`."""

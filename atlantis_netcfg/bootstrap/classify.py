@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bootstrap.target import Target
     from atlantis_netcfg.console.types import Console
 
-__all__ = ["fingerprint", "foreign", "look", "recognise"]
-
 
 def recognise(facts: Facts, target: Target, now: datetime) -> DeviceState:
     """Tell by users, certificates and the export.

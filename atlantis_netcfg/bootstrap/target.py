@@ -16,23 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.rsc import Export
 
-__all__ = [
-    "CERTIFICATE",
-    "FACTORY_ADDRESS",
-    "FACTORY_USER",
-    "MARK",
-    "TEMPORARY",
-    "Adopted",
-    "ConsoleRoute",
-    "ConsoleRoutes",
-    "DeviceState",
-    "Facts",
-    "Row",
-    "Status",
-    "Target",
-]
-
-
 Row = dict[str, str]
 
 FACTORY_ADDRESS = "192.168.88.1"

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bundle.requirements import HostRequirements, Key, PackageRequirement, Source, Target
     from atlantis_netcfg.bundle.signing import Signer
 
-__all__ = ["Order", "Purpose", "Size", "Tell", "make"]
-
 
 @dataclass(slots=True)
 class StagingDirectory:

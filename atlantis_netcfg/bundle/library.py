@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bundle.requirements import Library
 
-__all__ = ["Gathered", "gather"]
-
 _USER = "oauth2"
 """GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""
 _DEPTH = 10

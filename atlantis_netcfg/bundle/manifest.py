@@ -15,20 +15,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from atlantis_netcfg.bundle.requirements import BundleRefused
 
-__all__ = [
-    "FORMAT",
-    "KEY",
-    "MANIFEST",
-    "SIGNATURE",
-    "BundledLibrary",
-    "File",
-    "HostPart",
-    "Image",
-    "Manifest",
-    "content_id",
-    "read_manifest",
-]
-
 FORMAT = 1
 MANIFEST = "manifest.json"
 SIGNATURE = "manifest.json.asc"

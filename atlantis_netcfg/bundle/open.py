@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bundle.requirements import HostRequirements
     from atlantis_netcfg.bundle.signing import Keys
 
-__all__ = ["Bundle", "bytes_to_carry", "open_bundle"]
-
 _TAR_RECORD = 10240
 """An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""
 

@@ -16,19 +16,6 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = [
-    "BundleRefused",
-    "HostRequirements",
-    "Key",
-    "Library",
-    "PackageRequirement",
-    "Source",
-    "Target",
-    "paragraphs",
-    "read_target",
-    "refused",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class PackageRequirement:

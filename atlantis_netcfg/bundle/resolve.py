@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Target
     from atlantis_netcfg.bundle.signing import Signer
 
-__all__ = ["Fetched", "Root", "archive", "index", "read_package", "sha256_of"]
-
-
 _URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")
 _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
 

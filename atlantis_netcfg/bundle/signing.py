@@ -29,9 +29,6 @@ from atlantis_netcfg.journal import write_atomically
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["SIGNED_AT", "Keys", "Signer", "program", "require_programs", "run", "signed_by"]
-
-
 _PACKAGES = {
     "apt-get": "apt",
     "apt-config": "apt",

@@ -12,8 +12,6 @@ from atlantis_netcfg.core.printable import lines
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["canonical", "content", "parsed", "written"]
-
 
 def content(path: Path) -> bytes:
     """The bytes of a file. Raises OSError; a pipe in a file's place is an error too, and does not keep us waiting."""

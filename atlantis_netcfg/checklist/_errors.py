@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 
-__all__ = ["KeyDamaged", "NotSigned", "Refused"]
-
 
 class Refused(UsageError):
     """What a person asks of the checklist does not fit it; nothing was written down."""

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-__all__ = ["COPY", "FOLDER", "MAX_BYTES", "Copied", "keep", "wrong_with"]
-
 FOLDER = "files"
 MAX_BYTES = 25_000_000
 """Of one file: a photo of a telephone has a fifth of it, and a video does not belong into a report."""

@@ -24,8 +24,6 @@ from atlantis_netcfg.journal import make_private, os_errors_as, sync_directory, 
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["FILE", "Key", "fingerprint", "fits"]
-
 FILE = "checklist.key"
 _OTHERS = 0o077
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["FILE", "Begun", "GoneOn", "Ledger", "Lines", "Recorded", "Result", "Superseded", "read", "replayed"]
-
 FILE = "records.jsonl"
 
 

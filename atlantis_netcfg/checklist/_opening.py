@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.plan import Checklist
     from atlantis_netcfg.checklist.report import Drawing
 
-__all__ = ["Found", "Head", "begin", "found", "runs"]
-
 _SAME_DAY = timedelta(hours=18)
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist._key import Key
 
-__all__ = ["MANIFEST", "REPORT", "Trouble", "broken_seal", "check_report", "digest", "sealed", "signed"]
-
 REPORT = "report.json"
 MANIFEST = "manifest.json"
 

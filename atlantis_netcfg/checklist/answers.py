@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.checklist.session import Book
 
-__all__ = ["Answers", "AnswersInvalid", "Overriding"]
-
 ALL = "all"
 Words = Annotated[Text, Field(max_length=2000)]
 Person = Annotated[Text, Field(max_length=100)]

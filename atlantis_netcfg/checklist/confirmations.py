@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist._evidence import Copied
     from atlantis_netcfg.checklist.report import Item
 
-__all__ = ["OVERRIDABLE", "SAYABLE", "Confirmation", "confirmed", "named", "overridden", "spoken", "unskippable"]
-
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""
 SAYABLE: Mapping[Verdict, str] = {

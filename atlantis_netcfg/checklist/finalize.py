@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist._key import Key
     from atlantis_netcfg.checklist.report import Document
 
-__all__ = ["close_book", "listed"]
-
 _SCRATCH = re.compile(r"\..+\.\d+")
 """A file that was being written when the program was killed."""
 _PAGE = re.compile(r"[a-z0-9][a-z0-9_-]*\.[a-z0-9]+")

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report import Item
 
-__all__ = ["Kept", "State", "books", "changes", "last_green", "narrowed", "since"]
-
 
 class State(StrEnum):
     """How far a kept checklist came."""

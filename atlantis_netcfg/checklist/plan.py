@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.declaration import Declaration
 
-__all__ = ["Checklist", "Entry", "Scope", "plan"]
-
 _BEARERS = {
     BearerKind.WIFI_PTP: Column.WIFI,
     BearerKind.LTE: Column.LTE,

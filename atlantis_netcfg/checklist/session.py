@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.plan import Checklist, Entry
     from atlantis_netcfg.checklist.report import Document, Item, Phase
 
-__all__ = ["Book"]
-
 _FEW = 8
 
 

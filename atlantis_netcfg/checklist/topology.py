@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer, Site
 
-__all__ = ["drawing"]
-
 _PARTNERS, _INTERNET = "partners", "internet"
 """Keys of nodes that are no hosts; those of hosts, sites and vehicles are their names."""
 _CARRIED: dict[BearerKind, str] = {

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.model import RevocationResult
     from atlantis_netcfg.vpn.identity import Member
 
-__all__ = ["bringing", "close", "close_revoked", "close_synced", "hold", "outlet"]
-
 
 def outlet(arguments: Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
     """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""

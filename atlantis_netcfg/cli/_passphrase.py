@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.operations.vault import Vault
 
-__all__ = ["PASSPHRASE_FD", "asked", "chosen", "vault_of"]
-
 PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
 _MOST = 1024
 _WORDS = "the passphrase of the CA key"

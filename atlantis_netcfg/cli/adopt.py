@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "adopt",
     "bring a router from its factory state to where `provision site=…` can talk to it",

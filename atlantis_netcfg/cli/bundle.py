@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "bundle",
     "pack everything that the gateways of a site take from the internet, for where there is none",

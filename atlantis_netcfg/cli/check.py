@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "check",
     "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.dds import ProfileView
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "dds",
     "make the DDS profiles of a gateway or control centre, one set for each link of its site",

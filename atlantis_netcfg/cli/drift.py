@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.drift import DriftReport
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "drift",
     "say what differs from the declaration, who owns it and since when, changing nothing",

@@ -13,9 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
 
-__all__ = ["COMMAND", "MEANING", "of_command", "overview", "run"]
-
-
 COMMAND = Command("help", "print this overview")
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.image.writer import Card
     from atlantis_netcfg.operations.image import Made, Order
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "image",
     "customise the vendor's image for a gateway computer, write it to a card, read it back",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.links.look import LinksStatus
     from atlantis_netcfg.report.links import LinksReport
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "links",
     "say how every link of a site is, which one carries the traffic, and what is wrong",

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
 
-__all__ = ["COMMAND", "run"]
-
 _NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"
 
 COMMAND = Command(

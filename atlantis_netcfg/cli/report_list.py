@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "report list",
     "list the checklists of a site, who signed them, and what has changed since the last green one",

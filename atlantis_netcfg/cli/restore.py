@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.journal import Confirmed
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "restore",
     "put the state that a run has read back on a replacement device",

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.report.run import RunReport
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "resume",
     "go on with a run that was interrupted, from what the devices have kept",

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "rollback",
     "put a site's devices back to what they were before a run",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.journal import Run, Store
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "runs",
     "list the runs that changed something or tried to, and what is still open",

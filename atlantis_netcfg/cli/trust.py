@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.trust import Identity
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "trust",
     "show who answers at the devices of a site, and keep what you agree to",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.upgrade import Prepared, Upgraded
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "upgrade",
     "put given RouterOS packages on one device, reboot it, and read back what runs",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.declaration import Declaration, InventoryInvalid
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "validate",
     "check the whole declaration and list every error with its place",

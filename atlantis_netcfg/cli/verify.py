@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.verifying import Verified, Verifying
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "verify",
     "show which assumptions about RouterOS hold on a device, with evidence",

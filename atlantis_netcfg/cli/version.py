@@ -10,8 +10,6 @@ from atlantis_netcfg.core.errors import ExitCode
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command("version", "print the versions of provision, Python and ansible-core", flags=(JSON,))
 
 

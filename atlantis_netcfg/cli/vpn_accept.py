@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn accept",
     "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",

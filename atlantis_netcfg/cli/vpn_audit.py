@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn audit",
     "tell who did what with the VPN's members, and whether the record is as the CA key signed it",

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn init",
     "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",

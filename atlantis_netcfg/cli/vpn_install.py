@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.router import Installed
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn install",
     "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn list",
     "list who is in the VPN, and until when",

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.requests import DeviceWords
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn onboard",
     "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",

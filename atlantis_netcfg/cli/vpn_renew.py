@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn renew",
     "give members a new certificate; the old one works until the server has seen the new one",

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn revoke",
     "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",

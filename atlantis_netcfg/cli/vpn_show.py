@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.identity import Certificate, Member
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn show",
     "show one member of the VPN with its certificates",

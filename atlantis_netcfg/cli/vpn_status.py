@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.status import VpnStatus
     from atlantis_netcfg.vpn.identity import Member
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn status",
     "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",

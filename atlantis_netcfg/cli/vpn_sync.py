@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
-__all__ = ["COMMAND", "run"]
-
 COMMAND = Command(
     "vpn sync",
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["open_serial"]
-
 BAUD = 115200
 """RouterOS' own default on the console port (Manual, Serial Console)."""
 _NUDGE_S = 2.0

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["Crashed", "crashed", "write_log"]
-
 
 class Crashed(NetcfgError):
     """Something that nobody foresaw; `str()` and `hint` are what a person may see of it."""

@@ -8,19 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = [
-    "TRUST",
-    "WORST_FIRST",
-    "DeviceFailed",
-    "ExitCode",
-    "NetcfgError",
-    "NothingMatched",
-    "OutcomeUnknown",
-    "UsageError",
-    "complete",
-    "worst",
-]
-
 
 class ExitCode(IntEnum):
     """How a command ends; the table that technicians read is docs/exit-codes.md."""

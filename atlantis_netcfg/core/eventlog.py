@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import NetcfgError
 
-__all__ = ["EventLog", "split", "write_all"]
-
 
 def write_all(descriptor: int, data: bytes) -> None:
     """Write every byte or raise OSError; a full disk first shows as a short write."""

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-__all__ = ["Event", "Stage", "Subscriber", "ignore"]
-
 
 class Stage(StrEnum):
     """Where a device is in its run, in the order in which a person sees it."""

@@ -13,8 +13,6 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["cache_dir", "checkout", "hold_own", "private_cache", "private_directory", "state_dir"]
-
 _HINT = "name a directory of your own: ATLANTIS_STATE=/some/directory provision …"
 _CACHE_HINT = "name a directory of your own: XDG_CACHE_HOME=/some/directory provision …"
 

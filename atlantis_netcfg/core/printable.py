@@ -10,8 +10,6 @@ import re
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-__all__ = ["Printer", "below", "cleaned", "line", "lines", "visible"]
-
 _UNSEEN = re.compile(
     "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb"
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"

@@ -20,8 +20,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = ["INSTALL", "Tool", "build", "build_live"]
-
 _PLUGINS = Path(__file__).parents[1] / "ansible_collections/atlantis/netcfg/plugins"
 _BOARD = _PLUGINS / "plugin_utils" / "board"
 INSTALL = _BOARD / "install.py"

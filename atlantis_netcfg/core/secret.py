@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hmac
 
-__all__ = ["EXAMPLE_PREFIX", "MASK", "Secret"]
-
 MASK = "********"
 EXAMPLE_PREFIX = "EXAMPLE-"
 

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["nearest"]
-
 _ALIKE = 0.65
 """Ratio of difflib from which on two words count as one of them mistyped."""
 

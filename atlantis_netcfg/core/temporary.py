@@ -25,8 +25,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["folder", "remove_orphans", "roomy"]
-
 _SMALL = Path("/tmp")  # noqa: S108 - private folders are made in it
 _LARGE = Path("/var/tmp")  # noqa: S108 - as above; /tmp may be this computer's memory
 _MARKED = re.compile(r"atlantis-[a-z-]+-[a-z0-9_]{8}\.tmp")

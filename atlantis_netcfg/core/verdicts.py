@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Verdict", "worst"]
-
 
 class Verdict(StrEnum):
     """What is known of one thing that was to hold."""

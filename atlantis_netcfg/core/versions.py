@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import Self
 
-__all__ = ["NEWEST_KNOWN", "Version"]
-
 
 @dataclass(frozen=True, order=True, slots=True)
 class Version:

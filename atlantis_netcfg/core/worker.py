@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Coroutine
 
-__all__ = ["end_if_orphaned", "end_with_parent", "run_until_settled"]
-
 _PR_SET_PDEATHSIG = 1
 """prctl(2): the signal that this process gets when the thread that has started it ends.
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Mark
     from atlantis_netcfg.declaration.model import Device, Model, Partner, Pilot, Site, Vehicle
 
-__all__ = ["Draft", "Part", "Rule"]
-
 _Box = TypeVar("_Box", bound="Model")
 
 

@@ -13,8 +13,6 @@ from atlantis_netcfg.declaration.findings import Finding, Mark
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration._node import Node
 
-__all__ = ["KIND_GROUPS", "Layout", "lay_out"]
-
 KIND_GROUPS = {
     "routers": "router",
     "cpes": "cpe",

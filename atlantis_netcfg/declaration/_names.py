@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["why_no_name"]
-
 
 def why_no_name(text: str) -> tuple[str, str] | None:
     """What is wrong with a name and what to type instead; None if it is an RFC 1123 label of at most 32 characters."""

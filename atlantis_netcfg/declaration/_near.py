@@ -10,8 +10,6 @@ from atlantis_netcfg.core.suggest import nearest
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["choices", "meant", "shown_key"]
-
 _MANY = 12
 
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Mark
 
-__all__ = ["Node", "Scalar"]
-
 Scalar = str | int | float | bool | date | Secret | None
 
 

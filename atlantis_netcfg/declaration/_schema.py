@@ -15,8 +15,6 @@ from atlantis_netcfg.declaration.model import Device
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["DEVICES", "MODEL", "at", "choices_of", "item_of", "model_of", "optional", "unwrap", "wanted"]
-
 
 def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
     """The type below `Annotated` and `| None`."""

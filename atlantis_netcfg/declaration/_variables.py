@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration._vault import Decrypt
     from atlantis_netcfg.declaration.loading import Sources
 
-__all__ = ["Variables", "gather"]
-
 _HOMES = {
     "pilot": "group_vars/all/pilot.yml",
     "partners": "group_vars/all/partners.yml",

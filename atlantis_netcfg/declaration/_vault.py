@@ -11,8 +11,6 @@ from typing import NoReturn
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["CLOSED", "TAG", "UNTAGGED", "Decrypt", "SealedSecret", "VaultError", "unseal"]
-
 TAG = "!vault"
 UNTAGGED = "!vault-encrypted"
 """The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""

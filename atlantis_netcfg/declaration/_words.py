@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration._node import Node
 
-__all__ = ["FALLBACK", "explain", "label_of"]
-
 FALLBACK = "cannot be understood"
 """Of a message for an error type that nobody has put into words; tests hold that none is reachable."""
 _Path = tuple[str | int, ...]

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from pydantic.fields import FieldInfo
 
-__all__ = ["ROLES", "text", "write"]
-
 ROLES: Mapping[str, tuple[str, Mapping[str, type[BaseModel]]]] = {
     "routeros": (
         "Bring RouterOS devices to their declared state",

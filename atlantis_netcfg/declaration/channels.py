@@ -19,8 +19,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["BANDS", "WIDTHS", "eirp_dbm", "is_channel", "legal", "lower_edge", "why_illegal"]
-
 
 @dataclass(frozen=True, slots=True)
 class Range:

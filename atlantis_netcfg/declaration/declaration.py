@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
 
-__all__ = ["ALL", "Declaration", "Host", "choose"]
-
 ALL = "all"
 """Stands for every site."""
 

@@ -10,8 +10,6 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["Finding", "InventoryInvalid", "Mark", "report"]
-
 
 @dataclass(frozen=True, slots=True, order=True)
 class Mark:

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration._node import Node
 
-__all__ = ["ListInvalid", "Row", "read"]
-
 _BYTES = 1_000_000
 _ROWS = 10_000
 _DEPTH = 3

@@ -47,9 +47,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration._variables import Variables
     from atlantis_netcfg.declaration._vault import Decrypt
 
-__all__ = ["Sources", "build", "load", "validate"]
-
-
 HOSTS = "hosts.yml"
 _OTHERS = ("evidence", "keys")
 """Folders of files that terminals have exported, and of public keys of archives; ansible.cfg keeps Ansible out."""

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Bearer, Pilot
 
-__all__ = ["NTP_PORT", "VPN_TARGET", "admits", "allowed", "derived"]
-
 NTP_PORT = 123
 """RFC 5905; UDP."""
 VPN_TARGET = "VPN server"

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import GpsTime, TimeServer
 
-__all__ = ["GatewayBase", "gateway_base"]
-
-
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
 CLOUD_INIT_ON = "/etc/cloud/cloud-init.enabled"

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Interop, Repository
 
-__all__ = ["PREFIX", "SERVICE", "VPN_INTERFACE", "GatewayInterop", "gateway_interop"]
-
 PREFIX = "/opt/atlantis/interop"
 SERVICE = "atlantis-data-gateway.service"
 VPN_INTERFACE = "tun0"

@@ -14,8 +14,6 @@ from atlantis_netcfg.render import environment
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["GatewayNetwork", "gateway_network"]
-
 
 @dataclass(frozen=True, slots=True)
 class _Tool:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Protocol
 
-__all__ = ["Brought", "Check", "Configuration", "Directory", "File", "Link", "Package", "Part", "Step", "Unit", "WayIn"]
-
 
 class Part(Protocol):
     """What one role wants of one host."""

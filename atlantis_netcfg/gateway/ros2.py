@@ -34,9 +34,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Dds, Ros2
 
-__all__ = ["RELEASES", "ArchiveKey", "GatewayRos2", "StandIn", "archive_key", "gateway_ros2"]
-
-
 FOLDER = "keys"
 """Below the inventory; public keys only."""
 _WARN = timedelta(days=60)

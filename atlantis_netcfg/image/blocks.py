@@ -16,9 +16,6 @@ from pathlib import Path
 
 from atlantis_netcfg.image.facts import DeviceRefused
 
-__all__ = ["BlockTree", "Bus", "Disk", "Use", "admit", "confirmed", "same"]
-
-
 _SECTOR = 512
 """Bytes in the unit of `/sys/block/*/size`, whatever the device's own sectors are."""
 _SYSTEM = ("/boot", "/usr", "/var", "/home", "/etc", "/opt", "/srv", "/nix", "/root")

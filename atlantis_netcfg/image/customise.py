@@ -18,8 +18,6 @@ from atlantis_netcfg.image.plan import BOOT_WORDS, LISTED, READ, notes, paths_to
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["NOTE", "customise", "look"]
-
 
 @dataclass(frozen=True, slots=True)
 class Fat:

@@ -19,8 +19,6 @@ from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Lin
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["PROGRAMS", "Ext4", "Status", "require_tools", "tool"]
-
 PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}
 """What edits an image, and the Debian packages that hold these programs."""
 _NOT_EDITED = frozenset({"inline_data"})

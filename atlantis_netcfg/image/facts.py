@@ -11,21 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from ipaddress import IPv4Address, IPv4Interface
 
-__all__ = [
-    "Account",
-    "CardUnfinished",
-    "DeviceRefused",
-    "Directory",
-    "Edit",
-    "File",
-    "ImageFacts",
-    "ImageRefused",
-    "ImageRequest",
-    "Link",
-    "Remove",
-    "Static",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Static:

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["LAYOUTS", "FatAt", "Layout", "Places", "find"]
-
 _SECTOR = 512
 _TABLE = 446
 _ENTRY = struct.Struct("<B3sB3sII")

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.image.facts import Edit, Static
 
-__all__ = ["BOOT_WORDS", "LISTED", "READ", "notes", "paths_to_check", "plan"]
-
-
 PASSWD, SHADOW = "/etc/passwd", "/etc/shadow"
 SSHD, SSHD_PARTS = "/etc/ssh/sshd_config", "/etc/ssh/sshd_config.d"
 _OURS = f"{SSHD_PARTS}/00-atlantis.conf"

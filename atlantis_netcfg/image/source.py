@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
-__all__ = ["Checksum", "Expanded", "Kind", "Segment", "checksum", "expand", "segments"]
-
-
 _MOST = 16 * 2**20
 """Bytes of a map file that is still read."""
 _HINT = "fetch it again, or move it away: without it every block of the image is written"

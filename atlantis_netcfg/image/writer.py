@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.image.blocks import BlockTree, Disk
 
-__all__ = ["Card", "Meter", "Progress", "Step", "Written", "write"]
-
 
 class Step(StrEnum):
     """What takes long."""

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-__all__ = ["Pins"]
-
 _HOST_KEY = "ssh "
 """Before a device's name where its host key is kept; names have no spaces."""
 _WINDOW = "window "

@@ -11,37 +11,6 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-__all__ = [
-    "SETTLED",
-    "ActionsAcknowledged",
-    "ActionsConfirmed",
-    "ContactStep",
-    "ContactStepDone",
-    "CostCounted",
-    "DeviceObserved",
-    "LayerSent",
-    "Outcome",
-    "PackageSent",
-    "PackagesConfirmed",
-    "Pinned",
-    "Planned",
-    "PlannedAction",
-    "Protected",
-    "Purpose",
-    "Rebooting",
-    "Record",
-    "Released",
-    "Releasing",
-    "RunEnded",
-    "RunResumed",
-    "RunStarted",
-    "Signed",
-    "StateConfirmed",
-    "StateSaved",
-    "Unrolled",
-    "Verified",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CostCounted:

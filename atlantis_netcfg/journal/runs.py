@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-__all__ = ["Confirmed", "Run"]
-
-
 _DONE = frozenset({"unchanged", "changed"})
 """Outcomes that stand for a device that was read back as it was to be."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-__all__ = ["Counters", "MonthBytes", "Usage"]
-
 _WHAT = "the bytes of this month"
 _BOOT_SLACK = timedelta(seconds=120)
 """A device that was not restarted seems to have been started at another moment by so much: clocks are set, and an

@@ -44,9 +44,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
 
-__all__ = ["SERIAL", "SSH", "Adoption", "AdoptionResult", "target_of"]
-
-
 SSH_PORT = 22
 """Of service `ssh`; neither the factory nor the site's template moves it."""
 _KNOCK_S = 5.0

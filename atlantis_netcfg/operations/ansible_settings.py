@@ -21,8 +21,6 @@ from atlantis_netcfg.journal import write_atomically
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["import_ansible"]
-
 _LARGE = 50_000
 """Bytes of a collection's metadata that are worth keeping as read; those of Ansible's own collection are 400,000."""
 

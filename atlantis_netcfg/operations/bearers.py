@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Bearer as Declared
     from atlantis_netcfg.routeros.api import Endpoint
 
-__all__ = ["FAST_S", "LAN", "PATIENCE_S", "as_bearer", "bearer_of", "patient"]
-
 FAST_S: Final = 0.2
 """Round trip below which a link has no gaps of minutes, as a satellite has."""
 PATIENCE_S: Final = 15.0

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.estimate import Bearer as Carrier
 
-__all__ = ["Costs", "Meter", "beforehand", "gate", "link_of", "links_of", "ports_of", "unpaid", "ways_of"]
-
-
 _MB: Final = 1_000_000
 
 

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import History
     from atlantis_netcfg.routeros.desired import Desired
 
-__all__ = ["device_job", "endpoint_of"]
-
 _SSH = 22
 
 

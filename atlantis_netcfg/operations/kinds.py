@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Ptp
     from atlantis_netcfg.render import Prerequisite
 
-__all__ = ["Hardware", "Managed", "ManagedCpe", "Place", "Text", "families", "handled", "managed"]
-
 
 @dataclass(frozen=True, slots=True)
 class Text:

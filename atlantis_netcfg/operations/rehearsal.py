@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer
 
-__all__ = ["Rehearsal", "factory_spec", "rehearsal", "rehearse_adoption", "site_spec"]
-
 _LISTENS_S = 1.0
 """Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""
 _NOMINAL_M = 150.0

@@ -23,23 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Event
     from atlantis_netcfg.declaration import Declaration
 
-__all__ = [
-    "ACCEPT_COST",
-    "PLAIN_ANSIBLE",
-    "REMOVE_FOREIGN",
-    "EventStream",
-    "Mode",
-    "Request",
-    "StandIns",
-    "Target",
-    "consent",
-    "declaration_of",
-    "open_request",
-    "refuse_examples",
-    "shared",
-]
-
-
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
 REMOVE_FOREIGN = "atlantis_remove_foreign"

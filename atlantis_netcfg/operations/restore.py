@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros.desired import Desired
 
-__all__ = ["LATEST", "confirmed_state", "restored"]
-
 LATEST = "latest"
 """Instead of a run: the last one that confirmed a state of the device."""
 

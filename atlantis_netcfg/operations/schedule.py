@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.routeros.estimate import Bearer
 
-__all__ = ["RunUnit", "bridges", "far_bearer", "members_of", "pair_of", "with_other_ends"]
-
 
 @dataclass(frozen=True, slots=True)
 class Bridge:

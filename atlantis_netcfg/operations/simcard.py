@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.journal import Record, Recorder
 
-__all__ = ["PinRecorder", "TriedPin"]
-
 _MENU, _FIELD = "/interface/lte", "pin"
 
 

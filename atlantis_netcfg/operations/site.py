@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
 
-__all__ = ["perform"]
-
 _FINE = (ExitCode.DONE, ExitCode.CHANGES)
 _REHEARSED_GRACE_S = 0.5
 """An emulated radio changes at once: either its answer is here by then, or it is heard when the link is back."""

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed, JournalFailed, Recorder
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["RunName", "SiteRun"]
-
 
 class Ended(Protocol):
     """What a turn has to know of a device's result."""

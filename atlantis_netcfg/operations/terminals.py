@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["EVIDENCE_FOLDER", "TerminalResult", "is_terminal", "look", "perform"]
-
 EVIDENCE_FOLDER = "evidence"
 """Below the inventory: where backups that terminals have exported are looked for; ansible.cfg keeps Ansible out."""
 

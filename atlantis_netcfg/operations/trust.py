@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["Computer", "Identity", "KeyState", "agree", "has_identity", "identities"]
-
 _SSH: Final = 22
 _COMPARE: Final = "compare it with `fingerprint` on its own console (cable, Winbox):  /certificate print detail"
 _WAIT_S: Final = 150.0

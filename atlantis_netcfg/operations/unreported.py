@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["other_ends", "without_result"]
-
 _READING = (DeviceObserved, StateSaved, Planned)
 """Records of a device on which nothing was changed or armed yet: whatever does that is recorded before it is sent."""
 

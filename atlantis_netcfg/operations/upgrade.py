@@ -58,20 +58,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.routeros.packages import Npk
 
-__all__ = [
-    "REBOOTED_WITHIN_S",
-    "Prepared",
-    "Seen",
-    "Upgraded",
-    "Upgrading",
-    "Waiting",
-    "_configuration",
-    "_cost",
-    "log_of",
-    "look",
-]
-
-
 _PROGRESS_STEPS = 20
 
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["Vault"]
-
 _PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 """In place of a file: Ansible's words for an identity whose password is typed."""
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.verify import Seen
 
-__all__ = ["Verified", "Verifying", "written"]
-
 _FLIGHT_BYTES = 160
 """One small question and its answer, both with their records of TLS."""
 _READ_BYTES = 30_000

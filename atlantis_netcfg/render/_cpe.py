@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, ServedLink
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
 
-__all__ = ["CpeView", "RadioView", "cpe", "cpe_prerequisites", "cpe_view", "radio_name"]
-
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}
 _LEGACY_BANDS = {

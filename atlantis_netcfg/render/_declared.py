@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Device, Pilot, Router, Site
 
-__all__ = ["Declared", "DeclaredHost", "RenderError", "address_in_site", "hosts_of", "router_of"]
-
 
 class RenderError(UsageError):
     """The declaration lacks what the template needs; `provision validate` tells the same with file and line."""

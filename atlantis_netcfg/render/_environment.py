@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = ["MARK", "compiled", "duration", "environment", "mark", "template_folder"]
-
 MARK = "atlantis: "
 """Opens the comment of every row that is ours."""
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Bearer, LteRouter
     from atlantis_netcfg.render._declared import Declared, DeclaredHost
 
-__all__ = ["LteView", "lte", "lte_bearer", "lte_prerequisites", "lte_view"]
-
 _PORT, _MODEM = "ether1", "lte1"
 """Factory names: the boxes for outdoors have one cable and one modem (Manual, LTE/5G)."""
 _API_SSL = 8729

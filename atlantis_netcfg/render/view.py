@@ -8,24 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = [
-    "BRIDGE",
-    "Forwarded",
-    "Judged",
-    "LanView",
-    "Link",
-    "ManagementView",
-    "Managers",
-    "Named",
-    "PortView",
-    "Prerequisite",
-    "Remote",
-    "RouterView",
-    "Target",
-    "Tunnel",
-    "Uplink",
-]
-
 BRIDGE = "bridge-lan"
 LEFT = 100
 """Added to the distance of routes by a link that was given up."""

@@ -16,8 +16,6 @@ from atlantis_netcfg.report.run import cost_lines
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-__all__ = ["DriftReport", "difference_lines", "drift_lines"]
-
 _ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
 
 

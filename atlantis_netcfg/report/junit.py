@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.report.drift import DriftReport
 
-__all__ = ["junit"]
-
 _READ = "the device can be read"
 _EVIDENCE = "what is declared agrees with the evidence"
 

@@ -12,8 +12,6 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["LinksReport"]
-
 _KINDS = {"wifi_ptp": "Wi-Fi bridge", "lte": "4G", "satellite": "satellite", "ethernet": "cable"}
 _STATES = {"up": "up", "down": "DOWN", "searching": "searching", "unknown": "not known"}
 _NOT_GREEN = frozenset({Verdict.FAIL.value, Verdict.ERROR.value, Verdict.INCONCLUSIVE.value})

@@ -11,8 +11,6 @@ from atlantis_netcfg.core.errors import ExitCode, worst
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-__all__ = ["Pass", "RunReport", "asked", "cost_lines"]
-
 
 def asked(cost: Mapping[str, Any]) -> str:
     """What a person is told before, and asked to pay; above all that it is another link than the declared one."""

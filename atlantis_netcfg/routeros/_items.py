@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.rsc import Statement
 
-__all__ = ["Desired", "Item", "Mistake", "RunTime", "item_of", "known_menu", "near"]
-
 
 @dataclass(frozen=True, slots=True)
 class Item:

@@ -14,22 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.versions import Version
 
-__all__ = [
-    "FEW_FOREIGN",
-    "Action",
-    "Drift",
-    "Facts",
-    "Hidden",
-    "Layer",
-    "Observed",
-    "Owner",
-    "Plan",
-    "PortCounts",
-    "Row",
-    "Verb",
-    "is_bare",
-]
-
 FEW_FOREIGN: Final = 100
 """So many rows of others may go from menus that are ours entirely without being asked for apart."""
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["ASSUMPTIONS", "READS", "SILENCE", "TRY", "Assumption", "unconfirmed"]
-
 READS: Final = "by reading"
 """How most rows are shown: `provision verify` reads the device."""
 TRY: Final = "needs --try"

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action
 
-__all__ = ["console", "executed", "sentence"]
-
 
 def console(action: Action) -> str:
     """Return the console line, without line end: `/ip/firewall/filter/add chain=input place-before=*A3`."""

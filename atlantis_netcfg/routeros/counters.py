@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.api import Reply
 
-__all__ = ["closing", "counting", "looks", "read_counts", "seconds"]
-
 _UPTIME = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(?:(\d+)h)?(?:(\d+)m)?(?:(\d+)s)?")
 _UPTIME_ONLY: Final = Command("/system/resource/print", ((".proplist", "uptime"),))
 _UNITS: Final = (604_800, 86_400, 3_600, 60, 1)

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.menus import Field, Menu
 
-__all__ = ["Line", "added_row", "existing_row", "render", "set_lines"]
-
 _CONTEXT = 2
 
 

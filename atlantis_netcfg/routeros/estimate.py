@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
 
-__all__ = ["Bearer", "Estimate", "beforehand", "estimate", "on_the_wire"]
-
 PREFLIGHT: Final = 6
 """Sentences that ask about the device itself."""
 AGAIN: Final = 2

@@ -19,8 +19,6 @@ from atlantis_netcfg.routeros.pair import Pair, converge_pair
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["AT_ONCE", "MOST", "PATIENCE_S", "Waiting", "run", "stream"]
-
 AT_ONCE = 32
 """Devices in work at the same time; each holds its rows in memory only while it is in work."""
 PATIENCE_S = 10.0

@@ -26,25 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = [
-    "BRIEF",
-    "HISTORY",
-    "LATER",
-    "LEAVES",
-    "MenuMissing",
-    "completed",
-    "counting_rows",
-    "merged",
-    "modem_row",
-    "number_of_rows",
-    "observe",
-    "printing",
-    "read_back",
-    "read_bare",
-    "samples",
-    "with_rows",
-]
-
 _RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
 _SAFE_MODE = Command("/safe-mode/print")
 _DEVICE_MODE = Command("/system/device-mode/print")

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Row
     from atlantis_netcfg.routeros.api import Reply
 
-__all__ = ["ENUMERATIONS", "ROOM", "Examination", "script"]
-
 ROOM: Final = 18
 """Sentences that fit beside what is read before a change, in one flight."""
 _LINES = 25

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Observed, Row
 
-__all__ = ["LTE", "MODEMS", "MONITOR", "SAID", "Sim", "monitor_of", "objection", "pending", "sim_of"]
-
 LTE = "/interface/lte"
 MODEMS = Command(f"{LTE}/print", ((".proplist", "default-name,name"),))
 """What `monitor_of` needs to know."""

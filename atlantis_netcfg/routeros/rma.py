@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._items import Desired, Item
 
-__all__ = ["for_replacement"]
-
 _UNIT = {"/ip/service": frozenset({"certificate"})}
 """Properties that stay what they are on the replacement."""
 

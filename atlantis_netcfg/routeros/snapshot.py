@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed, Row
     from atlantis_netcfg.routeros.menus import Field, Menu
 
-__all__ = ["OF_THE_BOX", "read", "write"]
-
 OF_THE_BOX = frozenset(
     {
         ("/interface/bridge", "admin-mac"),

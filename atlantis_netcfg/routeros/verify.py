@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Endpoint, Reply
 
-__all__ = ["CHECKS", "MARK", "TRIES", "Finding", "Seen", "fall_silent", "read", "try_out"]
-
 MARK: Final = "atlantis: scratch row of verify"
 """Comment of the scratch rows, by which a person would know them."""
 CLOSE_S: Final = 10.0

@@ -10,8 +10,6 @@ from atlantis_netcfg.core.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["Export", "RscError", "Statement"]
-
 
 class RscError(UsageError):
     """Text that is not export text; `line` and `column` (1-based) are those of the file as the person sees it."""

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["ENCODING", "ERRORS", "ValueTextError", "in_quotes", "quote", "unquote"]
-
 ENCODING = "utf-8"
 ERRORS = "surrogateescape"
 

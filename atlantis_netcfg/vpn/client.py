@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["CONF", "IDENTITY", "SERVICE", "OpenvpnClient", "openvpn_client", "site_link"]
-
 CONF = "/etc/openvpn/client/atlantis.conf"
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 """Certificates and keys of the gateway, as `handout.identity_file` writes them."""

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import MembershipList
     from atlantis_netcfg.vpn.policy import Permission, Policy, Traffic
 
-__all__ = ["ADMITTED", "TABLE", "firewall", "text"]
-
 TABLE = "p_atlantis_vpn"
 """Of family inet."""
 ADMITTED = "p_members"

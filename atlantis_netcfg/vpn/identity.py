@@ -13,19 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = [
-    "TIMERS",
-    "Certificate",
-    "CertificateStatus",
-    "Identity",
-    "KeyType",
-    "Kind",
-    "Link",
-    "Member",
-    "MembershipList",
-    "Wrap",
-]
-
 
 class Kind(StrEnum):
     """What a member is; `host` is a declared computer of a site, everything else is a partner's or a site's router."""

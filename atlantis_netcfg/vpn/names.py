@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
-__all__ = ["LONGEST", "NAME", "RESERVED", "NameRefused", "NameTaken", "check_free", "check_name", "member_name"]
-
 LONGEST = 48
 """Characters of a name; with a successor's `.2` it stays below the 64 of a common name (RFC 5280, ub-common-name)."""
 NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,46}[a-z0-9])?")

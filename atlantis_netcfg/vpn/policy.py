@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Dds, VpnService
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
-__all__ = ["ANYTHING", "PING", "Flow", "Party", "Permission", "Policy", "Protocol", "Traffic", "Zone", "policy"]
-
 
 class Protocol(StrEnum):
     """What the firewall tells apart; of ICMP the echo, as errors pass with what they are about."""

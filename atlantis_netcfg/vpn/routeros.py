@@ -24,20 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.vpn.identity import Identity
 
-__all__ = [
-    "INTERFACE",
-    "SINCE",
-    "USER_MAX",
-    "RouterTooOld",
-    "Tunnel",
-    "check_version",
-    "declared",
-    "handed_out",
-    "mark",
-    "profile",
-    "script",
-]
-
 INTERFACE = "ovpn-atlantis"
 """Of a partner's router; a router of ours has the declared name."""
 SINCE = Version(7, 17)

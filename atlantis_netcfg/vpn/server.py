@@ -27,27 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
 
-__all__ = [
-    "CCD",
-    "FIREWALL",
-    "FLOOR",
-    "FOLDER",
-    "INTERFACE",
-    "MANAGEMENT",
-    "PACKAGES",
-    "SEEN",
-    "SERVICE",
-    "STATUS",
-    "OpenvpnServer",
-    "ccd",
-    "live_files",
-    "openvpn_server",
-    "server_conf",
-    "system_units",
-    "tunnel_address",
-]
-
-
 FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"
 SERVICE = "openvpn-server@atlantis.service"

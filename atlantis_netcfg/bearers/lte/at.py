@@ -29,25 +29,6 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-__all__ = [
-    "ALLOWED",
-    "ANSWER_S",
-    "READS",
-    "VENDOR_READS",
-    "Answer",
-    "AtLook",
-    "AtSilent",
-    "AtUnreachable",
-    "CommandForbidden",
-    "Modem",
-    "PortOwned",
-    "checked",
-    "read",
-    "reading_of",
-    "require_free",
-]
-
-
 _STATES = {
     0: Registration.SEARCHING,
     1: Registration.REGISTERED_HOME,

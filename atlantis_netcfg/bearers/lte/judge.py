@@ -17,8 +17,6 @@ from atlantis_netcfg.core.verdicts import Verdict
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["LteExpected", "judge", "link_state", "quality"]
-
 WEAK_RSRP_DBM = -105.0
 WEAK_RSRQ_DB = -15.0
 WEAK_SINR_DB = 0.0

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 
     from jeepney.io.blocking import DBusConnection
 
-__all__ = ["NO_SIGNAL", "TIMEOUT_S", "MmLook", "MmUnreachable", "read", "reading_of", "signal_is_set_up"]
-
-
 SERVICE = "org.freedesktop.ModemManager1"
 ROOT = "/org/freedesktop/ModemManager1"
 TIMEOUT_S = 30.0

@@ -8,8 +8,6 @@ from enum import StrEnum
 from atlantis_netcfg.bearers.status import Finding
 from atlantis_netcfg.core.verdicts import Verdict
 
-__all__ = ["LOOK_FOR", "LteReading", "Registration", "check_by_hand", "unmanaged_reading"]
-
 
 class Registration(StrEnum):
     """Where the unit is on its way into the network; a word that nobody knows is `unknown`, never a failure."""

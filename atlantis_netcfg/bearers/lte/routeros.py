@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     Row = Mapping[str, str]
     Rows = Sequence[Row]
 
-__all__ = ["IDENTITIES", "log_query", "modem_name", "monitor_query", "queries", "queries_6", "read", "redacted"]
-
 IDENTITIES = frozenset({"imei", "imsi", "iccid", "uicc", "subscriber-number", "phone-number"})
 """Fields of a monitor that name a person's SIM or a device; they go into no report and no log."""
 _APN = ("name", "apn", "use-network-apn", "default")

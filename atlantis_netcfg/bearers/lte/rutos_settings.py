@@ -24,21 +24,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = [
-    "PIN",
-    "RELOAD",
-    "SHOW",
-    "WRITE",
-    "Change",
-    "LteSettings",
-    "SettingRefused",
-    "batch",
-    "changes",
-    "parse_show",
-    "pin_held",
-    "removal",
-]
-
 SHOW = "uci show network && uci show simcard"
 """Reads both packages in one round trip."""
 WRITE = "uci batch"

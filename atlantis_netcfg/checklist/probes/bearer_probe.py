@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import Bearer, BearerKind
 
-__all__ = ["BearerProbe", "bearers", "boxes", "link_steps", "reserved_mac", "well"]
-
-
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
 """End of a reading's name to its unit; longest first where one ends like another."""
 _ALL = 100

@@ -42,9 +42,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import EthernetEndpoint
 
-__all__ = ["CabledProbe", "steps"]
-
-
 _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-error", "link-downs")
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})

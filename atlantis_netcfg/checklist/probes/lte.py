@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.step import Cell
 
-__all__ = ["steps"]
-
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the units of a location, else something for a person."""

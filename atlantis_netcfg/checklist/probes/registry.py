@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.step import Cell
 
-__all__ = ["ETHERNET", "TITLES", "by_a_person", "steps_of"]
-
 ETHERNET = "ethernet"
 """Our extension of the table."""
 

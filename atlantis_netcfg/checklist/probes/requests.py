@@ -9,19 +9,6 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.query import Query
 
-__all__ = [
-    "AllowListTestRequest",
-    "DdsDiscoverRequest",
-    "DhcpDiscoverRequest",
-    "LinkStatusRequest",
-    "Listen",
-    "Place",
-    "Question",
-    "RouterOsQuery",
-    "Run",
-    "Say",
-]
-
 
 class Place(StrEnum):
     """Where a question is asked from."""

@@ -11,19 +11,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
 
-__all__ = [
-    "AllowListTestResult",
-    "Answer",
-    "CommandResult",
-    "DdsDiscoverResult",
-    "DhcpOffer",
-    "DhcpOffers",
-    "LinkStatusResult",
-    "Rows",
-    "Transcript",
-    "Trouble",
-]
-
 
 class Trouble(StrEnum):
     """Why there is no whole answer."""

@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
 
-__all__ = ["AllowListProbe", "steps"]
-
-
 _NOT_TRIED = "not-tried"
 _SEEN = (Verdict.PASS, Verdict.WARN)
 _AIMED = frozenset(

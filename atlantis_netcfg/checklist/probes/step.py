@@ -24,22 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Site
 
-__all__ = [
-    "PLACES",
-    "SITE",
-    "Cell",
-    "Consent",
-    "Judged",
-    "Probe",
-    "Step",
-    "declared",
-    "measured",
-    "not_run",
-    "read",
-    "rows_of",
-    "unasked",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Judged:

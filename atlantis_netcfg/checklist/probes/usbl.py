@@ -41,9 +41,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.declaration.model import UsblEndpoint
 
-__all__ = ["steps"]
-
-
 _IDLE = rb"(?i)\$3A3B[0-9A-F]{4}[\r\n]"
 _DEPTH_M = 0.3
 _BELOW = (

@@ -58,9 +58,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import WifiEndpoint
 
-__all__ = ["AssociatedProbe", "RegisteredProbe", "steps"]
-
-
 FAR_DB = 10.0
 IMBALANCE_DB = 6.0
 

@@ -14,8 +14,6 @@ from atlantis_netcfg.checklist.report._states import State
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["DARK", "TINTS", "Tint", "css_class"]
-
 
 @dataclass(frozen=True, slots=True)
 class Tint:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report._grid import Cell, GridRow
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-__all__ = ["lines"]
-
 _WIDTH = 80
 _NAME, _CELL = 14, 7
 """Columns of the grid, in characters."""

@@ -11,8 +11,6 @@ from atlantis_netcfg.checklist.report.document import Row
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-__all__ = ["Cell", "Grid", "GridRow", "grid"]
-
 
 @dataclass(frozen=True, slots=True)
 class Cell:

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report._photos import Photo
     from atlantis_netcfg.checklist.report.document import Document
 
-__all__ = ["html"]
-
 
 def html(document: Document, files: Mapping[str, bytes]) -> bytes:
     """The page, the same for the same document and files."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-__all__ = ["junit"]
-
 _FAILURES = frozenset({State.FAIL, State.INCONCLUSIVE, State.OPEN})
 
 

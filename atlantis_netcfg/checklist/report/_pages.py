@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Document
 
-__all__ = ["pages"]
-
 
 def pages(document: Document, files: Mapping[str, bytes]) -> Mapping[str, bytes]:
     """Make `report.html`, `report.pdf` and `junit.xml`; `files` are those that evidence names, by that name.

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Document, Evidence
 
-__all__ = ["Attached", "Photo", "attached"]
-
 MAX_BYTES = 30_000_000
 MAX_PIXELS = 60_000_000
 """Of a file that is looked at at all."""

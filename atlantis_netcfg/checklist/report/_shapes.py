@@ -12,8 +12,6 @@ from atlantis_netcfg.core.printable import visible
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report._states import State
 
-__all__ = ["BADGE_HEIGHT", "LETTER", "Badge", "Box", "Layout", "Wire", "badge_text", "badge_width", "cut", "letters_of"]
-
 LETTER = 6.1
 """Width of a letter of 10 pixels' height, on the large side: fonts differ."""
 BADGE_HEIGHT = 16.0

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Item
 
-__all__ = ["ASCII", "GREEN", "SYMBOLS", "State", "state", "worst_state"]
-
 
 class State(StrEnum):
     """Worst last."""

@@ -15,20 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Document, Evidence, Item
 
-__all__ = [
-    "by_state",
-    "clock",
-    "closing",
-    "counts",
-    "evidence_groups",
-    "evidence_words",
-    "first",
-    "headline",
-    "scope",
-    "signed",
-    "title",
-]
-
 _TITLES = {
     "wifi": "Wi-Fi",
     "acoustic": "Acoustic",

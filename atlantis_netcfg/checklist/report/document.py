@@ -11,25 +11,6 @@ from pydantic import BaseModel, ConfigDict
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.verdicts import Verdict, worst
 
-__all__ = [
-    "Change",
-    "Document",
-    "Drawing",
-    "DrawnLink",
-    "DrawnNode",
-    "Evidence",
-    "EvidenceType",
-    "Finding",
-    "Item",
-    "Kind",
-    "LeftOut",
-    "Override",
-    "Phase",
-    "Row",
-    "Signature",
-    "SinceGreen",
-]
-
 
 class _Data(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)

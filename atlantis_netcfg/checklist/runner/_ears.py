@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Answer, Place, Question
 
-__all__ = ["Asked", "Ears", "Heard"]
-
 Asked = Sequence["tuple[str, Question]"]
 """Questions under keys that are unlike each other: `<item id>#<question name>`."""
 Heard = Callable[[str, "Answer"], None]

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["ask_gateway", "in_words"]
-
 _NO_SUCH = 127
 
 

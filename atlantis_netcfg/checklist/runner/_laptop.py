@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.runner._ears import Asked, Heard
     from atlantis_netcfg.checklist.runner.remote_process import Carrier
 
-__all__ = ["ask_here"]
-
 _GRACE_S = 15.0
 
 

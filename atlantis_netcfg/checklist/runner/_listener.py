@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.checklist.runner._ears import Asked, Heard
 
-__all__ = ["Listener"]
-
 
 @dataclass(slots=True)
 class Listener:

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.runner._ears import Ears
     from atlantis_netcfg.core.crash_report import Crashed
 
-__all__ = ["LIMIT_S", "examine", "utc_now"]
-
 LIMIT_S: Final = 1800.0
 """For a place that has not come back by itself: its ears have limits of their own, far below this one."""
 _OURS: Final = "this is our fault, not a mistake of yours: please tell us"

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["NotReached", "WayIn", "way_in"]
-
 _OPTIONS = (
     "BatchMode=yes",
     "Compression=yes",

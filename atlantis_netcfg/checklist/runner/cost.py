@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
 
-__all__ = ["expected", "previews", "refuse_unpaid", "within_budget"]
-
 _SSH: Final = 8_000
 """Bytes of a connection in both directions: handshake, keys, login, the frames of TCP; measured against OpenSSH 9.2."""
 _RATE: Final = {"tcp": 1_500, "udp": 3_000}

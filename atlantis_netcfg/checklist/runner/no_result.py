@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.checklist.runner._ears import Asked
 
-__all__ = ["all_unanswered", "unanswered"]
-
 _ANSWERS: Mapping[type, type[Answer]] = {
     Listen: Transcript,
     Run: CommandResult,

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.core.events import Subscriber
 
-__all__ = ["telling"]
-
 
 def telling(notify: Subscriber, total: int, settled: Callable[[Item], None]) -> Callable[[Item], None]:
     """Give a `settled` for `examine` that also tells of each item: `done` of `total`, its verdict and its words."""

@@ -13,8 +13,6 @@ from typing import IO, TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-__all__ = ["Carrier", "Ended", "unheeded"]
-
 _MOST = 64 * 1024 * 1024
 """Bytes that one process may print."""
 

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.checklist.probes import Cell, Question
 
-__all__ = ["PINGS", "READING", "unfit"]
-
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
 """Commands of RouterOS' API that change nothing; `monitor` is asked once."""
 PINGS: Final = frozenset({"/tool/ping"})

@@ -13,8 +13,6 @@ from atlantis_netcfg.core.suggest import nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = ["LATER", "Prompt", "PromptAborted"]
-
 T = TypeVar("T")
 LATER = "later"
 """Typed in answer to any question: what is answered stays, the rest is open."""

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._checking.listening import Listening
     from atlantis_netcfg.cli._checking.price import Price
 
-__all__ = ["CheckWorkflow", "shown"]
-
-
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
 _PAY = "pay"
 _WORDS: Mapping[str, Verdict] = {

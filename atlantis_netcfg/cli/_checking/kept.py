@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Kept
     from atlantis_netcfg.checklist.report import Document
 
-__all__ = ["as_json", "kept_of", "pages_in", "run_of", "sites_with", "store"]
-
 
 def store(*, rehearsed: bool) -> Store:
     """Where they are kept."""

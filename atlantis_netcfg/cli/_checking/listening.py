@@ -20,17 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.events import Subscriber
 
-__all__ = [
-    "Listening",
-    "asks_a_router",
-    "breaks_a_site",
-    "broken",
-    "listening",
-    "not_rehearsed",
-    "refuse_absent",
-    "refuse_faults",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Listening:

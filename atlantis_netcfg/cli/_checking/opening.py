@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.journal import Store
 
-__all__ = ["folder_of", "opened_book"]
-
 
 def folder_of(store: Store, site: str) -> Path:
     """Where the checklists of a site are kept."""

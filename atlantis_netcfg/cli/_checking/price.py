@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.cli._session import Session
 
-__all__ = ["Price", "price_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Price:

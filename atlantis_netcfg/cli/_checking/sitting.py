@@ -48,8 +48,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["Prepared", "Stopped", "run_check", "taking_part"]
-
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     """What a person types to go on with the same checklist."""

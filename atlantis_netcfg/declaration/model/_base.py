@@ -16,29 +16,6 @@ from pydantic_core import PydanticCustomError
 from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.declaration._names import why_no_name
 
-__all__ = [
-    "NOT_TEXT",
-    "WRONG",
-    "Address",
-    "Currency",
-    "Day",
-    "DnsName",
-    "Fingerprint",
-    "HostKey",
-    "HostName",
-    "MacAddress",
-    "Model",
-    "Name",
-    "Network",
-    "PortName",
-    "SecretText",
-    "Sha256",
-    "Ssid",
-    "Text",
-    "plain",
-    "wrong",
-]
-
 WRONG = "atlantis"
 """Error type of a value that one of the types below refuses; its context holds `what` and `hint`."""
 NOT_TEXT = "atlantis_not_text"

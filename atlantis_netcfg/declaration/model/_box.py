@@ -19,8 +19,6 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
 )
 
-__all__ = ["Access", "Box", "LanBox", "PowerSource"]
-
 
 class PowerSource(Model):
     """The PoE port that feeds a device."""

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model.device import ControlCentre
     from atlantis_netcfg.declaration.model.gateway import Gateway
 
-__all__ = ["Dds", "DdsPath", "DdsPeer", "RosDistribution", "RosMiddleware"]
-
 
 class RosDistribution(StrEnum):
     """Releases of ROS 2 that a gateway may run."""

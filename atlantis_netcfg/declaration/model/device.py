@@ -34,31 +34,6 @@ from atlantis_netcfg.declaration.model._box import Access, Box, LanBox
 from atlantis_netcfg.declaration.model.gateway import Gateway, Ssh
 from atlantis_netcfg.declaration.model.pilot import Transport
 
-__all__ = [
-    "ControlCentre",
-    "Cpe",
-    "Device",
-    "Forward",
-    "LteAccess",
-    "LteDriver",
-    "LteRouter",
-    "Poe",
-    "PoeMode",
-    "Port",
-    "PortUse",
-    "Ptp",
-    "PtpMode",
-    "PtpProtocol",
-    "RadioMenus",
-    "Router",
-    "SatelliteTerminal",
-    "SignalBounds",
-    "Sim",
-    "TerminalEvidence",
-    "VpnClient",
-    "VpnServer",
-]
-
 
 class LteDriver(StrEnum):
     """How the 4G unit is spoken to; the pilot's model is unknown."""

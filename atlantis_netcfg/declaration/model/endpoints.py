@@ -13,21 +13,6 @@ from pydantic import Field, StrictBool, StrictFloat, StrictInt, model_validator
 
 from atlantis_netcfg.declaration.model._base import Address, HostName, MacAddress, Model, Ssid, Text, wrong
 
-__all__ = [
-    "AcousticDriver",
-    "AcousticEndpoint",
-    "Endpoints",
-    "EthernetEndpoint",
-    "Geofence",
-    "GpsDriver",
-    "GpsEndpoint",
-    "RcRfEndpoint",
-    "SeenFrom",
-    "UsblEndpoint",
-    "WifiEndpoint",
-    "WifiRole",
-]
-
 Port = Annotated[StrictInt, Field(ge=1, le=65535)]
 
 

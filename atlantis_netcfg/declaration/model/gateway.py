@@ -12,19 +12,6 @@ from pydantic import BeforeValidator, Field, StrictInt
 from atlantis_netcfg.declaration.model._base import Model, Text, plain, wrong
 from atlantis_netcfg.declaration.model._box import LanBox
 
-__all__ = [
-    "AddressBy",
-    "Gateway",
-    "GatewayNetwork",
-    "GpsSource",
-    "GpsTime",
-    "Image",
-    "ImageLayout",
-    "NetworkTool",
-    "Ssh",
-    "SshKey",
-]
-
 _KINDS = (
     "ssh-ed25519",
     "sk-ssh-ed25519@openssh.com",

@@ -11,17 +11,6 @@ from pydantic import BeforeValidator, Field, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Model, SecretText, Text, plain, wrong
 
-__all__ = [
-    "ConnectionTest",
-    "Gateways",
-    "Interop",
-    "InteropService",
-    "Pin",
-    "Repository",
-    "Ros2",
-    "RosOrigin",
-]
-
 
 def _package(value: object) -> str:
     text = plain(value)

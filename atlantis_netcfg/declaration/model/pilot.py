@@ -12,18 +12,6 @@ from atlantis_netcfg.declaration.model.dds import Dds
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
 
-__all__ = [
-    "Column",
-    "Partner",
-    "Pilot",
-    "TimeServer",
-    "Transport",
-    "Vehicle",
-    "VehicleKind",
-    "Vpn",
-    "VpnService",
-]
-
 
 class Transport(StrEnum):
     """What carries the tunnel."""

@@ -24,23 +24,6 @@ from atlantis_netcfg.declaration.model._base import (
 from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
 from atlantis_netcfg.declaration.model.pilot import Column, Transport
 
-__all__ = [
-    "AllowedTarget",
-    "Bearer",
-    "BearerKind",
-    "Billing",
-    "Checklist",
-    "DhcpRange",
-    "Failover",
-    "Lan",
-    "LinkRate",
-    "LocationRow",
-    "Management",
-    "Reservation",
-    "ServedLink",
-    "Site",
-]
-
 
 class Reservation(Model):
     """A DHCP address that always goes to the same network card."""

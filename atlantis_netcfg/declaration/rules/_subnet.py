@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
 
-__all__ = ["example_in", "why_unusable"]
-
 _POINT_TO_POINT = 31
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-__all__ = ["RULES"]
-
 
 def zone(draft: Draft) -> Iterator[Finding]:
     """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""

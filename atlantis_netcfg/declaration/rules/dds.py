@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-__all__ = ["RULES"]
-
 _PILOT = Part("pilot")
 
 

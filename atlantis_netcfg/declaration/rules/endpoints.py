@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import AcousticEndpoint, Device, Site, UsblEndpoint, Vehicle
 
-__all__ = ["PROBES_RULES", "RULES"]
-
-
 _ETHERNET = "ethernet"
 _Path = tuple[str | int, ...]
 

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Repository
 
-__all__ = ["GATEWAY_RULES", "RULES"]
-
-
 _PILOT = Part("pilot")
 
 

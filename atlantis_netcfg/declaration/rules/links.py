@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Bearer, ServedLink
 
-__all__ = ["BOX_OF", "BRIDGES_RULES", "RULES", "End", "ends"]
-
-
 BOX_OF = {
     BearerKind.WIFI_PTP: "cpe",
     BearerKind.LTE: "lte_router",

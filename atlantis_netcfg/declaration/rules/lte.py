@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-__all__ = ["FAILOVER_RULES", "FIELDS", "RULES", "Field"]
-
-
 _ROUTEROS, _RUTOS, _MODEMMANAGER, _AT = (
     LteDriver.ROUTEROS,
     LteDriver.RUTOS,

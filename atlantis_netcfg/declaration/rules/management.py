@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.model import Access, Site
 
-__all__ = ["GROUPS_RULES", "RULES"]
-
-
 _LAN = "lan"
 
 

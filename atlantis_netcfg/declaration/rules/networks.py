@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-__all__ = ["RULES", "Index", "claims"]
-
 _RESERVED: tuple[tuple[IPv4Network, str], ...] = (
     (IPv4Network("0.0.0.0/8"), "this network"),
     (IPv4Network("127.0.0.0/8"), "loopback"),

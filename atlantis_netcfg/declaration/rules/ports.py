@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Bearer, PowerSource, ServedLink, Site
 
-__all__ = ["POWER_RULES", "RULES", "links_of"]
-
 
 def links_of(site: Site) -> list[str]:
     """The names of a site's links, as a port may name them."""

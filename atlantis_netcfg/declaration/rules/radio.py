@@ -24,9 +24,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-__all__ = ["EIRP_RULES", "RULES"]
-
-
 _SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""
 _WIDEST = {"2ghz": 40, "5ghz": 80}

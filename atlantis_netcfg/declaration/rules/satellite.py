@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Transport
 
-__all__ = ["COST_RULES", "RULES"]
-
-
 FACTORY_ADDRESS = IPv4Address("192.168.1.1")
 """Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""
 

@@ -15,8 +15,6 @@ from atlantis_netcfg.declaration.findings import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["DOCUMENTATION", "RULES"]
-
 DOCUMENTATION = tuple(IPv4Network(net) for net in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24"))
 """RFC 5737."""
 _EXAMPLE_NAMES = ("example", "example.com", "example.net", "example.org", "test", "invalid")

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Vehicle
 
-__all__ = ["RULES", "Row", "table3"]
-
 
 class Row(Model):
     """A row of the report's Table 3: its X cells."""

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Device
 
-__all__ = ["PARTNERS_RULES", "RULES"]
-
-
 _LAN_KINDS = frozenset({"gateway", "vpn_server", "control_centre"})
 _PASSWORD_BYTES = 1000
 

@@ -9,8 +9,6 @@ from pydantic import Field
 
 from atlantis_netcfg.emulator.acoustic._line import Line, LineSpec
 
-__all__ = ["EvologicsSpec", "RunningEvologics"]
-
 _WATER_MPS = 1500.0
 _READS = re.compile(rb"AT\?(?:S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)|ATI[0-9]|AT&V")
 _SEND = re.compile(rb"\+\+\+(AT\*SENDIM,(\d{1,2}),(\d{1,3}),(?:ack|noack),)")

@@ -15,8 +15,6 @@ from pydantic import BaseModel, ConfigDict, Field
 if TYPE_CHECKING:
     from types import TracebackType
 
-__all__ = ["Line", "LineSpec", "Talker"]
-
 
 class LineSpec(BaseModel):
     """How the end behaves, whatever language is spoken on it."""

@@ -12,8 +12,6 @@ from atlantis_netcfg.emulator.acoustic._line import Line, LineSpec
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["RunningSeatrac", "SeatracSpec"]
-
 _READS = (0x01, 0x02, 0x10, 0x11, 0x15, 0x21, 0x3A)
 _PING, _PINGED, _FAILED, _NAVIGATED = 0x40, 0x42, 0x43, 0x52
 _OK, _BUSY, _TIMEOUT, _IDLE = 0x00, 0x30, 0x34, 0x3B

@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import TracebackType
 
-__all__ = ["Access", "GnssSpec", "RunningGpsd", "RunningNmea", "RunningNmeaPort", "Speech"]
-
-
 PATH = "/dev/ttyACM0"
 """The receiver's port, as gpsd names it."""
 _METER = 1 / 111_195.0

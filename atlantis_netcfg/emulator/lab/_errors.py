@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from atlantis_netcfg.core.errors import NetcfgError
 
-__all__ = ["MachineFailed"]
-
 
 class MachineFailed(NetcfgError):
     """A machine could not be built, started, or asked; nothing beyond this computer was touched."""

@@ -10,8 +10,6 @@ from atlantis_netcfg.emulator.lab._errors import MachineFailed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["asked", "program"]
-
 
 def asked(
     words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None, keep: Sequence[int] = ()

@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from ipaddress import IPv4Interface
 
-__all__ = ["BRIDGE", "Inside", "Machine", "MachineSpec", "add_namespace", "delete_namespace", "join"]
-
-
 _PAUSE_S = 0.02
 _END_S = 20.0
 # The clock is not namespaced: with CAP_SYS_TIME a machine would set this computer's.

@@ -29,9 +29,6 @@ from atlantis_netcfg.emulator.lab.rootfs import in_use
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-__all__ = ["Lab", "_missing", "provide", "why_not", "yard"]
-
-
 OFF = "ATLANTIS_NO_MACHINES"
 """The variable of the environment that forbids machines, whatever its value is."""
 _PROGRAMS = {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["NOT_REHEARSED"]
-
 NOT_REHEARSED = (
     "the clock: it is this computer's and cannot be set, and chrony does not start",
     "the kernel: it is this computer's, with its modules and its processor, not the board's; none can be loaded",

@@ -25,19 +25,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-__all__ = [
-    "PREFIX",
-    "YARDS",
-    "control_groups",
-    "empty",
-    "mounted",
-    "remove",
-    "remove_group",
-    "sweep",
-    "take_down",
-    "unmount",
-]
-
 YARDS = Path("/run/atlantis/yards")
 """One folder for each yard: the file `owner`, locked as long as the owner lives, and what its machines mount."""
 PREFIX = "yd"

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Relay", "Traffic", "Way"]
-
 _PIECE = 1400
 """Bytes that travel together: a TCP segment within a tunnel's MTU."""
 _PIECES = 256

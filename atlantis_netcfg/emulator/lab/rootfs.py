@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     import subprocess
     from collections.abc import Iterator
 
-__all__ = ["KEPT_DAYS", "TreeSpec", "build_rootfs", "in_use"]
-
 BASE = ("systemd", "systemd-sysv", "dbus", "udev", "openssh-server", "python3", "iproute2", "sudo")
 """What every machine has: it boots, answers SSH, and Ansible finds a Python."""
 KEPT_DAYS = 30

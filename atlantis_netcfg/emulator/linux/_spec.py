@@ -8,21 +8,6 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = [
-    "AddressSpec",
-    "AssociationSpec",
-    "CertificateSpec",
-    "ComputerSpec",
-    "DdsSpec",
-    "EchoSpec",
-    "InterfaceSpec",
-    "NeighbourSpec",
-    "OfferSpec",
-    "RouteSpec",
-    "TimeSpec",
-    "UdpSpec",
-]
-
 
 class _Spec(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")

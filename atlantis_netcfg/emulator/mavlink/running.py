@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import TracebackType
 
-__all__ = ["AutopilotSpec", "RunningAutopilot"]
-
-
 _ARMED = 0x80
 _STABILIZE = 0x51
 """Mode flags of a vehicle that stands: custom mode, stabilised, remote control."""

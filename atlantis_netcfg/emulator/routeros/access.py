@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["PublicKey", "admit", "authorized", "by_password", "public_key"]
-
 _LENGTH = 4
 _FIELDS = {"ssh-ed25519": 2, "ssh-rsa": 3}
 """How many strings a key is made of, its kind included (RFC 8709, RFC 4253)."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-__all__ = ["DISK_FULL", "DONE", "EMPTY", "Answer", "Caller", "Category", "Trap"]
-
 
 class Category(IntEnum):
     """`=category=` of a trap (Manual, API)."""

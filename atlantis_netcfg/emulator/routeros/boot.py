@@ -15,8 +15,6 @@ from atlantis_netcfg.emulator.routeros.values import reference, spell
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["SYSTEM", "SeedRefused", "boot"]
-
 SYSTEM = Caller(0, "*sys", "full", "local", "", 0.0)
 """Who seeds the router and runs its schedulers."""
 _MARK = "atlantis: management"

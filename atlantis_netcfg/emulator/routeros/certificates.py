@@ -17,8 +17,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-__all__ = ["BadRequest", "Known", "belongs", "expires_after", "issue", "known", "split"]
-
 _CURVES: dict[str, Callable[[], ec.EllipticCurve]] = {
     "prime256v1": ec.SECP256R1,
     "secp384r1": ec.SECP384R1,

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.router import Router
     from atlantis_netcfg.emulator.routeros.site import Site
 
-__all__ = ["COMMANDS", "TwinRefused", "obey"]
-
-
 _AIR = "air"
 """The one command that is about two twins."""
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
-__all__ = ["GREETINGS", "NETWATCH_GROUP", "Core", "File", "Gateway", "Listener", "Record", "Watch", "Watched"]
-
 _LOG_LINES = 1000
 NETWATCH_GROUP = "*netwatch"
 NETWATCH_POLICIES = frozenset({"read", "reboot", "test", "write"})

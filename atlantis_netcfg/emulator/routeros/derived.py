@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import Item, Store
     from atlantis_netcfg.emulator.routeros.topology import Interface, Route, Topology
 
-__all__ = ["dynamic_rows", "properties", "type_of"]
-
 Properties = dict[str, str]
 _TYPES = {
     "/interface": "loopback",

@@ -10,8 +10,6 @@ from atlantis_netcfg.emulator.routeros.spec import Mode
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
-__all__ = ["COMMANDS", "FEATURES", "FLAGGED", "INACTIVE", "NOT_ALLOWED", "SUSPICIOUS", "allowed"]
-
 NOT_ALLOWED = "failure: not allowed by device-mode"
 INACTIVE = "inactivated, not allowed by device-mode"
 FLAGGED = (

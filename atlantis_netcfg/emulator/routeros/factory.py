@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
-__all__ = ["ADDRESS", "default_configuration"]
-
 ADDRESS = "192.168.88.1"
 _NETWORK = "192.168.88.0/24"
 _STATES = "established,related,untracked"

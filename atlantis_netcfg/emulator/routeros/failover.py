@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
-__all__ = ["next_watch", "watch"]
-
 _ROWS, _ROUTES, _SETTINGS = "/tool/netwatch", "/ip/route", "/routing/settings"
 _NETWATCH = Caller(0, "*sys", NETWATCH_GROUP, "local", "", 0.0)
 _LOSS_PERCENT = 85.0

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import Item, Table
     from atlantis_netcfg.emulator.routeros.topology import Topology
 
-__all__ = ["Packet", "Verdict", "walk"]
-
 _DEEPEST = 16
 _CLOSING = ("drop", "reject", "tarpit", "dst-nat", "redirect", "netmap", "same", "socksify")
 """Also what takes the packet to somebody else: for whoever waits for it that is the same."""

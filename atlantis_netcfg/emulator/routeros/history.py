@@ -9,8 +9,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.store import Change, Store
 
-__all__ = ["Entry", "History"]
-
 
 @dataclass(slots=True)
 class Entry:

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.commands._call import Call
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["emit", "listen"]
-
 
 def listen(core: Core, call: Call, tag: str) -> list[Answer]:
     """Begin to listen; nothing is answered before something changes."""

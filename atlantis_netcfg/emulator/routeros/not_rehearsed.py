@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["NOT_REHEARSED"]
-
 NOT_REHEARSED = (
     "throughput, latency and load of the real board",
     "every enabled port has a link; of radio only the agreement of two ends and a free-space level are emulated",

@@ -20,8 +20,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["TLS_CRYPT_SINCE", "Imported", "OvpnRefused", "read_ovpn"]
-
 TLS_CRYPT_SINCE = "7.17rc3"
 _WRAPS = ("tls-crypt", "tls-crypt-v2")
 _BLOCKS = ("ca", "cert", "key", "tls-auth")

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import Item, Table
     from atlantis_netcfg.emulator.routeros.topology import Topology
 
-__all__ = ["answers", "heard", "path_open", "route_to"]
-
 _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"
 

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.host import Host, Member
     from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
 
-__all__ = ["Router"]
-
 
 class Router:
     """A twin between `start()` and `stop()`, or inside `async with`; all methods belong to its event loop.

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
-__all__ = ["RunningSite", "SpawnedSite", "TwinsFailed", "spawn"]
-
 _PATIENCE_S = 30.0
 
 

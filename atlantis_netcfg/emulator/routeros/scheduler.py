@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
-__all__ = ["next_run", "run_due"]
-
 _PATH = "/system/scheduler"
 _AFTER_BOOT_S = 3.0
 

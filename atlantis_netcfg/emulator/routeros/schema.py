@@ -29,20 +29,6 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-__all__ = [
-    "ADDED",
-    "BOARD_FEATURES",
-    "PACKAGE_MENUS",
-    "TREES",
-    "UNSEEN",
-    "UNSEEN_6",
-    "Schema",
-    "features_of",
-    "needed",
-    "offered",
-    "version_key",
-]
-
 
 class Source(StrEnum):
     """Where a row comes from."""

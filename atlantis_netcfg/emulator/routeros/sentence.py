@@ -10,8 +10,6 @@ from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Sentence"]
-
 
 @dataclass(slots=True)
 class Sentence:

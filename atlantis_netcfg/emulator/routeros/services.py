@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["Service", "services_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class Service:

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
-__all__ = ["Site"]
-
 
 class Site:
     """The twins of `spec`, each with its own folder below `state_dir`; `async with` starts and stops them."""

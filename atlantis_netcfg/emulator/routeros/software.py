@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import File
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
-__all__ = ["Boot", "PackageFile", "boot_with", "package_file"]
-
 _MAGIC = b"\x1e\xf1\xd0\xba"
 _SYSTEM, _MAIN = "system", "routeros"
 _INFO, _MULTIPLE, _ARCHITECTURE = 1, 18, 16

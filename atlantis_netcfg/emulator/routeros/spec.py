@@ -19,8 +19,6 @@ from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
 from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Link
 
-__all__ = ["DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec", "SiteSpec", "TwinSpec", "User"]
-
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
 
 

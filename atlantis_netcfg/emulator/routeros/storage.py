@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["FileSide", "Flash"]
-
-
 _UPLOAD = ".auto.rsc"
 
 

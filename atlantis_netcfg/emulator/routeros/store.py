@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.schema import Schema
 
-__all__ = ["Change", "Item", "Placed", "Store", "Table"]
-
 _SPACE_MENUS = {
     "bridge": ("/interface/bridge",),
     "interface": (*INTERFACES, "/ip/vrf"),

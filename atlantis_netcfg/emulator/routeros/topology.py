@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.store import Item, Store
 
-__all__ = ["CONNECTED_SCOPE", "MAIN", "Interface", "Local", "Route", "Topology"]
-
 MAIN = 0
 """The id of routing table `main`."""
 CONNECTED_SCOPE = 10

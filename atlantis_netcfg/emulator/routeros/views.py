@@ -25,20 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
 
-__all__ = [
-    "HIDDEN",
-    "TRAFFIC",
-    "applies",
-    "configured",
-    "count_echoes",
-    "factory_value",
-    "item_row",
-    "made_rows",
-    "rows",
-    "without_counters",
-]
-
-
 ECHO_BYTES = 84
 """An echo request or its answer as an IP packet, with 56 bytes of data."""
 _FILTER = "/ip/firewall/filter"

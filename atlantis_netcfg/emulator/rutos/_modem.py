@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.rutos._spec import RutosSpec
     from atlantis_netcfg.emulator.rutos._web import Uci
 
-__all__ = ["Modem"]
-
 ADDRESS = "100.64.12.34"
 """What the network gives: carrier NAT (RFC 6598)."""
 _NEW = {"state": "data_conn_state", "netstate": "operator_state", "oper": "operator", "signal": "rssi"}

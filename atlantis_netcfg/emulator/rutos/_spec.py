@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec"]
-
 NOT_REHEARSED = (
     "Teltonika RutOS: how long its modem takes to register, and the link to it, which is neither slow nor metered here",
 )

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["Satellite", "bills", "names_of", "previews", "satellite_of", "try_out"]
-
 
 @dataclass(frozen=True, slots=True)
 class Satellite:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
-__all__ = ["computer_access", "is_computer", "is_gateway", "is_server", "key_trouble"]
-
 
 def is_gateway(host: Host) -> bool:
     """Whether a host is a gateway computer."""

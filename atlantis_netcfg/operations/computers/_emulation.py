@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.routeros.estimate import Bearer
 
-__all__ = ["RehearsedComputers", "rehearsed_computers", "tree_spec"]
-
 _CODENAME = lab.TreeSpec().release
 _STATE = (
     "find /etc /opt /usr/local /var/lib/atlantis /var/lib/dpkg -xdev -path /var/lib/atlantis/tool -prune"

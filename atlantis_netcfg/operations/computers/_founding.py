@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.vpn.identity import Identity
 
-__all__ = ["NOT_REHEARSED", "found"]
-
 NOT_REHEARSED = (
     "the VPN: its authority, its keys and its members are made for the rehearsal; partners' devices are not among them",
     "the VPN's server: the port that its own router forwards, and the internet before it",

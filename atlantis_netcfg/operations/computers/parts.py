@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-__all__ = ["ACCESS", "PARTS", "SERVER", "Part", "concerns", "fetching", "narrowed", "perform", "refuse_unfounded"]
-
-
 Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]
 """Pure: what one host should hold, as JSON-able data without secrets."""
 ACCESS = "computer_access"

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Host
 
-__all__ = ["EmulatedUnit", "emulated_units", "not_rehearsed"]
-
 
 @dataclass(frozen=True, slots=True)
 class EmulatedUnit:

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Recorder
     from atlantis_netcfg.operations.request import EventStream
 
-__all__ = ["perform"]
-
 _REHEARSED = Patience(settle_s=1.0, poll_s=0.1)
 
 

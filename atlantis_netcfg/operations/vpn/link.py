@@ -29,22 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
-__all__ = [
-    "FOLDER",
-    "_KEPT",
-    "AnswerLost",
-    "HostKeyChanged",
-    "LocalLink",
-    "RecordOlder",
-    "ServerAway",
-    "ServerLink",
-    "ServerRefused",
-    "SshLink",
-    "control_path",
-    "ssh_command",
-    "ssh_error",
-]
-
 
 class ServerAway(OutcomeUnknown):
     """The server was not reached: nothing was changed there."""

@@ -23,20 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
     from atlantis_netcfg.vpn.ledger.file import Entry
 
-__all__ = [
-    "audit",
-    "certificate_row",
-    "expires",
-    "find",
-    "member_row",
-    "of_partner",
-    "period",
-    "start_of",
-    "status_of",
-    "when",
-]
-
-
 _PERIODS = {"d": 1, "w": 7}
 
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["NOT_REHEARSED", "identities", "rehearsed_identity"]
-
 NOT_REHEARSED = ("the VPN: clients run with identities of the rehearsal, and no server answers them",)
 _DAYS = 397
 

@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob
     from atlantis_netcfg.vpn.identity import Identity
 
-__all__ = ["Installed", "identity_for", "install"]
-
 
 @dataclass(frozen=True, slots=True)
 class Installed:

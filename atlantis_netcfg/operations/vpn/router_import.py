@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Endpoint, Reply
     from atlantis_netcfg.vpn.identity import Identity
 
-__all__ = ["PEM", "PROFILE", "RouterImport", "RouterObservation"]
-
 PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"
 """Files on the router, for seconds."""
 _MENU, _CERTIFICATES = "/interface/ovpn-client", "/certificate"

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.server import Connected
     from atlantis_netcfg.vpn.authority.authority import Authority
 
-__all__ = ["StatusItem", "VpnStatus", "vpn_status"]
-
 
 @dataclass(frozen=True, slots=True)
 class StatusItem:

@@ -9,17 +9,6 @@ from atlantis_netcfg.core.errors import DeviceFailed
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Trap
 
-__all__ = [
-    "CertificateChanged",
-    "CertificateUnknown",
-    "FellSilent",
-    "LoginRefused",
-    "ProtocolError",
-    "Refused",
-    "SessionLost",
-    "Unreachable",
-]
-
 
 class Unreachable(DeviceFailed):
     """No TLS session came about; nothing was sent to the device."""

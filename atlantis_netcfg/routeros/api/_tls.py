@@ -20,8 +20,6 @@ from atlantis_netcfg.routeros.api._errors import CertificateChanged, Certificate
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Endpoint, Traffic
 
-__all__ = ["TlsTransport", "check_pin", "client_context", "cut_off", "fingerprint_of", "keep_alive", "may_cut_off"]
-
 _PIECE = 65_536
 _ATTACH_FILTER = 26
 """SO_ATTACH_FILTER of Linux (asm-generic/socket.h), which Python does not name."""

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.routeros._types import Row
 
-__all__ = ["READING_WINDOW", "Command", "Endpoint", "Reply", "Traffic", "Trap"]
-
 READING_WINDOW: Final = 100
 """`print` commands in flight at once; a site's router is read in one window. For the others, and for a device that does
 not bear so many, see `WINDOW`."""

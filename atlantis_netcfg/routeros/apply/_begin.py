@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._work import RunContext
     from atlantis_netcfg.routeros.apply._writer import Writer
 
-__all__ = ["begin", "safe_mode_first", "take"]
-
 _COUNT = Command("/system/history/print", (("count-only", ""),))
 _ACTIONS = Command("/system/history/print", ((".proplist", "action"),))
 _READS_FILES = Version(7, 13)

@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._work import RunContext
     from atlantis_netcfg.routeros.apply._writer import Writer
 
-__all__ = ["VerificationFailed", "change", "verify"]
-
 _SHOWN = 3
 
 

@@ -23,21 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
 
-__all__ = [
-    "CLAIMS",
-    "SIGNS",
-    "Claimed",
-    "Sign",
-    "Signer",
-    "claim",
-    "claimed",
-    "claimed_by",
-    "is_claiming",
-    "seen",
-    "signs",
-    "withdrawing",
-]
-
 _LIST = "atlantis-run"
 SIGNS = "/ip/firewall/address-list"
 """The menu that signs are rows of."""

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel, OpenConsole, SshEndpoint
 
-__all__ = ["ConsoleSafeMode"]
-
 T = TypeVar("T")
 
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))

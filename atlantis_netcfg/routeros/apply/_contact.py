@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
     from atlantis_netcfg.routeros.safe_mode import SafeMode
 
-__all__ = ["Contact"]
-
 _GROWTH = 1.5
 
 

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import DeviceResult
     from atlantis_netcfg.routeros.apply._work import RunContext
 
-__all__ = ["compared", "drift"]
-
 _FORGOTTEN = History()
 
 

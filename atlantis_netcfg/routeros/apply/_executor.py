@@ -56,8 +56,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
-__all__ = ["converge"]
-
 _READING = (Mode.PLAN, Mode.DRIFT)
 """Ways that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
 
-__all__ = ["StateVariants", "Unfit", "fitted"]
-
 _MENUS = ("/interface/wireless", "/interface/wifi")
 _MISSING = ("no such command", "no such directory")
 

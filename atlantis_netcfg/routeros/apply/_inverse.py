@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Plan, Row
     from atlantis_netcfg.routeros.menus import Menu
 
-__all__ = ["LIMIT", "CannotInvert", "inverse"]
-
 LIMIT = 60_000
 """Bytes. A script of `/execute` takes 64 kB. Assumption: on-event-60k"""
 

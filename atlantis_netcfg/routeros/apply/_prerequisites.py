@@ -11,8 +11,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Facts, Observed, Plan
 
-__all__ = ["POLICIES", "missing"]
-
 POLICIES = ("read", "write", "policy", "test", "sensitive", "api")
 """What our user's group must be allowed: without `sensitive` a secret reads as empty, and would be written again."""
 

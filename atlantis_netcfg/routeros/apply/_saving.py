@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import Channel
     from atlantis_netcfg.routeros.apply._writer import Writer
 
-__all__ = ["SAVING", "Saved", "fetch", "saved"]
-
 _END = "atlantis: all of it"
 _PROBE = "atlantis"
 _NAME = "atlantis-before"

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action
 
-__all__ = ["LIMIT", "Output", "action_at", "lines", "output", "scripts"]
-
 LIMIT = 60_000
 """Bytes of one script. `/execute` takes 64 kB (manual, API and Scripting)."""
 

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._job import Channel, DeviceResult
     from atlantis_netcfg.routeros.safe_mode import Holder
 
-__all__ = ["let_go", "settle"]
-
 _SHOWN = 5
 
 

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Plan
     from atlantis_netcfg.routeros.apply._protection import Protection
 
-__all__ = ["Stages", "cut"]
-
 _NAMED, _NAMING = True, False
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import RunTime
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
 
-__all__ = ["differing", "digest", "invalid", "plan_hash", "restoring"]
-
 _Content = tuple[str, ...]
 """The values of a row, in the order of its menu's fields."""
 _BETWEEN, _END = "\x1f", "\x1e"

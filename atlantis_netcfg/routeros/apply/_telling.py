@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Observed, Plan
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
-__all__ = ["AGREE_APART", "cleaned", "ended", "number_of", "planned", "unagreed"]
-
 AGREE_APART = (
     "`--plan` shows them; to let them go, type the same with `--remove-foreign` (plain Ansible: with "
     "`-e atlantis_remove_foreign=true`), for `--yes` does not say that"

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.safe_mode import SafeMode
     from atlantis_netcfg.routeros.scheduler_jobs import DeadMan
 
-__all__ = ["RunContext"]
-
 _STAGES = {
     Status.UNCHANGED: Stage.DONE,
     Status.CHANGED: Stage.CONFIRMED,

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["ActionRefused", "ScriptWriter", "SentenceWriter", "Writer", "Written"]
-
-
 _AT_ONCE = 8
 """Scripts of one turn."""
 _INDEPENDENT = frozenset({"/ip/dhcp-server/lease", "/ip/dns/static", "/ip/firewall/address-list", "/system/logging"})

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.apply._job import Channel
 
-__all__ = ["IsOver", "Leftovers", "look"]
-
 IsOver = Callable[[str], bool]
 
 _WORDS = {

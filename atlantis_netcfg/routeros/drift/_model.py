@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from datetime import datetime
 
-__all__ = ["ChangeRecord", "Comparison", "Difference", "DriftKind", "FieldDifference", "Owner", "Since"]
-
 
 class DriftKind(StrEnum):
     """How one row, or the settings of one menu, differ from the declaration."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Row
     from atlantis_netcfg.routeros.menus import Menu
 
-__all__ = ["Raw", "alone", "content", "marked", "raw_differences"]
-
 _Values = Mapping[str, str]
 _Key = Callable[[_Values], Hashable]
 _T = TypeVar("_T", bound=Mapping[str, str])

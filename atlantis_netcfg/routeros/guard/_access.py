@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.guard._state import State
 
-__all__ = ["POLICIES", "objections"]
-
 POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
 """What provisioning cannot do without."""
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.guard._state import State
 
-__all__ = ["FILTER", "MANGLE", "NAT", "answer_of", "new_session", "objections", "service_port"]
-
 FILTER, NAT, MANGLE = "/ip/firewall/filter", "/ip/firewall/nat", "/ip/firewall/mangle"
 
 _DROPS = frozenset({"drop", "reject", "tarpit"})

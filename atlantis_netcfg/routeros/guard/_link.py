@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Row
 
-__all__ = ["interfaces", "objections"]
-
 _TUNNEL = "/interface/ovpn-client"
 
 

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.guard._state import State
 
-__all__ = ["Answer", "Packet", "in_list", "in_networks", "matches"]
-
 
 class Answer(IntEnum):
     """Ordered, so that the least of several answers is that of all together."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.guard._state import State
 
-__all__ = ["Way", "objections", "way_back"]
-
 _DEEP_ENOUGH = 4
 _NO_LIMIT = -1
 _CHAINS = "user,main"

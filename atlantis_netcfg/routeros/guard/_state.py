@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Row
 
-__all__ = ["INTERFACES", "ManagementPath", "State", "identity", "interface_of", "is_set"]
-
 INTERFACES = ("/interface/ethernet", "/interface/bridge", "/interface/ovpn-client")
 
 

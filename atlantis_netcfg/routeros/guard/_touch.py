@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.guard._state import State
 
-__all__ = ["touches_path"]
-
 
 def touches_path(action: Action, before: State, after: State) -> bool:
     """Tell whether the action changes a row of the path, as it is before or as it is after."""

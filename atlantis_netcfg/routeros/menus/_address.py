@@ -21,8 +21,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _POOL = Menu(
     "/ip/pool",
     Shape.LIST,

@@ -16,38 +16,6 @@ from atlantis_netcfg.routeros.menus._values import Kind
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = [
-    "COMMENT",
-    "DISABLED",
-    "asked",
-    "boolean",
-    "cosmetic",
-    "flag",
-    "gateway",
-    "gone",
-    "interface",
-    "kept",
-    "like",
-    "mac",
-    "network",
-    "number",
-    "on_board",
-    "policy",
-    "prefix",
-    "prefixes",
-    "rate",
-    "secret",
-    "sequence",
-    "since",
-    "size",
-    "text",
-    "texts",
-    "time",
-    "unread",
-    "usual",
-    "words",
-]
-
 
 def text(name: str, default: str | None = "") -> Field:
     return Field(name, Kind.TEXT, default)

@@ -22,8 +22,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _ADDRESS_LIST = Menu(
     "/ip/firewall/address-list",
     Shape.LIST,

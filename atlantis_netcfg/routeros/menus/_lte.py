@@ -27,8 +27,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _APN = Menu(
     "/interface/lte/apn",
     Shape.LIST,

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._types import Layer, Row
 
-__all__ = ["MARK", "Field", "Menu", "Shape"]
-
 MARK = "atlantis"
 """A row whose comment starts so is ours."""
 

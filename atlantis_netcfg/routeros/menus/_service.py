@@ -24,8 +24,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _DNS = Menu(
     "/ip/dns",
     Shape.SINGLETON,

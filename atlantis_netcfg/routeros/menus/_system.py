@@ -26,8 +26,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _NOBODY = "0.0.0.0"  # noqa: S104 - what the device prints where no address is set
 
 _IDENTITY = Menu("/system/identity", Shape.SINGLETON, Layer.FOUNDATION, fields=(text("name", "MikroTik"),))

@@ -11,8 +11,6 @@ from enum import Enum, auto
 from functools import lru_cache
 from ipaddress import ip_interface
 
-__all__ = ["Kind", "canonical"]
-
 
 class Kind(Enum):
     """The syntax of a value, as far as comparing two of them needs it."""

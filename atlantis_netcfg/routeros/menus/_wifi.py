@@ -34,8 +34,6 @@ from atlantis_netcfg.routeros.menus._model import Menu, Shape
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.menus._model import Field
 
-__all__ = ["MENUS"]
-
 _SINCE = Version.parse("7.13")
 """Before, the same menu was called `/interface/wifiwave2` (Manual, WiFi)."""
 

@@ -26,8 +26,6 @@ from atlantis_netcfg.routeros.menus._fields import (
 )
 from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
-__all__ = ["MENUS"]
-
 _ANY_MAC = "00:00:00:00:00:00"
 
 _SECURITY = Menu(

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import Channel, DeviceJob
     from atlantis_netcfg.routeros.apply._contact import Contact
 
-__all__ = ["End", "NotAsDeclared"]
-
 _SHOWN = 3
 _SAFE_MODE = Version(7, 18)
 """The first that has it over the API."""

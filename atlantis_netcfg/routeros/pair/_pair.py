@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob
 
-__all__ = ["Pair", "Signal"]
-
 
 @dataclass(frozen=True, slots=True)
 class Signal:

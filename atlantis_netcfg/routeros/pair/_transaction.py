@@ -52,8 +52,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
     from atlantis_netcfg.routeros.pair._pair import Pair, Signal
 
-__all__ = ["SAFE_MODE", "LinkGone", "Refusal", "Transaction"]
-
 SAFE_MODE = ApiSafeMode(silence_s=20.0)
 """For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
 

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.diff import Line
     from atlantis_netcfg.routeros.menus import Field, Menu
 
-__all__ = ["CannotPlan", "Change", "Context", "MenuPlan", "Names", "added", "writes"]
-
 _SHOWN_NAMES = 3
 
 

@@ -15,8 +15,6 @@ from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = ["plan_identified"]
-
 _Value = tuple[str, ...]
 
 

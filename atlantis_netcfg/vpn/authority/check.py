@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading
 
-__all__ = ["Agreement", "agreement", "problems"]
-
 SOON = timedelta(days=30)
 """Before a list or a certificate ends."""
 CA_SOON = timedelta(days=365)

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.vpn.authority.model import ServerNames
 
-__all__ = ["Sealing", "init_authority", "is_complete", "prepare_folder", "require_authority", "seal_ca_key"]
-
 Sealing = Literal["age", "vault"]
 UNFINISHED_MARK = "founding"
 _OWN_FOLDER_HINT = "work as that user, or name a folder of your own: authority=DIR"

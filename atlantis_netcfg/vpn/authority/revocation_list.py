@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.ledger_session import LedgerSession
     from atlantis_netcfg.vpn.ledger import LedgerState
 
-__all__ = ["beyond_record", "is_crl_due", "publish_crl", "revoked_serials", "sign_crl"]
-
 BACKDATED = timedelta(days=1)
 """A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
 FRESH = timedelta(days=60)

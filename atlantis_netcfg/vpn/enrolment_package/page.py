@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.enrolment_package.reachability import Reach
     from atlantis_netcfg.vpn.identity import Identity, Member
 
-__all__ = ["PageView", "as_html", "as_text", "page", "page_view", "restart"]
-
 _WHAT = {Kind.ROBOT: "the robot", Kind.LAPTOP: "the laptop", Kind.ROUTER: "the router", Kind.HOST: "the computer"}
 _RESTART_S = {Link.FIBRE: 10, Link.LTE: 30, Link.SATELLITE: 300}
 """Pause after the server has sent a robot away; on a satellite each attempt is paid."""

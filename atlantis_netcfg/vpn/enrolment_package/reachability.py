@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member
     from atlantis_netcfg.vpn.policy import Permission, Policy, Traffic, Zone
 
-__all__ = ["Reach", "dds_port", "reach", "reached_by", "tunnel_of_server"]
-
-
 _OURS = "p_site_hosts"
 _NAMES = {
     "p_control_centres": "the control centre",

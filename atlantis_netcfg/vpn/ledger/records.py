@@ -15,28 +15,6 @@ from pydantic import BeforeValidator, Field, PlainSerializer
 
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap  # noqa: TC001 - as above
 
-__all__ = [
-    "Begun",
-    "ClockTrusted",
-    "Command",
-    "Committed",
-    "Delivered",
-    "Founded",
-    "Issued",
-    "Published",
-    "Record",
-    "Resealed",
-    "Revoked",
-    "RolledBack",
-    "Seen",
-    "ServerIssued",
-    "Settled",
-    "Superseded",
-    "Taken",
-    "describe",
-]
-
-
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
     int,

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.ledger import records
     from atlantis_netcfg.vpn.ledger.file import Entry
 
-__all__ = ["NEVER_HANDED_OUT", "LedgerState", "membership"]
-
 NEVER_HANDED_OUT = "never handed out"
 """Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
 

@@ -27,21 +27,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = [
-    "CA_DAYS",
-    "SERVER_DAYS",
-    "Ca",
-    "cert_pem",
-    "issued_by",
-    "load_ca",
-    "load_cert",
-    "new_ca",
-    "new_client",
-    "new_serial",
-    "new_server",
-    "sha256",
-]
-
 CA_DAYS = 3652
 SERVER_DAYS = 1826
 BACKDATED = timedelta(days=30)

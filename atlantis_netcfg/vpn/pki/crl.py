@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.pki.certificates import Ca
 
-__all__ = ["CRL_DAYS", "CrlFacts", "RevokedSerial", "check_crl", "new_crl", "publish", "read_crl"]
-
 CRL_DAYS = 90
 """Until `nextUpdate`: longer than the longest campaign, because the CA's key is not with the server."""
 _EXTENSIONS = {ExtensionOID.CRL_NUMBER, ExtensionOID.AUTHORITY_KEY_IDENTIFIER}

@@ -31,28 +31,6 @@ from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 
-__all__ = [
-    "METADATA_MAX",
-    "CertificateRefused",
-    "CrlRefused",
-    "KeyDamaged",
-    "PrivateKey",
-    "PublicKey",
-    "RecipientRefused",
-    "SealDamaged",
-    "SealTooLarge",
-    "WeakPassphrase",
-    "WrongPassphrase",
-    "client_key",
-    "is_signed",
-    "key_pem",
-    "load_key",
-    "new_key",
-    "server_key",
-    "shared_key",
-    "sign",
-]
-
 
 class CertificateRefused(UsageError):
     """A certificate that would not be worth what it says; nothing was signed."""

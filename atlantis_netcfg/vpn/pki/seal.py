@@ -22,20 +22,6 @@ from atlantis_netcfg.vpn.pki.keys import RecipientRefused, SealDamaged, SealTooL
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
-__all__ = [
-    "SEAL_GUESSES",
-    "VAULT_GUESSES",
-    "check_passphrase",
-    "check_recipient",
-    "opening_bytes",
-    "seal",
-    "seal_for",
-    "unseal",
-    "unseal_with",
-    "vault_seal",
-    "vault_unseal",
-]
-
 SEAL_GUESSES = 10**12
 """So many a thousand computers try in thirty years, at a second each. Nobody counts guesses at a file."""
 VAULT_GUESSES = 10**16

@@ -15,21 +15,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = [
-    "NOTIFICATION",
-    "Fix",
-    "Piece",
-    "Settings",
-    "answer",
-    "answered",
-    "fixes",
-    "number",
-    "pieces",
-    "settings",
-    "state",
-    "trouble_words",
-]
-
 NOTIFICATION = "AT"
 """The command of a piece that nobody has asked for."""
 

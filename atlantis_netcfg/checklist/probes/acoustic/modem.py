@@ -34,28 +34,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Consent
 
-__all__ = [
-    "SEATRAC",
-    "WATER",
-    "Modem",
-    "NeverSaid",
-    "Use",
-    "ask_at",
-    "ask_seatrac",
-    "declared_address",
-    "message",
-    "modem_of",
-    "modems",
-    "not_understood",
-    "ping",
-    "question",
-    "refused_reason",
-    "transcript_or_judgement",
-    "two_modems",
-    "whose_unknown",
-]
-
-
 _IN_WATER = "in the water"
 
 

@@ -16,32 +16,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-__all__ = [
-    "ALIVE",
-    "INFO",
-    "NAV_QUERY_RESPONSE",
-    "PING",
-    "PING_ERROR",
-    "PING_RESPONSE",
-    "SETTINGS",
-    "STATUS",
-    "TRANSCEIVER",
-    "Answer",
-    "Fix",
-    "Settings",
-    "Status",
-    "answers",
-    "command",
-    "crc16",
-    "damaged",
-    "fix",
-    "info",
-    "last",
-    "payload_of",
-    "settings",
-    "status",
-]
-
 ALIVE, INFO, STATUS, SETTINGS, TRANSCEIVER = 0x01, 0x02, 0x10, 0x15, 0x3A
 PING, PING_RESPONSE, PING_ERROR, NAV_QUERY_RESPONSE = 0x40, 0x42, 0x43, 0x52
 

@@ -27,20 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.requests import Listen, Question
     from atlantis_netcfg.checklist.probes.results import Answer, Transcript
 
-__all__ = [
-    "INTEGRITY_LOW",
-    "RSSI_DB",
-    "SOUND_SPEED_MPS",
-    "Beacon",
-    "EvologicsStatus",
-    "Reading",
-    "SeatracStatus",
-    "damage",
-    "level_words",
-    "plain",
-]
-
-
 SOUND_SPEED_MPS = (1300, 1700)
 """Of water; what an EvoLogics modem takes (BIR)."""
 RSSI_DB = (-85, -20)

@@ -17,8 +17,6 @@ from typing import Any, Callable
 from atlantis_netcfg.checklist.probes.agent.queries import discover, end_all, probing, run
 from atlantis_netcfg.checklist.probes.agent.streams import ProbeError, ReceiveBuffer, serial, tcp, udp
 
-__all__ = ["answer_all", "main"]
-
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
 _GONE = ("silent", "unreachable")

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = ["WATCH", "WATCHED", "enough", "read"]
-
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 WATCHED = rb'"class":"WATCH"'
 _STATUS = {5: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}

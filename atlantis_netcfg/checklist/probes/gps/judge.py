@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Reception, Report
     from atlantis_netcfg.declaration.model import Geofence
 
-__all__ = ["clock_of", "clock_words", "evidence", "judge"]
-
-
 RADIUS_M = 6_371_008.8
 """Mean radius of WGS 84."""
 

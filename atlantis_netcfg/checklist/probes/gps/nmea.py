@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = ["checksum", "enough", "read", "sentence"]
-
 _FRAME = re.compile(rb"[$!]([\x20-\x23\x25-\x29\x2b-\x7e]{1,200})\*([0-9A-Fa-f]{2})\s*")
 _TAG = re.compile(rb"\\([\x20-\x29\x2b-\x5b\x5d-\x7e]{0,200})\*([0-9A-Fa-f]{2})\\")
 _NUMBER = re.compile(r"-?\d{1,12}(?:\.\d{1,12})?|-?\.\d{1,12}")

@@ -21,20 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Transcript
     from atlantis_netcfg.declaration.model import Geofence
 
-__all__ = [
-    "DAY_S",
-    "GpsExpectation",
-    "Nature",
-    "Reception",
-    "Report",
-    "at_day",
-    "lines",
-    "median",
-    "speechless",
-    "troubled",
-]
-
-
 DAY_S = 86_400.0
 
 

@@ -22,22 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Stream
     from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = [
-    "FRESH_S",
-    "HIGH_US",
-    "LOW_US",
-    "RcExpectation",
-    "armed",
-    "doubts",
-    "judge",
-    "judge_moved",
-    "no_channels",
-    "odd",
-    "ranges",
-    "unusable",
-]
-
-
 FRESH_S = 3.0
 """Heartbeats come once a second, channels at least so."""
 LOW_US, HIGH_US = 900, 2100

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes.results import Transcript
 
-__all__ = ["RC_RECEIVER", "RSSI_UNKNOWN", "Beat", "Channels", "Receiver", "Stream", "System", "enough", "read"]
-
 RSSI_UNKNOWN = 255
 RC_RECEIVER = 0x10000
 """MAV_SYS_STATUS_SENSOR_RC_RECEIVER."""

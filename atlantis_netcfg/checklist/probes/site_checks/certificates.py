@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Step
 
-__all__ = ["IDENTITY", "SOON", "certificates_check"]
-
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 """Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""
 SOON = timedelta(days=30)

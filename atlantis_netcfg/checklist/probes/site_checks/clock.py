@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Step
     from atlantis_netcfg.checklist.report import Evidence
 
-__all__ = ["APART_S", "COARSE_S", "Offset", "clock_check", "router_time"]
-
 APART_S = 2.0
 """Farther apart than this is wrong: time servers hold a few milliseconds."""
 COARSE_S = 30.0

@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Step
     from atlantis_netcfg.declaration.model import Dds
 
-__all__ = ["TABLE", "dds_check"]
-
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2
 _HANDED_OUT = 32768

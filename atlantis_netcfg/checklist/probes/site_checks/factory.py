@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Step
 
-__all__ = ["FACTORY", "factory_defaults_check"]
-
 FACTORY: Mapping[str, str] = {
     "192.168.88.1": "MikroTik's factory address",
     "192.168.1.1": "the factory address of satellite terminals, Teltonika and many others",

@@ -29,38 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Site
     from atlantis_netcfg.render import RouterView
 
-__all__ = [
-    "Computer",
-    "InterfaceAddress",
-    "Neighbour",
-    "OwnSite",
-    "addresses",
-    "ask",
-    "bearer_requests",
-    "bearer_status",
-    "by_hand",
-    "declared",
-    "fail",
-    "good",
-    "is_address",
-    "listed",
-    "measured",
-    "neighbours",
-    "offers",
-    "own_site",
-    "parsed",
-    "printed",
-    "read",
-    "rows",
-    "run",
-    "silent",
-    "step",
-    "unknown",
-    "unreadable",
-    "warn",
-    "yes",
-]
-
 
 def good(code: str, message: str) -> Finding:
     """It was seen to hold."""

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Step
 
-__all__ = ["poe_check"]
-
 _NAMES = "names"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _FAULTS: Mapping[str, str] = {

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Step
     from atlantis_netcfg.checklist.report import Evidence
 
-__all__ = ["TUNNEL", "vpn_check"]
-
 TUNNEL = "tun0"
 """Of the gateway computer (`templates/openvpn/client.conf.j2`)."""
 _PINGS = 5

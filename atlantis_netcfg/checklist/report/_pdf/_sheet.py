@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report._states import State
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-__all__ = ["BODY", "SMALL", "Sheet", "printable", "rgb"]
-
 FAMILY = "DejaVu"
 _FONTS = {"": "DejaVuSans.ttf", "B": "DejaVuSans-Bold.ttf"}
 BODY, SMALL = 9.5, 8.0

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import WifiEndpoint
 
-__all__ = ["ROUTER_MAC", "gateway_computer"]
-
 _OUTDOORS_MHZ = 5500
 """Where CEPT admits outdoor antennas."""
 _OF_THE_IMAGE = "/etc/netplan/10-atlantis.yaml"

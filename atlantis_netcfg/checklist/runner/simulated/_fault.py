@@ -10,8 +10,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.runner.simulated._world import World
 
-__all__ = ["Fault"]
-
 
 @dataclass(frozen=True, slots=True)
 class Fault:

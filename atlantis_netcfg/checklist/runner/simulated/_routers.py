@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
 
-__all__ = ["Act", "added", "apart", "changed", "clock_words", "hushed", "refitted", "set_clock", "surroundings"]
-
-
 Do = Callable[..., Any]
 """Command a twin: its name, the word, arguments."""
 Act = Callable[[Do], Callable[[], object]]

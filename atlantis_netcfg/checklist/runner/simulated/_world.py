@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import AcousticEndpoint, UsblEndpoint
     from atlantis_netcfg.emulator.linux import ComputerSpec
 
-__all__ = ["Autopilot", "Modem", "Receiver", "World", "healthy"]
-
 
 @dataclass(frozen=True, slots=True)
 class Receiver:

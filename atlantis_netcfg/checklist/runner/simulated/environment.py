@@ -52,9 +52,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
-__all__ = ["rehearsed_ears"]
-
-
 _NOBODY = "nothing stands for it in a rehearsal"
 
 

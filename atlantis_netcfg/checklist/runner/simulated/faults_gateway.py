@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.runner.simulated._world import World
     from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 
-__all__ = ["FAULTS"]
-
 _STRANGER = "02:00:5E:00:FC:66"
 
 

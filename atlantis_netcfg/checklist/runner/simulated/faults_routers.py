@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.runner.simulated._routers import Act
     from atlantis_netcfg.checklist.runner.simulated._world import World
 
-__all__ = ["FAULTS"]
-
 _ROUTER, _UNIT = "coastal-router", "coastal-4g"
 _LONG_AGO = datetime(2025, 1, 1, tzinfo=UTC)
 

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.runner.simulated._world import World
 
-__all__ = ["FAULTS"]
-
 
 def _receiver(vehicle: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of its spec
     return lambda world: world.receiver(vehicle, **changes)

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-__all__ = ["GitServer", "serve_git"]
-
 _BACKEND = ("git", "http-backend")
 
 

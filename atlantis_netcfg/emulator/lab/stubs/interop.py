@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["NOT_REHEARSED", "NOT_THEIRS", "InteropProjects", "make_interop"]
-
 NOT_THEIRS = "a stand-in of the ATLANTIS toolkit, not the partners' library"
 """Said by its programs and sources."""
 

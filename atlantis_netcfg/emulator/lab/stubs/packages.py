@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["StandIn", "StandInFailed", "build"]
-
 
 class StandInFailed(MachineFailed):
     """Something that should stand in for the real thing could not be made."""

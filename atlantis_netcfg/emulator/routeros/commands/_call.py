@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["Call", "Handler", "MissingArgument", "Result", "no_such_item", "unknown"]
-
 
 @dataclass(slots=True)
 class Call:

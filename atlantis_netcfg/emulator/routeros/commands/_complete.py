@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["complete", "mac_of"]
-
 _NAMES = {
     "/interface/bridge": ("bridge", "interface"),
     "/interface/ovpn-client": ("ovpn-out", "interface"),

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import Item, Table
     from atlantis_netcfg.emulator.routeros.topology import Interface
 
-__all__ = ["COMPUTED"]
-
 Rows = list[dict[str, str]]
 _CPUS = "4"
 _ID = re.compile(r"\*[0-9A-F]+")

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
-__all__ = ["import_", "sign", "take"]
-
 _MENU = "/certificate"
 _SELECTORS = ("numbers", "number", ".id")
 

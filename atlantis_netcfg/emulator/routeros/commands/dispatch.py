@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.commands._call import Call, Handler, Result
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["dispatch"]
-
 _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/certificate/import": (certificate.import_, "policy"),
     "/certificate/sign": (certificate.sign, "policy"),

@@ -16,8 +16,6 @@ from atlantis_netcfg.emulator.routeros.values import id_text
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["add", "execute", "export", "import_", "load", "read", "remove", "save", "set_"]
-
 _MOST_CONTENTS = 60 * 1024
 _MOST_SCRIPT = 64 * 1024
 _MOST_CHUNK = 32768

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.lte._modem import Settings
 
-__all__ = ["capabilities", "monitor"]
-
 _Row = dict[str, str]
 _BOX = {"manufacturer": "Quectel", "model": "EG18-EA", "revision": "EG18EAPAR01A12M4G", "imei": "001017000000000"}
 _CARD = {"imsi": "001010000000000", "iccid": "8900101000000000000"}

@@ -22,8 +22,6 @@ from atlantis_netcfg.emulator.routeros.values import BadValue, reference
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["import_"]
-
 _MENU = "/interface/ovpn-client"
 _TRUE = ("", "yes", "true")
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.radio._settings import Peer, Settings
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
-__all__ = ["amounting", "monitor", "registrations"]
-
 _Row = dict[str, str]
 _ALONE = RadioState("searching-for-network")
 _SELECTORS = (".id", "numbers")

@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.commands._call import Call
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["all_rows", "find", "get", "inspect", "print_", "select"]
-
-
 _OPERATIONS = re.compile(r"[!&|.]|\d+")
 
 

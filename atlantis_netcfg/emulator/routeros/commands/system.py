@@ -30,25 +30,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
-__all__ = [
-    "PING_FOREVER",
-    "interface",
-    "log",
-    "logout",
-    "monitor",
-    "ping",
-    "poe",
-    "reboot",
-    "redo",
-    "release",
-    "take",
-    "toggle",
-    "undo",
-    "unroll",
-    "update_mode",
-]
-
-
 PING_FOREVER = "count"
 _PING_SIZE = "56"
 

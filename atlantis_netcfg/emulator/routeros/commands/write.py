@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
-__all__ = ["add", "check_needed", "comment", "disable", "enable", "located", "move", "remove", "set_", "unset"]
-
 _SELECTORS = (".id", "numbers", "number")
 _BUILTIN = "failure: cannot change builtin"
 _PLACEMENT = ("copy-from", "place-before")

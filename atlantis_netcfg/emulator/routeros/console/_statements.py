@@ -8,21 +8,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.console.where import Where
 
-__all__ = [
-    "Attempt",
-    "Choice",
-    "Command",
-    "Each",
-    "Failure",
-    "Find",
-    "Local",
-    "Parse",
-    "Put",
-    "Statement",
-    "Template",
-    "Variable",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Variable:

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.console._statements import Template
 
-__all__ = ["ConsoleError", "Text"]
-
 _ESCAPES = {
     '"': '"',
     "\\": "\\",

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
-__all__ = ["Form", "export_text", "header"]
-
 Values = tuple[tuple[str, str | None], ...]
 
 

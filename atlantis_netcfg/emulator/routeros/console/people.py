@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["View", "columns_of", "reported", "shown", "summed"]
-
-
 COLUMNS: dict[str, tuple[str, ...]] = {
     "/certificate": ("name", "common-name", "subject-alt-name", "fingerprint"),
     "/file": ("name", "type", "size", "creation-time", "last-modified"),

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["ConsoleBackend"]
-
 _DEFAULTS_OFF = """/ip dns set allow-remote-requests=no
 /ip neighbor discovery-settings set discover-interface-list=static
 /tool mac-server set allowed-interface-list=all

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
 
-__all__ = ["HIJACK", "REBOOT", "Printed", "handle_line", "holds", "notify_holder_lost", "prompt", "safe_key"]
-
 REBOOT = "Reboot, yes? [y/N]:"
 _REBOOTING = "system will reboot shortly"
 _REBOOT = re.compile(r"/?system[ /]+reboot")

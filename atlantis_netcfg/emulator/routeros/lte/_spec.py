@@ -6,8 +6,6 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["CellSpec", "ModemSpec", "SimSpec"]
-
 _Plmn = Annotated[str, Field(pattern=r"[0-9]{5,6}")]
 
 

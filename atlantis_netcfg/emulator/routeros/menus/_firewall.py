@@ -25,8 +25,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Time,
 )
 
-__all__ = ["MENUS"]
-
 _FILTER = "/ip/firewall/filter"
 _PROTOCOLS = (*offered(_FILTER, "protocol"), *map(str, range(256)))
 _ANY_INTERFACE = Ref(("interface",), ("all-ethernet", "all-ppp", "all-vlan", "all-wireless"))

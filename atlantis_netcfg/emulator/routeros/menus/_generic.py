@@ -16,8 +16,6 @@ from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Kind, N
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.schema import Schema
 
-__all__ = ["BUILT_IN", "OF_THE_BOARD", "generic", "unmodelled"]
-
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
 _EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")

@@ -12,8 +12,6 @@ from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Ar
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Address, Bool, Choice, Choices, Int, Mac, Ref, Refs, Text, Time
 
-__all__ = ["MENUS", "OLD_WORDS"]
-
 _TAKEN = Unique(("name",), "failure: already have interface with such name")
 _ARP = Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only"))
 _FRAMES = Choice(("admit-all", "admit-only-untagged-and-priority-tagged", "admit-only-vlan-tagged"))

@@ -28,8 +28,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Time,
 )
 
-__all__ = ["MENUS"]
-
 _V4 = Address(v6=False)
 _V4S = Addresses(_V4)
 _NAME_TAKEN = Unique(("name",), "failure: item with such name already exists")

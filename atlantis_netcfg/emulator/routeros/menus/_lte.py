@@ -9,8 +9,6 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Pattern, Ref, Refs, Text, Time
 
-__all__ = ["MENUS"]
-
 _NUMBERS = Pattern(r"|\d{1,3}(,\d{1,3})*")
 
 _APN = Menu(

@@ -7,8 +7,6 @@ from enum import StrEnum
 
 from atlantis_netcfg.emulator.routeros.values import Bool, Kind, Text
 
-__all__ = ["COMMENT", "DISABLED", "Arg", "Menu", "Select", "Shape", "Unique"]
-
 
 class Shape(StrEnum):
     """Kinds of menus, as their commands tell them apart."""

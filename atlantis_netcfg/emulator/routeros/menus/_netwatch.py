@@ -12,8 +12,6 @@ from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Ar
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Rate, Ref, Text, Time
 
-__all__ = ["MENUS"]
-
 _ICMP = ("type", "icmp")
 _TCP = ("type", "tcp-conn")
 _PORT = ("type", "tcp-conn|http-get|https-get")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["EXPORT_ORDER"]
-
 EXPORT_ORDER = (
     "/interface/bridge",
     "/interface/ethernet",

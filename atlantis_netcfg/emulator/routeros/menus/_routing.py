@@ -9,8 +9,6 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Flag, Int, Prefixes, Ref, Refs, Text, Time
 
-__all__ = ["MENUS", "VRF"]
-
 VRF = 0x1000001
 """First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
 

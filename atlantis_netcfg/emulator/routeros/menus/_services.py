@@ -23,8 +23,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Time,
 )
 
-__all__ = ["MENUS"]
-
 _LIST = Ref(("list",))
 _VRF = Arg("vrf", Ref(("table",)), "main")
 _TLS = {"certificate": "none", "tls-version": "any"}

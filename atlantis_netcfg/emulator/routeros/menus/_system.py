@@ -24,8 +24,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Topics,
 )
 
-__all__ = ["MENUS", "POLICIES"]
-
 POLICIES = (
     "local",
     "telnet",

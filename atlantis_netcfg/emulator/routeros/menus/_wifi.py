@@ -12,8 +12,6 @@ from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Ar
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Mac, Pattern, Ref, Text, Time
 
-__all__ = ["MENUS", "PROFILES"]
-
 PROFILES = ("channel", "configuration", "datapath", "security")
 """Menus of profiles; each is also the name of the property that names one."""
 

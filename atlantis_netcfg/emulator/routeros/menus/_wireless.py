@@ -9,8 +9,6 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Mac, Pattern, Ref, Text, Time
 
-__all__ = ["MENUS"]
-
 _SWITCH = Choice(("disabled", "enabled"))
 _TAKEN = Unique(("name",), "failure: already have interface with such name")
 _EXISTS = Unique(("name",), "failure: item with such name already exists")

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import Radio
     from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
 
-__all__ = ["LEGACY", "WIFI", "inherited", "radio_item", "radio_spec", "settings_of"]
-
 LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
 _CONFIGURATION = "configuration"
 _PARTS = ("channel", "security", "datapath")

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.shell.flags import Screen
     from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
 
-__all__ = ["Shell"]
-
 _MOST = 65536
 _INTERRUPT = b"\x03"
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 
-__all__ = ["Screen", "split_login"]
-
 _FLAG = re.compile(r"(\d*)([a-z])")
 _WIDTH, _HEIGHT = 80, 24
 

@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.shell.session import Session
 
-__all__ = ["Greeting", "banner", "note", "pager"]
-
-
 LICENCE = "Do you want to see the software license? [Y/n]: "
 LICENCE_TEXT = "(the text of the software license is not rehearsed)"
 DEFAULTS = """The following default configuration has been installed on your router:

@@ -23,8 +23,6 @@ from atlantis_netcfg.emulator.routeros.wire import host as private
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["fingerprint", "host_key"]
-
 
 def host_key(path: Path) -> bytes:
     """The private key in OpenSSH's format."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.shell.flags import Screen
 
-__all__ = ["Key", "Keyboard", "Line", "Pages", "Position", "folded"]
-
 
 class Key(Enum):
     """Keys that mean something (Manual, Command Line Interface: list of keys)."""

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.host import Host
     from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
 
-__all__ = ["Gone", "WorkItem"]
-
 
 class Gone(Exception):
     """The connection under the work has ended: nothing more is to be done for it."""

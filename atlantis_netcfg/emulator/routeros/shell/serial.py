@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
     from atlantis_netcfg.emulator.routeros.wire.host import Host
 
-__all__ = ["SerialLine"]
-
 _MOST = 65536
 _KEPT = 262144
 """Bytes that wait for a listener; older ones are lost, as on a line that nobody listens to."""

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.shell.flags import Screen
     from atlantis_netcfg.emulator.routeros.shell.talk import ConsoleDevice
 
-__all__ = ["Session"]
-
 _PROBE = "\x1bZ\x1b[9999B\x1b[9999C\x1b[6n\r"
 """What are you, and how far does your cursor go.
 

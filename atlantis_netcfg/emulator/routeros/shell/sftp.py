@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
     from atlantis_netcfg.emulator.routeros.wire.faults import Fault
 
-__all__ = ["Sftp"]
-
 
 @dataclass(slots=True)
 class _Handle:

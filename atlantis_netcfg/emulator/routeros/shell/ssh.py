@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.shell.channel import Shell
     from atlantis_netcfg.emulator.routeros.wire.host import Host
 
-__all__ = ["SshConnection"]
-
 _VERSION = "ROSSSH"
 """What RouterOS calls its SSH server."""
 

@@ -8,8 +8,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
 
-__all__ = ["ConsoleDevice", "DirectTalk"]
-
 
 class ConsoleDevice(Protocol):
     """One caller's console. A method may never return: the connection under it has gone silent."""

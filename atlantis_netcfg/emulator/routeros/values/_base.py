@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["INVALID", "NOT_OFFERED", "BadValue", "Kind", "Names", "id_text", "reference", "references", "spell"]
-
 INVALID = "invalid value for argument {}"
 NOT_OFFERED = "input does not match any value of {}"
 _TOKEN = re.compile("\x01([a-z-]+):([0-9A-F]+)\x02")

@@ -7,23 +7,6 @@ from dataclasses import dataclass
 
 from atlantis_netcfg.emulator.routeros.values._base import NOT_OFFERED, BadValue, Kind, Names
 
-__all__ = [
-    "Bool",
-    "Choice",
-    "Choices",
-    "Flag",
-    "Int",
-    "Moment",
-    "Not",
-    "Pattern",
-    "Rate",
-    "Size",
-    "Text",
-    "Time",
-    "interval",
-    "seconds",
-]
-
 _UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
 _UNIT_SECONDS = {**dict(_UNITS), "ms": 0.001}
 _SPAN = re.compile(r"(\d+)(ms|[wdhms])")

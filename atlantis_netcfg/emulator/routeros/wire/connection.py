@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.host import Host
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
 
-__all__ = ["Connection", "Decoder", "ReservedLength", "WordTooLong", "encode_length", "encode_sentence"]
-
-
 Sentence = tuple[str, ...]
 
 _FORMS = ((0x80, 1, 0), (0x4000, 2, 0x8000), (0x20_0000, 3, 0xC0_0000), (0x1000_0000, 4, 0xE000_0000))

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 
-__all__ = ["Dialogue", "Reply", "tag_of"]
-
 Reply = tuple[str | None, Answer]
 """A reply sentence and the tag it carries."""
 

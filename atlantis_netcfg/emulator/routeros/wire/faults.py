@@ -9,8 +9,6 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["Fault", "FaultKind", "Faults"]
-
 
 class FaultKind(StrEnum):
     """What happens."""

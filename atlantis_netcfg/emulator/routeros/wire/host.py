@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
 
-__all__ = ["HOST", "Host", "Line", "Listeners", "Member", "write"]
-
 
 class Line(Protocol):
     """A way to the router that is no connection: its serial line."""

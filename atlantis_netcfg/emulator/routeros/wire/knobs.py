@@ -12,8 +12,6 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-__all__ = ["Pace", "WireBehaviour"]
-
 
 class WireBehaviour(BaseModel):
     """Behaviour of the router's API service; all times in seconds as the caller wants to wait for them."""

@@ -16,8 +16,6 @@ from pydantic import BaseModel, ConfigDict, Field
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-__all__ = ["Bearer", "Chunk", "Direction", "End", "Line", "Link"]
-
 SEGMENT = 1400
 """Bytes that travel together: a TCP segment within a tunnel's MTU."""
 HEADERS = 54

@@ -15,8 +15,6 @@ from atlantis_netcfg.emulator.routeros.wire.link import Chunk, Direction, End, L
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.host import Host
 
-__all__ = ["Pipe", "RouterEnd"]
-
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 
 

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
     from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
 
-__all__ = ["Switchboard"]
-
 
 class AccessPath:
     """The router seen from another port than the management port; all else is `host`'s."""

@@ -11,8 +11,6 @@ from atlantis_netcfg.core.secret import MASK
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Counters", "TrafficCounters", "masked"]
-
 _SECRET = r"(?:[\w.-]*(?:password|passphrase|secret|pre-?shared-key|private-key)|response|pin)"  # noqa: S105 (a pattern)
 _WORD = re.compile(rf"^(=!?{_SECRET}=).+$", re.DOTALL)
 _SCRIPT = re.compile(rf'\b({_SECRET}=)("(?:\\.|[^"\\])*"|[^\s;\]]+)', re.DOTALL)

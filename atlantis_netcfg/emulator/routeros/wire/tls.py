@@ -20,8 +20,6 @@ from atlantis_netcfg.emulator.routeros.wire import host
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["Channel", "Plain", "Tls", "certificate", "context", "fingerprint"]
-
 
 class Channel(Protocol):
     """What lies between the bytes of TCP and the words of the API."""

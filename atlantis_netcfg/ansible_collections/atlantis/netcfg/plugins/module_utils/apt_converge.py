@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from .apt_run import Apt, Package
     from .apt_sources import Key, Sources
 
-__all__ = ["Converge", "DesiredPackages", "Outcome"]
-
-
 _ARCHIVES = "/var/cache/apt/archives"
 _SPARE_BYTES = 32 * 1024 * 1024
 """dpkg's database, logs, and what the scripts of packages make."""

@@ -11,8 +11,6 @@ from .errors import ModuleError
 if TYPE_CHECKING:
     from typing import Iterable, Sequence
 
-__all__ = ["of_install", "of_update", "others"]
-
 _LINES = 8
 _SOURCE = r"(?P<url>\S+) (?P<suite>\S+?)(?: (?:In)?Release)?"
 

@@ -23,19 +23,6 @@ if TYPE_CHECKING:
 
     from .filesystem import FileSystem
 
-__all__ = [
-    "Apt",
-    "Output",
-    "Package",
-    "bundle_of",
-    "fits",
-    "half_done",
-    "installed",
-    "refuse_another_system",
-    "wait_for_others",
-]
-
-
 _FOLDER = "/var/lib/atlantis/apt"
 _KEY = "atlantis.gpg"
 _GAP_S = 120

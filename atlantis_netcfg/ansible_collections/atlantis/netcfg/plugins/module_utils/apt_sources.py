@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from .filesystem import FileSystem
     from .openpgp import PublicKey
 
-__all__ = ["Key", "Sources", "check_key"]
-
 _STAMP = "apt-update"
 _WARN_DAYS = 60
 _DAY_S = 86400

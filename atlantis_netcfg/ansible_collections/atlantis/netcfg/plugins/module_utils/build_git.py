@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 
     from .build_plan import Repository
 
-__all__ = ["Git", "configure", "keep"]
-
-
 _USER = "oauth2"
 """GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""
 

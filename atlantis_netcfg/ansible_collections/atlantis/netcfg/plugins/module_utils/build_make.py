@@ -33,9 +33,6 @@ from .errors import ModuleError, in_words
 if TYPE_CHECKING:
     from typing import Callable, Iterator
 
-__all__ = ["Make", "jobs_within"]
-
-
 _MEMORY_OF_A_JOB_KIB = 1_200 * 1024
 """A compiler at work on the message types of ROS 2 takes about a gigabyte."""
 _TAIL = 200_000

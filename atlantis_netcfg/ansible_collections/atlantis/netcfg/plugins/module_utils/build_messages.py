@@ -11,8 +11,6 @@ from .errors import ModuleError
 if TYPE_CHECKING:
     from typing import Iterable
 
-__all__ = ["CardFull", "Trouble", "about_building", "about_git", "last_words", "trouble"]
-
 _LINES = 6
 _LONG = 240
 _MEANINGFUL = re.compile(

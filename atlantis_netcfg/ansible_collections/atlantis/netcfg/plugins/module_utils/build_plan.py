@@ -29,8 +29,6 @@ from .filesystem import FileSystem
 if TYPE_CHECKING:
     from typing import Collection, Mapping
 
-__all__ = ["MARKER", "Plan", "Repository", "Shelf", "is_commit"]
-
 MARKER = "build.json"
 _KEY_DIGITS = 12
 _TREE = FileSystem()

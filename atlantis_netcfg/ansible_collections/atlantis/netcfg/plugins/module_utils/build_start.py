@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from .programs import Done
 
-__all__ = ["Build", "Places", "compiler", "pack"]
-
 _MODULES = (build_git, build_make, build_plan, build_messages, errors, filesystem)
 """What the program of the build consists of; that they are imported here brings them to the gateway."""
 _RUNNING = ("active", "activating", "deactivating", "reloading")

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from .filesystem import FileSystem
     from .programs import Done
 
-__all__ = ["Configure"]
-
-
 _NO_INSTALL = ("static", "generated", "transient", "alias", "indirect", "enabled-runtime", "linked")
 """States of a unit file that `systemctl enable` does not change for the better."""
 _SETTLE_S = 1.0

@@ -11,8 +11,6 @@ from .errors import ModuleError
 if TYPE_CHECKING:
     from typing import Iterable, Mapping
 
-__all__ = ["Brought", "Check", "DesiredState", "Directory", "File", "Link", "Owned", "Step", "Unit", "WayIn"]
-
 
 @dataclass(frozen=True)
 class Owned:

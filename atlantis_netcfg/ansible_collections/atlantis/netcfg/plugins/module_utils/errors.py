@@ -7,8 +7,6 @@ import errno
 import shutil
 from pathlib import Path
 
-__all__ = ["ModuleError", "in_words"]
-
 _SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 

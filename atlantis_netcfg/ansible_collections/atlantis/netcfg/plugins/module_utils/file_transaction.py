@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from .filesystem import FileSystem, Found
     from .programs import Done
 
-__all__ = ["FileTransaction", "clear", "strays"]
-
 
 class FileTransaction:
     """The first half of a call. It is made by reading, and refuses what cannot be replaced; `place` writes."""

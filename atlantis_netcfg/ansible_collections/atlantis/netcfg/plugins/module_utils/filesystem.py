@@ -24,9 +24,6 @@ from .errors import ModuleError, in_words
 if TYPE_CHECKING:
     from typing import Iterator, Mapping
 
-__all__ = ["ABSENT", "FileSystem", "Found", "Stamps"]
-
-
 _PERMISSIONS = 0o7777
 _SECOND_NS = 1_000_000_000
 

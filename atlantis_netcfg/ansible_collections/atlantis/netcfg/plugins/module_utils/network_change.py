@@ -36,9 +36,6 @@ if TYPE_CHECKING:
 
     from .network_files import Computer
 
-__all__ = ["BACK", "BACK_TIMER", "Change"]
-
-
 _SERVERS = ("sshd", "dropbear")
 """OpenSSH 9.8 and later call the process of a session `sshd-session`."""
 _ANCESTORS = 20

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
     from .network_files import Computer
 
-__all__ = ["OURS", "DesiredNetwork", "same"]
-
-
 _PLANS = ("/lib/netplan", "/etc/netplan", "/run/netplan")
 """netplan-generate(8): a file hides one of the same name in a folder further left; all are read, sorted by name."""
 _PARTS = ("/etc/systemd/network", "/run/systemd/network", "/usr/lib/systemd/network", "/lib/systemd/network")

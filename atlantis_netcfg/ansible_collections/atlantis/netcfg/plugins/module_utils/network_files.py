@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     Manifest = Dict[str, Any]
 
-__all__ = ["FOLDER", "Computer", "Done", "put", "state_of"]
-
 FOLDER = "/var/lib/atlantis/network"
 _LOCK = f"{FOLDER}/lock"
 

@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["NotAKey", "PublicKey", "binary", "public_keys"]
-
 _SIGNATURE, _KEY = 2, 6
 _DIRECT = 0x1F
 _CERTIFICATIONS = (0x10, 0x11, 0x12, 0x13, _DIRECT)

@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 from .errors import ModuleError
 
-__all__ = ["Done", "is_there", "last_lines", "run", "succeed"]
-
 _LINES = 8
 _TIMEOUT_S = 600
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"

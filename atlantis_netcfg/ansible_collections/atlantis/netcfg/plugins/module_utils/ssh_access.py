@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from .desired_state import WayIn
     from .filesystem import FileSystem
 
-__all__ = ["alone", "hold"]
-
-
 _ANCESTORS = 20
 
 

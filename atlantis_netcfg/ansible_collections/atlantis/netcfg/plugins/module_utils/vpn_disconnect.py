@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from .vpn_management import Management, Session
     from .vpn_server import Server
 
-__all__ = ["Ending", "Unheard", "peer", "revoke", "verify"]
-
-
 _HEARD_S = 0.01
 """So long after its HALT the server has sent it; a kill at once would take the message back [measured, 2.6.14]."""
 _ROUNDS = 4

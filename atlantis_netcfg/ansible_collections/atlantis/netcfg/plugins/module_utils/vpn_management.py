@@ -19,9 +19,6 @@ from typing import TYPE_CHECKING, Any, Dict
 if TYPE_CHECKING:
     from typing import Iterable, Iterator
 
-__all__ = ["Busy", "Closed", "Down", "Management", "Session", "Torn", "opened", "sessions", "written"]
-
-
 END = "END"
 Session = Dict[str, Any]
 """`cid`, `common_name` (`UNDEF` before the certificate came), `real`, `virtual`, `since`, `received`, `sent`."""

@@ -35,9 +35,6 @@ from .vpn_server import ANSWERS, DOWN, Place, Server
 if TYPE_CHECKING:
     from typing import Callable, Mapping, Sequence
 
-__all__ = ["MARK", "main", "packed", "unpacked"]
-
-
 _VERSION = re.compile(r"OpenVPN (\S+)")
 
 

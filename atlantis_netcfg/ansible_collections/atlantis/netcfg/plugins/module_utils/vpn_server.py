@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from .programs import Done
     from .vpn_management import Management, Session
 
-__all__ = ["ANSWERS", "BUSY", "DOWN", "Crl", "Place", "Server", "accept", "read"]
-
-
 _SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
 _HINT = "`provision vpn status` tells what is wrong with the authority's own list"
 

@@ -17,8 +17,6 @@ from atlantis_netcfg.core.worker import end_if_orphaned, end_with_parent
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["EngineAction", "TaskRequest", "inventory_of"]
-
 
 @dataclass(frozen=True, slots=True)
 class TaskRequest:

@@ -33,8 +33,6 @@ from atlantis_netcfg.core.worker import end_with_parent
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["FOLDER", "CleanedAction", "ZipappAction", "answer", "checked", "masked"]
-
 FOLDER: Final = "/var/lib/atlantis/tool"
 """On the gateways: the tool, under its SHA-256."""
 PYTHON: Final = (3, 8)

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from typing import NoReturn
 
-__all__ = ["MARK", "AnsibleModule"]
-
 MARK = "ATLANTIS-RESULT "
 
 
