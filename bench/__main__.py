@@ -63,14 +63,14 @@ def main() -> int:
             print(f"{crowd.routers:>5} routers  {of_them:<9}  {crowd.cost.wall_s:8.2f} s  {crowd.failure}", flush=True)
             many.append(crowd)
         kept = []
-        for one in (
+        for figure in (
             kept_runs((10, 20 if given.smoke else 1000), 1 if given.smoke else _CALLS, folder) if _RUNS in only else ()
         ):
-            print(f"{one.runs:>5} runs  {one.command:<9}  {one.wall_s:8.2f} s  {one.failure}", flush=True)
-            kept.append(one)
+            print(f"{figure.runs:>5} runs  {figure.command:<9}  {figure.wall_s:8.2f} s  {figure.failure}", flush=True)
+            kept.append(figure)
         batches = _batches(devices, runs, folder) if _VPN in only else []
         exact = _exact(folder, Shape() if given.smoke else wire.SATELLITE) if OURS in only else {}
-    versions = {one.name: one.version() for one in contenders if one.missing() is None}
+    versions = {contender.name: contender.version() for contender in contenders if contender.missing() is None}
     versions |= {OURS: f"provision {__version__}", EASY_RSA: easy_rsa_version() or "none"} if batches else {}
     notes = [f"not the real command: {excuse}"] if excuse else []
     notes += [_BESIDE] if max(link.rtt_ms for link in links) >= LONG_MS and len(contenders) > 1 else []
@@ -79,7 +79,7 @@ def main() -> int:
     if given.write is not None:
         given.write.write_text(text, encoding="utf-8")
     print(text[text.index("## Marks") :])
-    failed = [one.failure for one in figures if one.samples]
+    failed = [figure.failure for figure in figures if figure.samples]
     failed += [entry.failure for entry in many] + [item.failure for item in kept]
     failed += [batch.failure for batch in batches if batch.costs]
     return 1 if any(failed) else 0

@@ -164,7 +164,7 @@ class Proxy:
     async def _upwards(self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk) -> None:
         loop = asyncio.get_running_loop()
 
-        def said(size: int) -> float:
+        def delay_of(size: int) -> float:
             if size:
                 talk.waiting = True
                 self.count.sent += size
@@ -172,7 +172,7 @@ class Proxy:
                 talk.ended = True
             return self._up.depart(size, loop.time()) + self.shape.delay_s
 
-        await _pump(source, sink, said)
+        await _pump(source, sink, delay_of)
 
     async def _downwards(
         self, source: asyncio.StreamReader, sink: asyncio.StreamWriter, talk: _Talk, accepted: float
@@ -181,14 +181,14 @@ class Proxy:
         # The far side accepts when the third packet of the handshake has come, and cannot speak before.
         earliest = accepted + 3 * self.shape.delay_s
 
-        def said(size: int) -> float:
+        def delay_of(size: int) -> float:
             self.count.received += size
             if talk.waiting and not talk.ended and size:
                 talk.waiting = False
                 self.count.round_trips += 1
             return self._down.depart(size, max(loop.time(), earliest)) + self.shape.delay_s
 
-        await _pump(source, sink, said)
+        await _pump(source, sink, delay_of)
 
 
 async def _pump(source: asyncio.StreamReader, sink: asyncio.StreamWriter, reply: Arrival) -> None:

@@ -31,7 +31,7 @@ def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
     for command, code in _COMMANDS.items():
         ran = [(size, _call(command, state)) for _ in range(calls) for size, state in states.items()]
         for size in sizes:
-            mine = [one for of, one in ran if of == size]
+            mine = [figure for of, figure in ran if of == size]
             failure = next((entry.said.strip() for entry in mine if entry.code != code), "")
             yield Runs(command, size, tuple(item.cost for item in mine), failure)
 

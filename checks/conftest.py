@@ -86,7 +86,9 @@ def _parametrize(metafunc: pytest.Metafunc, promised: list[Promises]) -> None:
     if kind is None:
         _repeat(metafunc, "promised", {entry.host.name: entry for entry in promised}, "gateway")
     else:
-        rows = {f"{one.host.name}:{item}": (one, item) for one in promised for item in ITEMS[kind](one)}
+        rows = {
+            f"{promises.host.name}:{item}": (promises, item) for promises in promised for item in ITEMS[kind](promises)
+        }
         _repeat(metafunc, f"promised,{kind}", rows, f"gateway with a {kind}")
 
 

@@ -182,11 +182,11 @@ def repeatable(target: Target) -> Iterator[None]:
             hint="another device, or somebody in between: no password was sent to it\n"
             "if it is another box than before, or was reset on purpose: the same command with --replaced",
         ) from changed
-    except SafeModeHeld as held:
+    except SafeModeHeld as unavailable:
         raise DeviceFailed(
             f"{target.name}: somebody else holds safe mode on the device",
             hint="a session that was cut lets go after about 9 minutes; then run the same command again",
-        ) from held
+        ) from unavailable
 
 
 def cut_off(target: Target, step: Step, lost: ConsoleLost) -> CutOff:

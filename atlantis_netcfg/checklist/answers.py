@@ -168,7 +168,7 @@ def _consented(file: _File, items: Mapping[str, Item]) -> dict[str, str]:
     active = [name for name, item in items.items() if item.kind is Kind.ACTIVE and item.open]
     everything = file.consents.get(ALL)
     words = {} if everything is None else dict.fromkeys(active, everything)
-    words = {name: one for name, one in words.items() if name not in file.answers and name not in file.leave}
+    words = {name: row for name, row in words.items() if name not in file.answers and name not in file.leave}
     return words | {name: entry for name, entry in file.consents.items() if name in items}
 
 

@@ -250,7 +250,11 @@ class Session:
         dear = [asked(device["cost"]) for device in planned.devices.values() if device["planned"] and "cost" in device]
         if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
-        many = [f"{name}: the plan {one['foreign_words']}" for name, one in planned.devices.items() if _foreign(one)]
+        many = [
+            f"{name}: the plan {change['foreign_words']}"
+            for name, change in planned.devices.items()
+            if _foreign(change)
+        ]
         if many and not self.arguments.given(REMOVE_FOREIGN):
             removes(many, ask=not self.as_json)
             self.remove_foreign = True

@@ -62,13 +62,13 @@ def explain(error: yaml.YAMLError, shown: str, text: str) -> Finding:
         before = text[: error.position]
         mark = Mark(shown, before.count("\n") + 1, error.position - before.rfind("\n"))
         return Finding.at(mark, "a control character stands here", "delete it")
-    said = str(error)
-    place = _place(error, said)
+    words = str(error)
+    place = _place(error, words)
     mark = Mark(shown, *_inside(text, place)) if place is not None else Mark(shown, 1, 1)
     if place is not None and _character(text, place) == "\t":
         return Finding.at(mark, "a tab stands here", "indent with spaces")
     for part, message, hint in _WORDS:
-        if part in said:
+        if part in words:
             return Finding.at(mark, message, hint)
     return Finding.at(mark, "this is no YAML from here on", "compare the line and the one above with a file that works")
 

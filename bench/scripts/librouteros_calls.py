@@ -76,8 +76,8 @@ def _keyed(path: Any, menu: dict[str, Any]) -> int:  # noqa: ANN401
 def _match(row: Row, found: list[Row], keys: list[str]) -> Row | None:
     """Find a row by the keys that are given, and by its comment where that tells several apart."""
     given = [key for key in keys if row.get(key)]
-    same = [one for one in found if all(_same(row[key], one.get(key)) for key in given)]
-    exact = [one for one in same if _same(row.get("comment"), one.get("comment"))]
+    same = [candidate for candidate in found if all(_same(row[key], candidate.get(key)) for key in given)]
+    exact = [candidate for candidate in same if _same(row.get("comment"), candidate.get("comment"))]
     unmarked = [item for item in same if not item.get("comment")]
     return next(iter(exact or unmarked), None)
 

@@ -62,9 +62,9 @@ def attached(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, 
     left = ALL_BYTES
     for evidence in (entry for item in document.items for entry in item.evidence):
         if evidence.file is not None and (evidence.file, evidence.sha256) not in values:
-            one = _attached(evidence.file, evidence, files.get(evidence.file), left)
-            left -= len(one.photo.data) if one.photo is not None else 0
-            values[evidence.file, evidence.sha256] = one
+            picture = _attached(evidence.file, evidence, files.get(evidence.file), left)
+            left -= len(picture.photo.data) if picture.photo is not None else 0
+            values[evidence.file, evidence.sha256] = picture
     return values
 
 

@@ -65,7 +65,7 @@ class Routers:
 
     async def links(self, questions: Asked, result: Heard) -> Mapping[str, Answer]:
         """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
-        looks = [(key, one) for key, one in questions if isinstance(one, LinkStatusRequest)]
+        looks = [(key, item) for key, item in questions if isinstance(item, LinkStatusRequest)]
         proofs = [(key, request) for key, request in questions if isinstance(request, AllowListTestRequest)]
         work = [
             self._progress(self._look(looks), result),

@@ -77,10 +77,10 @@ def _of_gateway(
 ) -> Iterator[Preview]:
     host = next(filter(is_gateway, declaration.site_hosts(site)), None)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
-    asked = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
-    if host is not None and asked:
+    numbered = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
+    if host is not None and numbered:
         carrier = bearer_of(declaration, host, request.via.get(host.name))
-        yield expected(declaration, site, carrier, within_budget(asked))
+        yield expected(declaration, site, carrier, within_budget(numbered))
 
 
 def _of_routers(

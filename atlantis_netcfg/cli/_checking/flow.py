@@ -217,8 +217,8 @@ class CheckWorkflow:
 
     def _sick(self, entry: Entry) -> Item | None:
         """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
-        cell = [one for one in self.entries if one.cell == entry.cell and one.item.kind is Kind.AUTOMATIC]
-        items = (self.book.item(one.item.id) for one in cell)
+        cell = [other for other in self.entries if other.cell == entry.cell and other.item.kind is Kind.AUTOMATIC]
+        items = (self.book.item(other.item.id) for other in cell)
         return next((item for item in items if item.counts is Verdict.FAIL), None)
 
     def _examine(self, entries: Sequence[Entry], agreed: Mapping[str, str], *, paid: bool = False) -> None:

@@ -249,13 +249,13 @@ def _look(opened: Session, prepared: Prepared, book: Book, prompt: Prompt | None
 
 
 def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
-    def told(item: Item) -> None:
+    def tell(item: Item) -> None:
         if prompt is not None:
             prompt.say(shown(item))
         else:
             notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
 
-    return told
+    return tell
 
 
 def _anew(opened: Session, prompt: Prompt | None) -> bool:

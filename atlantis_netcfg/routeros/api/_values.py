@@ -130,7 +130,7 @@ class Traffic:
         """Add up what several sessions cost."""
         each = tuple(sessions)
         return cls(
-            sum(one.round_trips for one in each),
+            sum(part.round_trips for part in each),
             sum(entry.sent for entry in each),
             sum(item.received for item in each),
             sum(traffic.connections for traffic in each),

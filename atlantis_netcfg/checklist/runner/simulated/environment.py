@@ -77,13 +77,13 @@ class RehearsedEars:
                 answers[key] = self._answer(question)
                 result(key, answers[key])
         if streams:
-            asked = dict(questions)
+            by_key = dict(questions)
 
-            def told(key: str, answer: Answer) -> None:
-                result(key, self._sent(asked[key], answer))
+            def progress(key: str, answer: Answer) -> None:
+                result(key, self._sent(by_key[key], answer))
 
-            ended = await ask_here(streams, told)
-            answers.update({key: self._sent(asked[key], answer) for key, answer in ended.items()})
+            ended = await ask_here(streams, progress)
+            answers.update({key: self._sent(by_key[key], answer) for key, answer in ended.items()})
         return answers
 
     def _sent(self, question: Question, answer: Answer) -> Answer:

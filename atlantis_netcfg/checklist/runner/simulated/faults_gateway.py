@@ -46,9 +46,9 @@ def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> 
 
 
 def _received(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
-    def change(one: InterfaceSpec) -> dict[str, Any]:
-        assert one.association is not None  # noqa: S101 - a healthy radio is associated
-        return {"association": one.association.model_copy(update=changes)}
+    def change(interface: InterfaceSpec) -> dict[str, Any]:
+        assert interface.association is not None  # noqa: S101 - a healthy radio is associated
+        return {"association": interface.association.model_copy(update=changes)}
 
     return _interface(name, change)
 

@@ -58,7 +58,7 @@ def settings_of(core: Core) -> Settings | None:
     if core.spec.modem is None or not core.schema.has_menu(LTE):
         return None
     table = core.store.table(LTE)
-    item = next((one for one in table.items if (one.factory or {}).get("name") == core.spec.modem.name), None)
+    item = next((row for row in table.items if (row.factory or {}).get("name") == core.spec.modem.name), None)
     if item is None:
         return None
     given = {name: core.store.text(table, item, name) or "" for name in table.args}
