@@ -40,11 +40,11 @@ def many(shipped: Path, folder: Path, number: int) -> Path:
 
 
 def _write(shipped: Path, folder: Path, ship: int, path: str) -> None:
-    text = _own((shipped / path).read_text(encoding="utf-8"), ship)
+    text = _own_settings((shipped / path).read_text(encoding="utf-8"), ship)
     (folder / path.replace(_MODEL, name(ship))).write_text(text, encoding="utf-8")
 
 
-def _own(text: str, ship: int) -> str:
+def _own_settings(text: str, ship: int) -> str:
     """Give a file of the model names and addresses of its own, and leave out tunnel, gateway and robots."""
     block, place = divmod(ship, _PER_BLOCK)
     for network, octet in (("10.64.2.", 100), ("10.64.102.", 110), ("10.10.9.", 120), ("10.10.10.", 130)):

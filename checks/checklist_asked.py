@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.declaration import Declaration
 
-__all__ = ["Asking", "How", "told", "waits"]
+__all__ = ["Asking", "How", "answer_lines", "waits"]
 
 
 _VALID = frozenset({State.OPEN, State.SIGNED})
@@ -120,7 +120,7 @@ def _settled(item: Item) -> bool:
     return not item.open or item.override is not None
 
 
-def told(item: Item) -> Iterator[tuple[str, str]]:
+def answer_lines(item: Item) -> Iterator[tuple[str, str]]:
     """What JUnit has of an item besides its outcome."""
     yield "item", item.id
     yield "title", item.title

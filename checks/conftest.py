@@ -20,7 +20,7 @@ from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.operations.computers._access import is_gateway
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import refuse_examples
-from checks.checklist_asked import Asking, How, told, waits
+from checks.checklist_asked import Asking, How, answer_lines, waits
 from checks.gateway_promises import Promises, promises
 from checks.gateway_reached import Answers, NotReached, ask
 
@@ -160,7 +160,7 @@ def found(entry: Entry, request: pytest.FixtureRequest) -> Item:
         item = _asking(request.config).item(entry)
     except NetcfgError as error:
         pytest.fail(f"{error}\n{error.hint or ''}", pytrace=False)
-    request.node.user_properties += told(item)
+    request.node.user_properties += answer_lines(item)
     if item.verdict is Verdict.ERROR and item.override is None:
         pytest.fail(item.message, pytrace=False)
     if item.open or item.counts is Verdict.SKIP:

@@ -24,7 +24,7 @@ _PACKAGE = "${db:Status-Abbrev}\\t${Package}\\t${Version}\\n"
 _UNIT = "LoadState,ActiveState,SubState,UnitFileState,MainPID"
 
 
-def said(*argv: str) -> str | None:
+def output_of(*argv: str) -> str | None:
     """What a program prints; None where it is missing, fails or hangs."""
     environment = {"PATH": _PATH, "LC_ALL": "C.UTF-8", "HOME": "/root"}
     try:
@@ -82,14 +82,14 @@ def text(path: str) -> str | None:
 
 def installed(names: list[str]) -> dict[str, str]:
     """Package -> version, of those that are wholly installed."""
-    listed = said("sh", "-c", 'dpkg-query -W -f "$@" || true', "sh", _PACKAGE, "--", *names) if names else ""
+    listed = output_of("sh", "-c", 'dpkg-query -W -f "$@" || true', "sh", _PACKAGE, "--", *names) if names else ""
     rows = [line.split("\t") for line in (listed or "").splitlines()]
     return {name: version for status, name, version in rows if status.strip() in ("ii", "hi")}
 
 
 def unit(name: str) -> dict[str, str]:
     """What systemd tells of a unit."""
-    return pairs((said("systemctl", "show", "--property", _UNIT, "--", name) or "").splitlines())
+    return pairs((output_of("systemctl", "show", "--property", _UNIT, "--", name) or "").splitlines())
 
 
 def environment_of(name: str) -> dict[str, str] | None:
@@ -126,7 +126,7 @@ def answers(questions: dict[str, Any]) -> dict[str, Any]:
         "environments": {name: environment_of(name) for name in questions["environments"]},
         "packages": installed(questions["packages"]),
         "room": {path: room(path) for path in questions["room"]},
-        "said": {name: said(*argv) for name, argv in questions["said"].items()},
+        "said": {name: output_of(*argv) for name, argv in questions["said"].items()},
         "now": time.time(),
     }
 

@@ -46,7 +46,7 @@ Words = Annotated[Text, Field(max_length=2000)]
 Person = Annotated[Text, Field(max_length=100)]
 
 
-class _Said(StrEnum):
+class _Statement(StrEnum):
     """What a person can say."""
 
     PASS = "PASS"  # noqa: S105 - a verdict
@@ -57,7 +57,7 @@ class _Said(StrEnum):
 
 
 class _Answer(Model):
-    verdict: _Said
+    verdict: _Statement
     by: Person | None = None
     note: Words | None = None
     files: tuple[Text, ...] = ()

@@ -24,7 +24,7 @@ _MOST = 1024
 _WORDS = "the passphrase of the CA key"
 
 
-def asked(arguments: Arguments, what: str = _WORDS) -> Callable[[], Secret]:
+def passphrase_prompt(arguments: Arguments, what: str = _WORDS) -> Callable[[], Secret]:
     """What asks for the passphrase when it is needed, once: its answer is kept. Raises UsageError when nobody is there.
 
     A descriptor that cannot be read is told at once, before anything is done.

@@ -31,7 +31,7 @@ from atlantis_netcfg.operations.costs import beforehand, gate
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.lte import is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
-from atlantis_netcfg.report.run import RunReport, asked
+from atlantis_netcfg.report.run import RunReport, consent_question
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -247,7 +247,11 @@ class Session:
         planned = self.plan()
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
-        dear = [asked(device["cost"]) for device in planned.devices.values() if device["planned"] and "cost" in device]
+        dear = [
+            consent_question(device["cost"])
+            for device in planned.devices.values()
+            if device["planned"] and "cost" in device
+        ]
         if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
         many = [

@@ -49,10 +49,10 @@ def run(arguments: Arguments) -> ExitCode:
             hint="type the same on a terminal; or declare `fingerprint` under `access`, or `host_key` under `ssh`",
         )
     request = Request(state=paths.state_dir())
-    return worst([_one(declaration, host, request) for host in hosts])
+    return worst([_trust_device(declaration, host, request) for host in hosts])
 
 
-def _one(declaration: Declaration, host: Host, request: Request) -> ExitCode:
+def _trust_device(declaration: Declaration, host: Host, request: Request) -> ExitCode:
     """One device; what is wrong with it keeps no other from being looked at."""
     from atlantis_netcfg.cli._outcome import tell
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst

@@ -63,13 +63,13 @@ def _opener(arguments: Arguments) -> Secret:
     """The key out of its file, or the passphrase."""
     from pathlib import Path
 
-    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.secret import Secret
 
     named = arguments.optional("key")
     if named is None:
-        return asked(arguments, "the passphrase of the hand-out")()
+        return passphrase_prompt(arguments, "the passphrase of the hand-out")()
     path = Path(named)
     text = _bytes(path, "the key").decode(errors="replace")
     if path.stat().st_mode & 0o077:

@@ -50,7 +50,7 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
-    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
 
@@ -62,7 +62,7 @@ def run(arguments: Arguments) -> ExitCode:
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), outlet)
     handed = onboarding.finished(requests)
-    passphrase = asked(arguments) if not handed else None
+    passphrase = passphrase_prompt(arguments) if not handed else None
     _members.hold(arguments, server, authority)
     if passphrase is not None:
         handed = onboarding.issue(requests, passphrase)

@@ -40,7 +40,7 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli import _members, _vpn
-    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.operations.vpn.requests import change_of, recipient_of
 
@@ -54,7 +54,7 @@ def run(arguments: Arguments) -> ExitCode:
     outlet = _members.outlet(arguments, {} if recipient is None else {member.name: recipient for member in members})
     server = _vpn.server(arguments, declaration)
     onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), outlet)
-    passphrase = asked(arguments)
+    passphrase = passphrase_prompt(arguments)
     _members.hold(arguments, server, authority)
     handed = onboarding.renew(members, change, passphrase)
     return _members.close(arguments, declaration, handed, server, authority)

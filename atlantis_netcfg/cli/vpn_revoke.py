@@ -37,7 +37,7 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Ask, record, publish the list, end the sessions, look."""
     from atlantis_netcfg.cli import _members, _vpn
-    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.operations.vpn.members import reason_of, revoke
 
@@ -46,7 +46,7 @@ def run(arguments: Arguments) -> ExitCode:
     authority = _vpn.opened(arguments)
     members = _chosen(arguments, authority.membership())
     server = _vpn.server(arguments, declaration)
-    passphrase = asked(arguments)
+    passphrase = passphrase_prompt(arguments)
     _members.hold(arguments, server, authority)
     _agree(arguments, members)
     revoked = revoke(_vpn.operator(arguments, authority), members, reason, passphrase)

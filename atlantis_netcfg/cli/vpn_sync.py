@@ -34,7 +34,7 @@ COMMAND = Command(
 def run(arguments: Arguments) -> ExitCode:
     """Push, end what must end, look."""
     from atlantis_netcfg.cli import _members, _vpn
-    from atlantis_netcfg.cli._passphrase import asked
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli._progress import progress
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.members import server_names
@@ -45,7 +45,7 @@ def run(arguments: Arguments) -> ExitCode:
     sign, take = arguments.flag("sign"), arguments.flag("take-list")
     if take and not sign:
         raise UsageError("a list that is taken over is signed anew", hint="add `--sign`")
-    passphrase = asked(arguments) if sign else None
+    passphrase = passphrase_prompt(arguments) if sign else None
     theirs = None
     if take:
         with progress(quiet=arguments.flag("json")) as notify:

@@ -72,7 +72,7 @@ def at(model: type[BaseModel], path: Sequence[str | int]) -> Any:  # noqa: ANN40
     return annotation
 
 
-def wanted(annotation: Any) -> str:  # noqa: ANN401 - as above
+def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
     """What to write for a field."""
     plain = unwrap(annotation)
     if words := choices_of(plain):

@@ -47,7 +47,7 @@ def label_of(path: _Path, name: str) -> str:
 
 def _missing(path: _Path, root: Node, model: type[BaseModel], name: str) -> Finding:
     parent, key = path[:-1], str(path[-1])
-    hint = f"add `{key}:` with {_schema.wanted(_schema.at(model, path))}"
+    hint = f"add `{key}:` with {_schema.expected_type(_schema.at(model, path))}"
     return Finding.at(root.at(*parent).place, f"{label_of(parent, name)} has no `{key}`", hint)
 
 
@@ -55,13 +55,13 @@ def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[
     if error["type"] == WRONG:
         return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
     if what := _wrong_shape(error, node):
-        return f"{label} {what}", f"write {_schema.wanted(field)}"
+        return f"{label} {what}", f"write {_schema.expected_type(field)}"
     if (what := _misread(node)) and error["type"] in _TEXTUAL:
         return _unquoted(node, field, label, what)
     words = _WORDS.get(error["type"])
     if words is not None:
         return words(label, node, error.get("ctx", {}), field)
-    return f"{label} {FALLBACK}", f"write {_schema.wanted(field)}"
+    return f"{label} {FALLBACK}", f"write {_schema.expected_type(field)}"
 
 
 def _wrong_shape(error: ErrorDetails, node: Node) -> str:

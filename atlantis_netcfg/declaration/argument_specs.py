@@ -107,7 +107,7 @@ def _option(field: FieldInfo, doc: str | None) -> dict[str, Any]:
     model = _schema.model_of(annotation if item is None else item)
     plain = _schema.unwrap(annotation if item is None else item)
     local = plain.__doc__ if model is not None or (isinstance(plain, type) and issubclass(plain, Enum)) else None
-    about = doc or local or _schema.wanted(annotation)
+    about = doc or local or _schema.expected_type(annotation)
     option: dict[str, Any] = {"type": _type(annotation), "description": _sentence(about)}
     if field.is_required():
         option["required"] = True

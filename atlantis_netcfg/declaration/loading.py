@@ -245,7 +245,7 @@ class _Builder:
             return
         self.draft.nodes[Part(variable)] = node
         if node.value is not None and not isinstance(node.value, dict):
-            hint = f"write `name:` and below it, indented, {_schema.wanted(model)}"
+            hint = f"write `name:` and below it, indented, {_schema.expected_type(model)}"
             self.findings.append(Finding.at(node.place, f"`{variable}` wants a block of keys", hint))
             return
         for name, below in node.keys.items():

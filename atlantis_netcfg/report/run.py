@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 
-def asked(cost: Mapping[str, Any]) -> str:
+def consent_question(cost: Mapping[str, Any]) -> str:
     """What a person is told before, and asked to pay; above all that it is another link than the declared one."""
     return f"{cost['instead']}; {cost['words']}" if cost["instead"] else str(cost["words"])
 
@@ -23,7 +23,7 @@ def cost_lines(result: Mapping[str, Any], *, rehearsed: bool) -> Iterator[str]:
     if cost is None:
         return
     if rehearsed and cost["words"]:
-        yield f"a real run asks first: {asked(cost)}"
+        yield f"a real run asks first: {consent_question(cost)}"
     yield f"{'and comes to' if rehearsed else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
 
 
@@ -169,7 +169,7 @@ def _plan(result: Mapping[str, Any]) -> Iterable[str]:
     elif result["planned"]:
         yield "  no estimate"
     if "cost" in result:
-        yield f"  {asked(result['cost'])}"
+        yield f"  {consent_question(result['cost'])}"
     if result["planned"] or estimate is not None:
         yield f"  protection: {result['protection_words']}"
 

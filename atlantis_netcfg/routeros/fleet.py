@@ -26,7 +26,7 @@ PATIENCE_S = 10.0
 MOST = 256
 """Devices in work at the same time, whatever they wait for: what bounds memory where very many are dead or slow."""
 
-Told = Callable[[DeviceResult], object]
+ResultCallback = Callable[[DeviceResult], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,11 @@ class Waiting:
 
 
 async def run(
-    jobs: Iterable[DeviceJob | Pair], *, mode: str = Mode.APPLY, at_once: int = AT_ONCE, done: Told | None = None
+    jobs: Iterable[DeviceJob | Pair],
+    *,
+    mode: str = Mode.APPLY,
+    at_once: int = AT_ONCE,
+    done: ResultCallback | None = None,
 ) -> list[DeviceResult]:
     """Converge every device and return the results in the order of the jobs; `done` is told each as soon as it exists.
 
@@ -61,7 +65,9 @@ async def run(
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
-async def stream(jobs: Iterable[Waiting], reported: Told, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE) -> None:
+async def stream(
+    jobs: Iterable[Waiting], reported: ResultCallback, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE
+) -> None:
     """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
     await _all([(job, reported) for job in jobs], Mode(mode), at_once, None)
 
@@ -76,7 +82,9 @@ def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
     return job
 
 
-async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, done: Told | None) -> None:
+async def _all(
+    turns: Sequence[tuple[Waiting, ResultCallback]], mode: Mode, at_once: int, done: ResultCallback | None
+) -> None:
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
     over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
@@ -93,7 +101,12 @@ async def _all(turns: Sequence[tuple[Waiting, Told]], mode: Mode, at_once: int, 
 
 
 async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
-    job: Waiting, mode: Mode, room: _Room, over: Mapping[str, asyncio.Event], reported: Told, done: Told | None
+    job: Waiting,
+    mode: Mode,
+    room: _Room,
+    over: Mapping[str, asyncio.Event],
+    reported: ResultCallback,
+    done: ResultCallback | None,
 ) -> None:
     for name in job.after:
         if name in over:

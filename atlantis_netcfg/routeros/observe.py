@@ -17,7 +17,7 @@ from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, Row, i
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.counters import looks, read_counts
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
-from atlantis_netcfg.routeros.pin import LTE, MONITOR, SAID, monitor_of
+from atlantis_netcfg.routeros.pin import LTE, MONITOR, STATUS_FIELDS, monitor_of
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ def modem_row(reply: Reply) -> Row | None:
     """Return what a modem says of its SIM, without the numbers that name it; None: the device has no modem."""
     if reply.trap is not None or not reply.rows:
         return None
-    return {name: value for name, value in reply.rows[0].items() if name in SAID}
+    return {name: value for name, value in reply.rows[0].items() if name in STATUS_FIELDS}
 
 
 def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:

@@ -45,7 +45,7 @@ def monitor_of(modems: Iterable[Row] = ()) -> Command:
 
 MONITOR = monitor_of()
 """Asked together with the menus of a text that declares the modem; once more where these tell that it was renamed."""
-SAID = ("pin-status", "status", "registration-status")
+STATUS_FIELDS = ("pin-status", "status", "registration-status")
 """What of its answer is kept: nothing that names the SIM."""
 _FIELD = "pin"
 

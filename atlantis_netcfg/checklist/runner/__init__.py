@@ -8,7 +8,7 @@ by the byte, before somebody has agreed to pay; a place that cannot be asked ans
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.runner._ears import Asked, Ears, Heard
+from atlantis_netcfg.checklist.runner._ears import Ears, OnAnswer, Questions
 from atlantis_netcfg.checklist.runner._laptop import ask_here
 from atlantis_netcfg.checklist.runner._real import RealEars
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
@@ -18,10 +18,10 @@ from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswere
 from atlantis_netcfg.checklist.runner.progress import telling
 
 __all__ = [
-    "Asked",
     "Ears",
-    "Heard",
     "NotReached",
+    "OnAnswer",
+    "Questions",
     "RealEars",
     "WayIn",
     "all_unanswered",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._ears import Asked, Heard
+    from atlantis_netcfg.checklist.runner._ears import OnAnswer, Questions
     from atlantis_netcfg.checklist.runner._way_in import WayIn
     from atlantis_netcfg.checklist.runner.remote_process import Carrier
     from atlantis_netcfg.core.errors import NetcfgError
@@ -30,8 +30,8 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     declaration: Declaration,
     host: Host,
     request: Request,
-    questions: Asked,
-    result: Heard,
+    questions: Questions,
+    result: OnAnswer,
     ssh_config: str | None = None,
 ) -> Mapping[str, Answer]:
     """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""

@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._ears import Asked, Heard
+    from atlantis_netcfg.checklist.runner._ears import OnAnswer, Questions
     from atlantis_netcfg.checklist.runner.remote_process import Carrier
 
 _GRACE_S = 15.0
 
 
-async def ask_here(questions: Asked, result: Heard, before: Sequence[str] = ()) -> Mapping[str, Answer]:
+async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str] = ()) -> Mapping[str, Answer]:
     """Ask this computer by the program that listens; `before`: words of a program that starts it.
 
     What cannot be asked answers NO_PLACE.

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._ears import Asked, Heard
+    from atlantis_netcfg.checklist.runner._ears import OnAnswer, Questions
 
 
 @dataclass(slots=True)
 class Listener:
     """One turn of the program at one place."""
 
-    questions: Asked
-    tell: Heard
+    questions: Questions
+    tell: OnAnswer
     """Called in the loop in which `hear` runs."""
     grace_s: float
     """What the way there may take on top of the questions."""

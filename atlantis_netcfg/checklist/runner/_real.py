@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._ears import Asked, Heard
+    from atlantis_netcfg.checklist.runner._ears import OnAnswer, Questions
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.allow_list_test.prove import Proving
@@ -53,7 +53,7 @@ class Routers:
     request: Request
     notify: Subscriber
 
-    async def ask(self, name: str, questions: Asked) -> Mapping[str, Answer]:
+    async def ask(self, name: str, questions: Questions) -> Mapping[str, Answer]:
         """Ask one device everything in one session of two round trips."""
         try:
             return await self._session(self.declaration.hosts[name], questions)
@@ -63,7 +63,7 @@ class Routers:
         except KeyError:
             return all_unanswered(questions, f"the inventory has no host `{name}`")
 
-    async def links(self, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+    async def links(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
         looks = [(key, item) for key, item in questions if isinstance(item, LinkStatusRequest)]
         proofs = [(key, request) for key, request in questions if isinstance(request, AllowListTestRequest)]
@@ -75,7 +75,7 @@ class Routers:
         return {key: answer for answers in found for key, answer in answers.items()}
 
     @staticmethod
-    async def _progress(work: Awaitable[Mapping[str, Answer]], result: Heard) -> Mapping[str, Answer]:
+    async def _progress(work: Awaitable[Mapping[str, Answer]], result: OnAnswer) -> Mapping[str, Answer]:
         answers = await work
         for key, answer in answers.items():
             result(key, answer)
@@ -85,7 +85,7 @@ class Routers:
     def _reading(self) -> Request:
         return self.request.model_copy(update={"mode": Mode.DRIFT})
 
-    async def _session(self, host: Host, questions: Asked) -> Mapping[str, Answer]:
+    async def _session(self, host: Host, questions: Questions) -> Mapping[str, Answer]:
         gate(self.declaration, [host], self._reading)
         door = session_to(self.declaration, self.site, host, self.request)
         requested = time.time()
@@ -163,7 +163,7 @@ class RealEars:
     ssh_config: str | None = None
     """File of OpenSSH that says how the gateway's name is reached, in place of the declared address."""
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
         self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions, which only read"))
@@ -178,7 +178,9 @@ class RealEars:
             self.notify(Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
         return answers
 
-    async def _ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+    async def _ask(
+        self, place: Place, host: str | None, questions: Questions, result: OnAnswer
+    ) -> Mapping[str, Answer]:
         if place is Place.LAPTOP:
             return await ask_here(questions, result)
         if place is Place.GATEWAY:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.checklist.probes import Question
-    from atlantis_netcfg.checklist.runner._ears import Asked
+    from atlantis_netcfg.checklist.runner._ears import Questions
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
@@ -49,7 +49,7 @@ _PACKED: Final = 1.4
 """JSON around what was heard; SSH packs it again, which is not counted on."""
 
 
-def within_budget(questions: Asked) -> Asked:
+def within_budget(questions: Questions) -> Questions:
     """The same questions, with no stream longer than what is told before: what comes beyond it is not carried."""
     return [
         (key, replace(request, max_bytes=_most(request)) if isinstance(request, Listen) else request)
@@ -104,7 +104,7 @@ def _of_proofs(
         yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
 
 
-def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Asked) -> Preview:
+def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Questions) -> Preview:
     """What one turn of questions costs at most over the way to a gateway."""
     made = batch(questions)
     nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(request) for _, request in questions))
@@ -112,7 +112,7 @@ def expected(declaration: Declaration, site: str, carrier: Bearer, questions: As
     return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
 
 
-def refuse_unpaid(declaration: Declaration, site: str, carrier: Bearer, questions: Asked, request: Request) -> None:
+def refuse_unpaid(declaration: Declaration, site: str, carrier: Bearer, questions: Questions, request: Request) -> None:
     """Raise CostRefused if nobody has agreed to pay, or if it is more than the declaration admits."""
     found = expected(declaration, site, carrier, questions)
     if found.over_cap:

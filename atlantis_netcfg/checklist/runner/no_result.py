@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner._ears import Asked
+    from atlantis_netcfg.checklist.runner._ears import Questions
 
 _ANSWERS: Mapping[type, type[Answer]] = {
     Listen: Transcript,
@@ -44,6 +44,6 @@ def unanswered(question: Question, words: str, trouble: Trouble = Trouble.NO_PLA
     return _ANSWERS[type(question)](trouble, words)
 
 
-def all_unanswered(questions: Asked, words: str) -> dict[str, Answer]:
+def all_unanswered(questions: Questions, words: str) -> dict[str, Answer]:
     """The same of many, by their keys, where their place was not reached."""
     return {key: unanswered(question, words) for key, question in questions}

@@ -34,7 +34,7 @@ _INDICATOR = {None: "A", 2: "D", 3: "R", 4: "F", 5: "E", 6: "A", 7: "M", 8: "S"}
 """gpsd's status to the quality of GGA and the mode indicator of RMC."""
 
 
-def said(*objects: dict[str, Any]) -> bytes:
+def encode_reports(*objects: dict[str, Any]) -> bytes:
     """Objects as gpsd ends them."""
     return b"".join(json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in objects)
 
@@ -93,7 +93,7 @@ class Source:
     def _tpv(self) -> bytes:
         spec, (latitude, longitude) = self.spec, self._place
         if not self._fixed:
-            return said({"class": "TPV", "device": PATH, "mode": 1})
+            return encode_reports({"class": "TPV", "device": PATH, "mode": 1})
         report: dict[str, Any] = {"class": "TPV", "device": PATH}
         if spec.status is not None:
             report["status"] = spec.status
@@ -103,14 +103,16 @@ class Source:
         report |= {"lat": round(latitude, 9), "lon": round(longitude, 9)}
         if spec.mode > 2:  # noqa: PLR2004 - 3D
             report |= {"altHAE": 59.0, "altMSL": 5.0, "alt": 5.0, "epv": 29.9}
-        return said({**report, "track": 10.0, "speed": 0.026, "eph": spec.eph_m})
+        return encode_reports({**report, "track": 10.0, "speed": 0.026, "eph": spec.eph_m})
 
     def _sky(self) -> bytes:
         spec = self.spec
         used = spec.satellites if self._fixed else 0
         seen = [{"PRN": item, "el": 40.0, "az": 30.0, "ss": 41.0, "used": item <= used} for item in range(1, used + 3)]
         dop = {"hdop": spec.hdop} if self._fixed else {}
-        return said({"class": "SKY", "device": PATH, **dop, "nSat": len(seen), "uSat": used, "satellites": seen})
+        return encode_reports(
+            {"class": "SKY", "device": PATH, **dop, "nSat": len(seen), "uSat": used, "satellites": seen}
+        )
 
     def _sentences(self) -> bytes:
         spec, at = self.spec, self._time
@@ -151,7 +153,7 @@ class Client:
         self.spec = spec
         self.state = {"enable": False, "json": False, "nmea": False}
         """Of the watching."""
-        self.greeting = said(_VERSION)
+        self.greeting = encode_reports(_VERSION)
         self._activated = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
 
     def hear(self, data: bytes) -> tuple[bytes, list[str]]:
@@ -171,18 +173,18 @@ class Client:
 
     def _answer(self, name: str, value: str | None) -> bytes:
         if name == "VERSION":
-            return said(_VERSION)
+            return encode_reports(_VERSION)
         if name == "DEVICES":
-            return said(self._devices())
+            return encode_reports(self._devices())
         if name == "DEVICE":
-            return said(self._device()) if self.spec.device else b""
+            return encode_reports(self._device()) if self.spec.device else b""
         if name == "POLL":
             now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
-            return said({"class": "POLL", "time": now, "active": 0, "tpv": [], "gst": [], "sky": []})
+            return encode_reports({"class": "POLL", "time": now, "active": 0, "tpv": [], "gst": [], "sky": []})
         if value is not None:
             self._watch(value)
         settings = {"raw": 0, "scaled": False, "timing": False, "split24": False, "pps": False}
-        return said(self._devices(), {"class": "WATCH", **self.state, **settings})
+        return encode_reports(self._devices(), {"class": "WATCH", **self.state, **settings})
 
     def _watch(self, value: str) -> None:
         self.state["enable"] = True

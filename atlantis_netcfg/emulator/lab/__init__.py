@@ -15,7 +15,7 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
 from atlantis_netcfg.emulator.lab.hosts import Machine
-from atlantis_netcfg.emulator.lab.lab import Lab, provide, why_not, yard
+from atlantis_netcfg.emulator.lab.lab import Lab, open_lab, provide, why_not
 from atlantis_netcfg.emulator.lab.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.emulator.lab.relay import Traffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
@@ -28,7 +28,7 @@ __all__ = [
     "Traffic",
     "TreeSpec",
     "build_rootfs",
+    "open_lab",
     "provide",
     "why_not",
-    "yard",
 ]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-def asked(
+def output_of(
     words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None, keep: Sequence[int] = ()
 ) -> subprocess.CompletedProcess[str]:
     """Run a program and give what came of it, whatever that is; `keep`: file descriptors that it inherits."""
@@ -29,7 +29,7 @@ def asked(
 
 def program(*words: str) -> str:
     """Run a program that has to succeed; give its output."""
-    done = asked(words)
+    done = output_of(words)
     if done.returncode:
         raise MachineFailed(f"{' '.join(words)}: {done.stderr.strip() or f'ended with {done.returncode}'}")
     return done.stdout

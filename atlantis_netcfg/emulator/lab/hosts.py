@@ -28,7 +28,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
-from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab._programs import output_of, program
 from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
 from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
 
@@ -346,7 +346,7 @@ class Machine:
         leader = self._leader()
         if leader is None:
             raise MachineFailed(f"{self.name} is off")
-        done = asked(
+        done = output_of(
             (*entering(leader), "env", "-i", *_ENVIRONMENT, "/bin/sh", "-c", command), text=input, timeout_s=timeout_s
         )
         if check and done.returncode:
@@ -361,7 +361,7 @@ class Machine:
         if self.runs:
             self.run(command, input=text)
             return
-        done = asked(("chroot", str(self._disk.root), "/bin/sh", "-c", command), text=text)
+        done = output_of(("chroot", str(self._disk.root), "/bin/sh", "-c", command), text=text)
         if done.returncode:
             raise MachineFailed(f"{self.name}: {path} cannot be written: {done.stderr.strip()}")
 

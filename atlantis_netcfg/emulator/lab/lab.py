@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.lab import reaper
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
-from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab._programs import output_of, program
 from atlantis_netcfg.emulator.lab.hosts import BRIDGE, Inside, Machine, MachineSpec, add_namespace
 from atlantis_netcfg.emulator.lab.rootfs import in_use
 
@@ -65,9 +65,9 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
     tell(f"installing {' '.join(packages)}")
     quiet = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300")
     install = (*quiet, "install", "-y", "--no-install-recommends", *packages)
-    if asked(install).returncode:
-        asked((*quiet, "update"))
-        asked(install)
+    if output_of(install).returncode:
+        output_of((*quiet, "update"))
+        output_of(install)
 
 
 def _unwanted(environ: Mapping[str, str] | None) -> str | None:
@@ -89,7 +89,7 @@ def _forbidden() -> str | None:
     """What a computer that is itself a container may not do."""
     if not _overlays():
         return "the kernel has no overlay file system"
-    if asked(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
+    if output_of(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
         return "this computer may not make namespaces"
     return None
 
@@ -97,7 +97,7 @@ def _forbidden() -> str | None:
 def _overlays() -> bool:
     known = Path("/proc/filesystems").read_text(encoding="ascii").split()
     return "overlay" in known or (
-        shutil.which("modprobe") is not None and not asked(("modprobe", "overlay")).returncode
+        shutil.which("modprobe") is not None and not output_of(("modprobe", "overlay")).returncode
     )
 
 
@@ -199,7 +199,7 @@ class Lab:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
-        done = asked((*self.prefix(), *words), text=input, timeout_s=timeout_s)
+        done = output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
         if check and done.returncode:
             raise MachineFailed(f"{' '.join(words)}: ended with {done.returncode}: {done.stderr.strip()}")
         return done
@@ -217,7 +217,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 @contextmanager
-def yard(folder: Path) -> Iterator[Lab]:
+def open_lab(folder: Path) -> Iterator[Lab]:
     """Ground for machines; consoles are written to `folder`. At its end, or its owner's, nothing is left of it.
 
     MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.paths import cache_dir
 from atlantis_netcfg.emulator.lab._errors import MachineFailed
-from atlantis_netcfg.emulator.lab._programs import asked, program
+from atlantis_netcfg.emulator.lab._programs import output_of, program
 from atlantis_netcfg.emulator.lab.reaper import remove, unmount
 
 if TYPE_CHECKING:
@@ -170,7 +170,9 @@ def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedPr
     include = f"--include={','.join(spec.wanted)}"
     kind = ("--mode=root", "--format=directory", "--variant=minbase")
     debs = _kept_debs(half.parent / "debs")
-    return asked(("mmdebstrap", *kind, include, *_QUICK, *debs, *hooks, spec.release, str(half), *mirror), keep=(lock,))
+    return output_of(
+        ("mmdebstrap", *kind, include, *_QUICK, *debs, *hooks, spec.release, str(half), *mirror), keep=(lock,)
+    )
 
 
 def _kept_debs(debs: Path) -> tuple[str, ...]:

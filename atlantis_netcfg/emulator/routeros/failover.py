@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.console.run import run_script
 from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Gateway, Watch
-from atlantis_netcfg.emulator.routeros.path import heard
+from atlantis_netcfg.emulator.routeros.path import receives
 from atlantis_netcfg.emulator.routeros.values import seconds
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ def _answered(core: Core, table: Table, item: Item) -> bool:
         host = IPv4Address(core.store.text(table, item, "host") or "")
     except AddressValueError:
         return False
-    return core.topology.is_local(host) or heard(core, host, core.store.text(table, item, "src-address"))
+    return core.topology.is_local(host) or receives(core, host, core.store.text(table, item, "src-address"))
 
 
 def _finish(core: Core, table: Table, item: Item, row: Watch) -> None:

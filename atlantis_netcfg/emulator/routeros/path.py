@@ -181,10 +181,10 @@ def answers(core: Core, target: IPv4Address, source: str | None) -> bool:
     """Tell whether an echo request of the router's reaches somebody who answers, and the answer is let in."""
     if core.topology.is_local(target):
         return True
-    return str(target) in core.spec.answering and heard(core, target, source)
+    return str(target) in core.spec.answering and receives(core, target, source)
 
 
-def heard(core: Core, target: IPv4Address, source: str | None) -> bool:
+def receives(core: Core, target: IPv4Address, source: str | None) -> bool:
     """Tell whether an echo request gets out and its answer in, taking it that whoever is not silent answers."""
     topology = core.topology
     if target in core.silent:

@@ -84,7 +84,7 @@ def rehearsed_computers(
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
     with ExitStack() as stack:
-        ground = stack.enter_context(lab.yard(folder))
+        ground = stack.enter_context(lab.open_lab(folder))
         machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
         gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.checklist.probes import Answer, Judged
-    from atlantis_netcfg.checklist.runner import Heard
-    from atlantis_netcfg.checklist.runner._ears import Asked
+    from atlantis_netcfg.checklist.runner import OnAnswer
+    from atlantis_netcfg.checklist.runner._ears import Questions
     from atlantis_netcfg.declaration import Declaration
 
 Twin = RunningEvologics | RunningSeatrac
@@ -197,7 +197,7 @@ class Ears:
 
     twins: dict[str, Twin]
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Questions, heard: OnAnswer) -> Mapping[str, Answer]:
         assert (place, host) == (Place.GATEWAY, None)
         led = []
         for key, question in questions:

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import build_rootfs, why_not, yard
+from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def ground(tmp_path: Path) -> Iterator[Lab]:
     """A yard that stands as long as the test; its end is the router's address."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    with yard(tmp_path / "yard") as made:
+    with open_lab(tmp_path / "yard") as made:
         made.own(f"{ROUTER}/24")
         yield made
 

@@ -16,7 +16,7 @@ from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, GatewayNetwork, NetworkTool
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, why_not, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
 from atlantis_netcfg.gateway.network import gateway_network
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def network_stand(tmp_path: Path, technician: Key) -> Iterator[NetworkStand]:
     """A gateway as it comes from the vendor, with a second interface on the same cable."""
     if (reason := why_not()) is not None:
         pytest.skip(reason)
-    with yard(tmp_path / "yard") as made:
+    with open_lab(tmp_path / "yard") as made:
         gateway = made.start(
             NAME, build_rootfs(SPEC), address="10.64.1.10/24", gateway=ROUTER, keys=(technician.public,), spare="eth1"
         )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import paramiko
 import pytest
 
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, why_not, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,7 +32,7 @@ def bare() -> Path:
 @pytest.fixture
 def ground(bare: Path, tmp_path: Path) -> Iterator[Lab]:
     assert bare.is_dir()
-    with yard(tmp_path / "yard") as made:
+    with open_lab(tmp_path / "yard") as made:
         yield made
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, gateway, ground, key, left
 
-from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, yard
+from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +82,7 @@ def test_a_block_that_fails(bare: Path, tmp_path: Path) -> None:
     names = []
 
     def fail() -> None:
-        with yard(tmp_path / "yard") as ground:
+        with open_lab(tmp_path / "yard") as ground:
             ground.start("robot", bare, address=ADDRESS, gateway=ROUTER)
             names.append(ground.name)
             assert len(left(ground.name)) > 5
@@ -115,12 +115,12 @@ def test_an_owner_that_is_killed_with_its_reaper_is_swept_by_the_next_yard(owner
     os.kill(owner.reaper(), signal.SIGKILL)
     owner.end(signal.SIGKILL)
     assert left(owner.yard)
-    with yard(tmp_path / "next"):
+    with open_lab(tmp_path / "next"):
         assert left(owner.yard) == []
 
 
 def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, ground: Lab, tmp_path: Path) -> None:
-    with yard(tmp_path / "third") as third:
+    with open_lab(tmp_path / "third") as third:
         names = {owner.yard, ground.name, third.name}
         assert len(names) == 3
         assert all(left(name) for name in names)

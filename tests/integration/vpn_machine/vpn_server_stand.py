@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab import build_rootfs, why_not, yard
+from atlantis_netcfg.emulator.lab import build_rootfs, open_lab, why_not
 from atlantis_netcfg.emulator.lab.hosts import add_namespace, delete_namespace, join
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._emulation import tree_spec
@@ -334,7 +334,7 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
     real = Declared.make(folder)
     key, public = _key(folder)
     with ExitStack() as stack:
-        ground = stack.enter_context(yard(folder / "yard"))
+        ground = stack.enter_context(open_lab(folder / "yard"))
         machine = ground.start(
             NAME,
             build_rootfs(tree_spec(load(ROOT / "inventory"))),

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Probe, Question
-    from atlantis_netcfg.checklist.runner import Asked, Heard
+    from atlantis_netcfg.checklist.runner import OnAnswer, Questions
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)
@@ -110,13 +110,13 @@ def answer(question: Question) -> Answer:
 class Ears:
     """Answers everything; `script` takes the place of a place's answers."""
 
-    script: dict[Place, Callable[[Asked, Heard], Mapping[str, Answer]]] = field(default_factory=dict)
+    script: dict[Place, Callable[[Questions, OnAnswer], Mapping[str, Answer]]] = field(default_factory=dict)
     asked: list[tuple[Place, str | None, list[str]]] = field(default_factory=list)
     gate: asyncio.Event | None = None
     """The gateway's answers wait for it."""
     stopped: bool = False
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Questions, heard: OnAnswer) -> Mapping[str, Answer]:
         self.asked.append((place, host, [key for key, _ in questions]))
         if place is Place.GATEWAY and self.gate is not None:
             try:
@@ -184,7 +184,7 @@ def test_places_are_asked_at_the_same_time_and_items_settle_as_they_are_answered
     async def run() -> tuple[Item, ...]:
         gate = asyncio.Event()
 
-        def one_by_one(questions: Asked, heard: Heard) -> Mapping[str, Answer]:
+        def one_by_one(questions: Questions, heard: OnAnswer) -> Mapping[str, Answer]:
             for key, question in reversed(questions):
                 heard(key, answer(question))
                 heard(key, answer(question))  # who says it twice is believed once
@@ -223,7 +223,7 @@ def test_a_probe_that_crashes_is_an_error_and_the_others_go_on(tmp_path: Path, w
 
 
 def test_ears_that_crash_take_no_other_place_with_them(tmp_path: Path) -> None:
-    def crash(_questions: Asked, _heard: Heard) -> Mapping[str, Answer]:
+    def crash(_questions: Questions, _heard: OnAnswer) -> Mapping[str, Answer]:
         raise ZeroDivisionError
 
     entries = [entry("a", Fake((DISCOVER,))), entry("b", Fake((DISCOVER, OF_ROUTER))), entry("c", Fake((OF_ROUTER,)))]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner import Heard
+    from atlantis_netcfg.checklist.runner import OnAnswer
     from atlantis_netcfg.cli._checking.price import Price
     from atlantis_netcfg.declaration import Declaration
 
@@ -65,7 +65,7 @@ class ScriptedEars:
         place: Place,  # noqa: ARG002 - of the protocol
         host: str | None,  # noqa: ARG002 - of the protocol
         questions: Sequence[tuple[str, Question]],
-        heard: Heard,
+        heard: OnAnswer,
     ) -> Mapping[str, Answer]:
         self.asked.append([key.partition("#")[0] for key, _ in questions])
         answers: dict[str, Answer] = {}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist.probes import Answer, Place, Question
-    from atlantis_netcfg.checklist.runner import Heard
+    from atlantis_netcfg.checklist.runner import OnAnswer
     from atlantis_netcfg.cli._session import Session
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
@@ -54,7 +54,7 @@ class NobodyThere:
         place: Place,  # noqa: ARG002 - of the protocol
         host: str | None,  # noqa: ARG002 - of the protocol
         questions: Sequence[tuple[str, Question]],
-        heard: Heard,  # noqa: ARG002 - of the protocol
+        heard: OnAnswer,  # noqa: ARG002 - of the protocol
     ) -> Mapping[str, Answer]:
         self.asked += [key for key, _ in questions]
         return {key: unanswered(question, "nobody is there") for key, question in questions}

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.emulator.lab import MachineFailed, provide, why_not, yard
+from atlantis_netcfg.emulator.lab import MachineFailed, open_lab, provide, why_not
 from atlantis_netcfg.emulator.lab import lab as ready
 
 
@@ -66,7 +66,10 @@ def test_a_container_that_may_not_make_namespaces(monkeypatch: pytest.MonkeyPatc
 
 def test_a_yard_says_why_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ATLANTIS_NO_MACHINES", "1")
-    with pytest.raises(MachineFailed, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"), yard(tmp_path):
+    with (
+        pytest.raises(MachineFailed, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"),
+        open_lab(tmp_path),
+    ):
         pytest.fail("it stands")
 
 

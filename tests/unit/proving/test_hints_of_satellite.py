@@ -60,7 +60,7 @@ def reached(laptop: Laptop) -> list[str]:
         seen.append("trust")
         raise NothingBehindIt("it would be shown")
 
-    laptop.monkeypatch.setattr("atlantis_netcfg.cli.trust._one", trust)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.trust._trust_device", trust)
     laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", proof)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)

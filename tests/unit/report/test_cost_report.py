@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from atlantis_netcfg.report.drift import DriftReport
-from atlantis_netcfg.report.run import Pass, RunReport, asked, cost_lines
+from atlantis_netcfg.report.run import Pass, RunReport, consent_question, cost_lines
 
 COST = {
     "bearer": "satellite",
@@ -49,8 +49,8 @@ def test_a_run_tells_its_bill_and_a_rehearsal_what_would_be_asked() -> None:
 
 
 def test_that_it_is_another_link_stands_before_the_price() -> None:
-    assert asked(INSTEAD) == f"wifi-ptp is down; {COST['words']}"
-    assert asked(COST) == COST["words"]
+    assert consent_question(INSTEAD) == f"wifi-ptp is down; {COST['words']}"
+    assert consent_question(COST) == COST["words"]
 
 
 def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> None:

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner._ears import Asked, Ears, Heard
+    from atlantis_netcfg.checklist.runner._ears import Ears, OnAnswer, Questions
     from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
@@ -65,7 +65,7 @@ class RehearsedEars:
     """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
     stands: Sequence[Stand]
 
-    async def ask(self, place: Place, host: str | None, questions: Asked, result: Heard) -> Mapping[str, Answer]:
+    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         if place is Place.ROUTER:
             return await self.routers.ask(place, host, questions, result)
