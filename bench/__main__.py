@@ -56,7 +56,7 @@ def main() -> int:
             figures.append(figure)
 
         excuse = race(folder, plan, tell) if contenders else None
-        figures.sort(key=lambda one: (links.index(one.link), [each.name for each in ALL].index(one.contender)))
+        figures.sort(key=lambda row: (links.index(row.link), [each.name for each in ALL].index(row.contender)))
         many = []
         for crowd in crowds(sizes, folder) if _CROWD in only else ():
             of_them = f"{crowd.silent} silent"

@@ -93,5 +93,5 @@ class Contender(Protocol):
     def command(self, job: Job) -> Command:
         """Write what it needs into `job.folder` and say what to run. Raises LookupError if it has no way to do it."""
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:
         """Notes that only its output gives."""

@@ -38,7 +38,7 @@ class Ran:
     cost: Cost
     code: int
     """Exit code; negative: the signal that ended it."""
-    said: str
+    output: str
     """Stdout and stderr together."""
 
 

@@ -122,7 +122,7 @@ def _prepare(folder: Path, *commands: Command) -> None:
     for command in commands:
         ran = measure.run_command(command, folder)
         if ran.code != 0:
-            raise RuntimeError(f"what comes before the batch has failed: {command.argv}\n{ran.said}")
+            raise RuntimeError(f"what comes before the batch has failed: {command.argv}\n{ran.output}")
 
 
 def _measured(  # noqa: PLR0913, PLR0917 - a batch, and what must be there after it
@@ -135,7 +135,7 @@ def _measured(  # noqa: PLR0913, PLR0917 - a batch, and what must be there after
 ) -> tuple[measure.Cost, str]:
     ran = measure.run_command(batch, folder)
     if ran.code != 0:
-        return ran.cost, f"exit code {ran.code}: {ran.said.strip().splitlines()[-1:]}"
+        return ran.cost, f"exit code {ran.code}: {ran.output.strip().splitlines()[-1:]}"
     good = _verified(ca, certificates())
     if good != devices + 1:
         return ran.cost, f"{good} certificates of the authority, and not {devices + 1}"

@@ -109,8 +109,8 @@ def _once(world: World, contender: Contender, scenario: Scenario, link: Shape) -
             return Figure(contender.name, scenario, link, failure=str(cannot.args[0]))
         ran = measure.run_command(command, stage.job.folder)
         sample = Sample(ran.cost, stage.proxies.count())
-        failure = "" if ran.code == 0 else f"exit code {ran.code}: {_last_words(ran.said)}"
-        notes = (*command.notes, *contender.heard(scenario, ran.said))
+        failure = "" if ran.code == 0 else f"exit code {ran.code}: {_last_words(ran.output)}"
+        notes = (*command.notes, *contender.notes_of(scenario, ran.output))
         return Figure(contender.name, scenario, link, (sample,), notes, stage.differences(), failure)
 
 

@@ -32,7 +32,7 @@ def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
         ran = [(size, _call(command, state)) for _ in range(calls) for size, state in states.items()]
         for size in sizes:
             mine = [figure for of, figure in ran if of == size]
-            failure = next((entry.said.strip() for entry in mine if entry.code != code), "")
+            failure = next((entry.output.strip() for entry in mine if entry.code != code), "")
             yield Runs(command, size, tuple(item.cost for item in mine), failure)
 
 

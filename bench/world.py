@@ -158,7 +158,7 @@ class World:
         with self.stage(Scenario.FIRST, Shape()) as stage:
             ran = measure.run_command(Ours().command(stage.job), stage.job.folder)
             if ran.code != 0:
-                raise RuntimeError(f"our own first configuration failed:\n{ran.said}")
+                raise RuntimeError(f"our own first configuration failed:\n{ran.output}")
             self._expected = _export(stage.twins)
             self._text = str(stage.twins.do(ROUTER, "export"))
         shutil.copytree(stage.job.folder / "twins", self._state("finished"))

@@ -59,7 +59,7 @@ class Asking:
     declaration: Declaration
     how: How
     lists: Mapping[str, Checklist]
-    wanted: set[str] = field(default_factory=set)
+    selected: set[str] = field(default_factory=set)
     """Names of the tests that are selected: nothing else is asked."""
     _found: dict[str, Mapping[str, Item]] = field(default_factory=dict)
     _answered: dict[str, Mapping[str, Item]] = field(default_factory=dict)
@@ -91,7 +91,7 @@ class Asking:
 
     def _ask(self, site: str) -> tuple[Item, ...]:
         """Ask all that is wanted of a site at once."""
-        expected = [item for item in self.lists[site].entries if self.name(item) in self.wanted]
+        expected = [item for item in self.lists[site].entries if self.name(item) in self.selected]
         entries = [entry for entry in expected if entry.item.kind is Kind.AUTOMATIC and not entry.step.unless]
         rehearse, listed = self.how.rehearse, replace(self.lists[site], entries=tuple(entries))
         with (

@@ -150,7 +150,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     if ASKING in session.config.stash:
         asking = session.config.stash[ASKING]
         entries = [item.callspec.params.get("entry") for item in session.items if hasattr(item, "callspec")]
-        asking.wanted |= {asking.name(entry) for entry in entries if entry is not None}
+        asking.selected |= {asking.name(entry) for entry in entries if entry is not None}
 
 
 @pytest.fixture
@@ -192,21 +192,25 @@ def inventory(request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.fixture(scope="session")
-def asked() -> dict[str, Answers | str]:
+def answers_by_gateway() -> dict[str, Answers | str]:
     """What each gateway has answered, or why it has not: none is asked twice."""
     return {}
 
 
 @pytest.fixture
-def answers(promised: Promises, asked: dict[str, Answers | str], request: pytest.FixtureRequest) -> Answers:
+def answers(
+    promised: Promises, answers_by_gateway: dict[str, Answers | str], request: pytest.FixtureRequest
+) -> Answers:
     """The answers of the gateway of this test. Without them nothing is known of it: an error, not a failure."""
     name = promised.host.name
-    if name not in asked:
+    if name not in answers_by_gateway:
         try:
-            asked[name] = ask(_declaration(request.config), promised, request.config.getoption("ssh_config"))
+            answers_by_gateway[name] = ask(
+                _declaration(request.config), promised, request.config.getoption("ssh_config")
+            )
         except NotReached as why:
-            asked[name] = str(why)
-    found = asked[name]
+            answers_by_gateway[name] = str(why)
+    found = answers_by_gateway[name]
     if isinstance(found, str):
         pytest.fail(lines(found), pytrace=False)
     return found

@@ -30,7 +30,7 @@ class NotReached(Exception):
 class Answers:
     """What a gateway says of itself, as `gateway_probe` tells it."""
 
-    told: Mapping[str, Any]
+    values: Mapping[str, Any]
     between: tuple[float, float]
     """This computer's time before and after, seconds since 1970."""
 
@@ -38,9 +38,9 @@ class Answers:
         """Short: pytest prints it with every failure."""
         return "what the gateway says"
 
-    def said(self, name: str) -> str:
+    def output_of(self, name: str) -> str:
         """What a program printed; NotReached where it could not be asked."""
-        words = self.told["said"][name]
+        words = self.values["said"][name]
         assert words is not None, f"`{name}` cannot be asked on this computer: its program is missing, or it failed"
         return str(words)
 

@@ -44,7 +44,7 @@ def test_declaration_is_complete(promised: Promises) -> None:
 
 
 def test_file(promised: Promises, path: str, answers: Answers) -> None:
-    found, file_there = answers.told["files"][path], promised.files[path]
+    found, file_there = answers.values["files"][path], promised.files[path]
     assert found is not None, f"{path} is missing; {plan(promised)}"
     assert found["kind"] == "file", f"{path} is a {found['kind']}"
     assert found["sha256"] == file_there.sha256, f"{path} is not as declared; {plan(promised)}"
@@ -54,27 +54,27 @@ def test_file(promised: Promises, path: str, answers: Answers) -> None:
 
 
 def test_link(promised: Promises, link: str, answers: Answers) -> None:
-    found = answers.told["files"][link] or {}
+    found = answers.values["files"][link] or {}
     assert found.get("target") == promised.links[link], f"{link} does not lead to {promised.links[link]}"
 
 
 def test_what_is_taken_away(absent: str, promised: Promises, answers: Answers) -> None:
-    assert answers.told["files"][absent] is None, f"{absent} is still there; {plan(promised)}"
+    assert answers.values["files"][absent] is None, f"{absent} is still there; {plan(promised)}"
 
 
 def test_nothing_else_in(folder: str, promised: Promises, answers: Answers) -> None:
-    left = [path for path in answers.told["folders"][folder] if path not in promised.files]
+    left = [path for path in answers.values["folders"][folder] if path not in promised.files]
     assert left == [], f"an earlier declaration has left {', '.join(left)}; {plan(promised)}"
 
 
 def test_package(promised: Promises, package: str, answers: Answers) -> None:
-    found, expected = answers.told["packages"].get(package), promised.packages[package]
+    found, expected = answers.values["packages"].get(package), promised.packages[package]
     assert found is not None, f"{package} is not installed, or only half"
     assert expected is None or fnmatchcase(found, expected), f"{package} {found} is installed, declared is {expected}"
 
 
 def test_unit(promised: Promises, unit: str, answers: Answers) -> None:
-    found, unit_there = answers.told["units"][unit], promised.units[unit]
+    found, unit_there = answers.values["units"][unit], promised.units[unit]
     state, by = found.get("ActiveState", "unknown"), found.get("UnitFileState", "")
     look = f"on the computer: `systemctl status {unit}`"
     assert state != "failed", f"{unit} has failed; {look}"
@@ -90,12 +90,12 @@ def test_unit(promised: Promises, unit: str, answers: Answers) -> None:
 
 def test_clock_is_right(promised: Promises, answers: Answers) -> None:
     before, after = answers.between
-    off = max(before - answers.told["now"], answers.told["now"] - after, 0.0)
+    off = max(before - answers.values["now"], answers.values["now"] - after, 0.0)
     assert off <= CLOCK_S, f"the clocks of {promised.host.name} and of this computer are {off:.0f} s apart"
 
 
 def test_clock_follows_a_source(answers: Answers) -> None:
-    fields = answers.said("tracking").strip().split(",")
+    fields = answers.output_of("tracking").strip().split(",")
     assert fields[-1] == "Normal", f"chrony says `{fields[-1]}`; on the computer: `chronyc sources`"
     assert fields[0] != "7F7F0101", (
         "the clock follows itself: no time server answers; on the computer: `chronyc sources`"
@@ -104,7 +104,7 @@ def test_clock_follows_a_source(answers: Answers) -> None:
 
 def test_locale_is_there(promised: Promises, answers: Answers) -> None:
     expected = promised.settings(LOCALE).get("LANG", "C.UTF-8")
-    there = {_plain(name) for name in answers.said("locales").splitlines()}
+    there = {_plain(name) for name in answers.output_of("locales").splitlines()}
     assert _plain(expected) in there, f"the locale {expected} is not generated; on the computer: `locale-gen`"
 
 
@@ -113,7 +113,7 @@ def _plain(locale: str) -> str:
 
 
 def test_sshd_obeys(promised: Promises, answers: Answers) -> None:
-    in_force = dict(line.lower().split(" ", 1) for line in answers.said("sshd").splitlines() if " " in line)
+    in_force = dict(line.lower().split(" ", 1) for line in answers.output_of("sshd").splitlines() if " " in line)
     for key, value in promised.settings(SSHD).items():
         name, expected = SAME.get(key.lower(), key.lower()), SAME.get(value.lower(), value.lower())
         found = in_force.get(name)
@@ -123,16 +123,16 @@ def test_sshd_obeys(promised: Promises, answers: Answers) -> None:
 
 
 def test_firewall_is_the_declared_one(promised: Promises, answers: Answers) -> None:
-    loaded = answers.said("firewall")
+    loaded = answers.output_of("firewall")
     assert "policy drop;" in loaded, f"what comes in is let in: `nft list table {promised.table}`"
-    assert loaded == answers.said("firewall_meant"), (
+    assert loaded == answers.output_of("firewall_meant"), (
         "the loaded rules are not those of the file: `systemctl reload nftables`"
     )
 
 
 def test_tunnel_has_its_address(promised: Promises, answers: Answers) -> None:
     if promised.tunnel is not None:
-        found = re.findall(r"inet ([\d.]+)/", answers.told["said"]["tunnel"] or "")
+        found = re.findall(r"inet ([\d.]+)/", answers.values["said"]["tunnel"] or "")
         assert found == [promised.tunnel], (
             f"the tunnel is {f'at {found[0]}' if found else 'not up'}, declared is {promised.tunnel}; on the computer: "
             f"`journalctl -eu {SERVICE}`"
@@ -151,11 +151,11 @@ def test_vpn_identity_lasts(promised: Promises, answers: Answers) -> None:
 
 
 def _certificate(answers: Answers) -> str:
-    return answers.told["said"]["vpn_certificate"] or ""
+    return answers.values["said"]["vpn_certificate"] or ""
 
 
 def test_card_has_room(answers: Answers) -> None:
-    for place, room in answers.told["room"].items():
+    for place, room in answers.values["room"].items():
         free = f"{place}: {room['free_mb']:.0f} MB free ({room['free']:.0%}), {room['free_inodes']:.0%} of its inodes"
         assert room["free"] >= FREE or room["free_mb"] >= 10 * FREE_MB, f"{free}: `apt-get clean` makes some"
         assert room["free_mb"] >= FREE_MB, f"{free}: `apt-get clean` makes some"
@@ -164,11 +164,12 @@ def test_card_has_room(answers: Answers) -> None:
 
 def test_journal_is_bounded(promised: Promises, answers: Answers) -> None:
     expected = promised.settings(JOURNAL)
-    lines = [line.partition("=") for line in answers.said("journal").splitlines() if not line.startswith(("#", ";"))]
+    text = answers.output_of("journal")
+    lines = [line.partition("=") for line in text.splitlines() if not line.startswith(("#", ";"))]
     in_force = {key.strip(): value.strip() for key, _, value in lines}
     for key, value in expected.items():
         assert in_force.get(key) == value, f"journald has {key}={in_force.get(key)}, declared is {value}"
-    used = re.search(r"([\d.]+)([KMGT]?)B? in the file system", answers.said("journal_usage"))
+    used = re.search(r"([\d.]+)([KMGT]?)B? in the file system", answers.output_of("journal_usage"))
     assert used is not None, "journald does not tell how much room it takes"
     most = expected["SystemMaxUse"]
     taken = float(used[1]) * SIZES.get(used[2], 1)
@@ -178,13 +179,13 @@ def test_journal_is_bounded(promised: Promises, answers: Answers) -> None:
 
 
 def test_profile_is_in_force_for_people(promised: Promises, answers: Answers) -> None:
-    found = _variables(answers.said("login"))
+    found = _variables(answers.output_of("login"))
     for name, value in _variables(promised.text(ENVIRONMENT)).items():
         assert found.get(name) == value, f"who logs in has {name}={found.get(name)}, declared is {value}"
 
 
 def test_profile_is_in_force_for(promised: Promises, reader: str, answers: Answers) -> None:
-    found = answers.told["environments"][reader]
+    found = answers.values["environments"][reader]
     for name, value in _variables(promised.text(ENVIRONMENT)).items():
         if found is not None:
             assert found.get(name) == value, f"{reader} has {name}={found.get(name)}, declared is {value}: restart it"
@@ -195,7 +196,7 @@ def _variables(text: str) -> dict[str, str]:
 
 
 def test_nothing_keeps_ros_at_home(promised: Promises, answers: Answers) -> None:
-    for line in answers.said("elsewhere").splitlines() if promised.alone else ():
+    for line in answers.output_of("elsewhere").splitlines() if promised.alone else ():
         path, _, rest = line.partition(":")
         for found in settings(path, rest.partition(":")[2], promised.alone) if path not in promised.ours else ():
             assert found.value == promised.alone[found.name], note(
@@ -204,7 +205,7 @@ def test_nothing_keeps_ros_at_home(promised: Promises, answers: Answers) -> None
 
 
 def test_the_declared_library_is_in_use(promised: Promises, answers: Answers) -> None:
-    built = json.loads(answers.told["texts"][BUILT] or "{}")
+    built = json.loads(answers.values["texts"][BUILT] or "{}")
     for name in ("library", "examples"):
         expected = (promised.build or {}).get(name)
         if expected is not None:

@@ -123,10 +123,10 @@ class _Drawn:
         yield DrawnLink(a=_PARTNERS, b=self._server.name, label="VPN", kind="vpn")
         yield DrawnLink(a=self._server.name, b=self._server.site, label="", kind="ethernet")
         if self._router is not None and self._server.site != self._site:
-            items = tuple(entry.item.id for entry in self._own() if "vpn" in entry.step.name)
+            items = tuple(entry.item.id for entry in self._site_entries() if "vpn" in entry.step.name)
             yield DrawnLink(a=self._router.name, b=self._server.name, label="VPN", kind="vpn", items=items)
 
-    def _own(self) -> Iterator[Entry]:
+    def _site_entries(self) -> Iterator[Entry]:
         return (entry for entry in self._entries if entry.item.endpoint == SITE)
 
     def _carrying(self, bearer: Bearer) -> tuple[str, ...]:

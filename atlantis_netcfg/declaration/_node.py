@@ -28,7 +28,7 @@ class Node:
     """A scalar without quotes: YAML may read it as something else than text."""
     key: Mark | None = None
     """Where the value's own key stands, if it has one."""
-    told: bool = False
+    reported: bool = False
     """Its error is told already: what it should have been cannot be known."""
 
     @property

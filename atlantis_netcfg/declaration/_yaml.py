@@ -155,12 +155,12 @@ class _Converter:
     def _node(self, node: yaml.Node) -> Node:
         if id(node) in self.seen:
             self._alias(node)
-            return Node(self._mark(node), None, told=True)
+            return Node(self._mark(node), None, reported=True)
         self.seen.add(id(node))
         if isinstance(node, yaml.MappingNode):
             self._expect_tag(node, "map")
             jinja = any(isinstance(key, yaml.MappingNode) for key, _ in node.value)
-            return Node(self._mark(node), self._mapping(node), told=jinja)
+            return Node(self._mark(node), self._mapping(node), reported=jinja)
         if isinstance(node, yaml.SequenceNode):
             self._expect_tag(node, "seq")
             return Node(self._mark(node), [self._node(item) for item in node.value])
@@ -194,7 +194,7 @@ class _Converter:
                 continue
             result[name] = replace(self._node(value), key=self._mark(key))
             if joined:
-                result[name] = replace(result[name], told=True)
+                result[name] = replace(result[name], reported=True)
         return result
 
     def _key(self, key: yaml.Node) -> str | None:
@@ -221,15 +221,15 @@ class _Converter:
         kind = node.tag.removeprefix(_STANDARD)
         if kind not in _SCALARS:
             self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes")
-            return Node(mark, text, text, plain, told=True)
+            return Node(mark, text, text, plain, reported=True)
         if any(part in text for part in _JINJA):
             self._wrong(node, _IS_JINJA, "write the value itself")
-            return Node(mark, text, text, plain, told=True)
+            return Node(mark, text, text, plain, reported=True)
         try:
             value: Scalar = self.constructor.construct_object(node)
         except (ValueError, yaml.YAMLError):
             self._wrong(node, "this looks like a number or a date but is none", "write it in quotes")
-            return Node(mark, text, text, plain, told=True)
+            return Node(mark, text, text, plain, reported=True)
         return Node(mark, value, text, plain)
 
     def _secret(self, node: yaml.Node, text: str) -> Secret:

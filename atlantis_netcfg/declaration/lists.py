@@ -110,7 +110,7 @@ class _Yaml(_Reader):
             return ()
         root, findings = parse(data, self.shown, None)
         self.findings += findings
-        if root is None or root.told:
+        if root is None or root.reported:
             return ()
         if not isinstance(root.value, list):
             self.wrong(root.mark.line, "this is no list", "begin each record with `- `")
@@ -134,7 +134,7 @@ class _Yaml(_Reader):
     def _row(self, node: Node) -> Row:
         place = f"{self.shown}:{node.mark.line}"
         if not isinstance(node.value, dict):
-            if not node.told:
+            if not node.reported:
                 self.wrong(node.mark.line, "this is no record", "write it as {partner: …, device: …}")
             return Row(place, {})
         return Row(place, dict(self._values(node)))
@@ -142,7 +142,7 @@ class _Yaml(_Reader):
     def _values(self, node: Node) -> Iterator[tuple[str, str]]:
         for key, value in node.keys.items():
             line = value.place.line
-            if not self.known(key, line) or value.value is None or value.told:
+            if not self.known(key, line) or value.value is None or value.reported:
                 continue
             if isinstance(value.value, dict | list) or not value.text:
                 self.wrong(line, f"`{key}` has no simple value", "write one word")

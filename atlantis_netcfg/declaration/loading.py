@@ -166,7 +166,7 @@ def build(node: Node, model: type[_M], name: str) -> tuple[_M | None, Node, list
         if not unknown:
             break
         node = _fix_keys(unknown, node, model, name, findings)  # each round leaves fewer unknown keys, or deeper ones
-    findings.extend(explain(item, node, model, name) for item in errors if not node.at(*item["loc"]).told)
+    findings.extend(explain(item, node, model, name) for item in errors if not node.at(*item["loc"]).reported)
     return None, node, findings
 
 
@@ -202,8 +202,8 @@ def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported:
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
-        is_reported = is_reported or value.told or (" " in old and value.value is None)
-        return replace(node, value=keys if new is None else {**keys, new: replace(value, told=is_reported)})
+        is_reported = is_reported or value.reported or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, reported=is_reported)})
     step, rest = path[0], path[1:]
     if isinstance(node.value, list) and isinstance(step, int):
         items = list(node.value)

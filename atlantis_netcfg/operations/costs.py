@@ -389,7 +389,7 @@ class Costs:
     def beside(self, job: DeviceJob) -> DeviceJob:
         """Give a job its meter."""
         meter = self._meter(job.name)
-        return replace(job, toll=meter, counted=meter.ports)
+        return replace(job, cost_policy=meter, counted=meter.ports)
 
     def report(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
         """What a device's result says besides, once it has ended; before its site's journal is closed."""

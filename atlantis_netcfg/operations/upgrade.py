@@ -38,7 +38,7 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import gate, link_of, unpaid
 from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import Mode as Asked
+from atlantis_netcfg.operations.request import Mode as RequestMode
 from atlantis_netcfg.routeros.api import Command, Session, SessionLost
 from atlantis_netcfg.routeros.apply import Mode, Status, converge
 from atlantis_netcfg.routeros.estimate import beforehand
@@ -289,7 +289,7 @@ class Prepared:
         if not isinstance(host.device, Router):
             raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
         given = tuple(read_npk(path) for path in files)
-        gate(declaration, [host], request.model_copy(update={"mode": Asked.PLAN}))
+        gate(declaration, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
         job = device_job(declaration, host, request, NoJournal(), notify)
         assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
         upgrading = Upgrading(host.name, job.endpoint, job.ssh, given, tuple(give_up), notify, waiting)

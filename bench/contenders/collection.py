@@ -66,7 +66,7 @@ class Collection:
         (job.folder / "ansible.cfg").write_text("[defaults]\n", encoding="utf-8")
         return Command((strangers.python(), *words), {"ANSIBLE_CONFIG": "ansible.cfg"}, tuple(notes))
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:
         """Tasks that call themselves changed although there was nothing to do."""
         if scenario is not Scenario.NOTHING:
             return ()

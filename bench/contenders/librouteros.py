@@ -28,6 +28,6 @@ class Librouteros:
         note = "no safe mode, no reading back: what the calls returned is believed"
         return Command((strangers.python(), strangers.script("librouteros_calls.py"), str(path)), notes=(note,))
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
         """Nothing worth a note."""
         return ()

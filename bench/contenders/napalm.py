@@ -31,6 +31,6 @@ class Napalm:
             notes = ["cannot tell that a merge has nothing to do: compares the router's export with the one of before"]
         return Command((strangers.python(), strangers.script("napalm_merge.py"), str(path)), notes=tuple(notes))
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
         """Nothing worth a note."""
         return ()

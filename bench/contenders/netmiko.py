@@ -36,6 +36,6 @@ class Netmiko:
             notes = ["has no notion of nothing to do: reads the router's export, for a person to compare"]
         return Command((strangers.python(), strangers.script("netmiko_script.py"), str(path)), notes=tuple(notes))
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:
         """Lines that the console has refused: netmiko does not look for them."""
         return () if scenario is Scenario.NOTHING or "; 0 lines" in text else (text.splitlines()[0],)

@@ -43,6 +43,6 @@ class Ours:
         note = "without root the router cannot stand at its declared address: the playbook is run without the command"
         return Command((sys.executable, "-m", "bench.engine", *given), environment, (note,))
 
-    def heard(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
+    def notes_of(self, scenario: Scenario, text: str) -> tuple[str, ...]:  # noqa: ARG002 - as the others
         """Nothing worth a note."""
         return ()

@@ -77,7 +77,7 @@ def _of_gateway(
 ) -> Iterator[Preview]:
     host = next(filter(is_gateway, declaration.site_hosts(site)), None)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
-    numbered = [(str(number), one) for number, one in enumerate(alike)]  # identical ones are asked once
+    numbered = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
     if host is not None and numbered:
         carrier = bearer_of(declaration, host, request.via.get(host.name))
         yield expected(declaration, site, carrier, within_budget(numbered))
@@ -86,7 +86,7 @@ def _of_gateway(
 def _of_routers(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
-    names = {one.host for one in questions if isinstance(one, RouterOsQuery)}
+    names = {each.host for each in questions if isinstance(each, RouterOsQuery)}
     hosts = [declaration.hosts[name] for name in sorted(names) if name in declaration.hosts]
     if any(isinstance(question, LinkStatusRequest) for question in questions):
         hosts += [host for host in declaration.site_hosts(site) if host not in hosts]

@@ -145,7 +145,7 @@ class CheckWorkflow:
     book: Book
     entries: Sequence[Entry]
     ears: Listening
-    told: Callable[[Item], None]
+    show: Callable[[Item], None]
     """Called with each result as soon as it is in the book."""
     price: Callable[[Entry], Price | None]
     """What an active step costs on a metered link. Raises CostRefused."""
@@ -160,7 +160,7 @@ class CheckWorkflow:
         """
         agreed = self._consented(answers) if answers is not None else {}
         self._examine([entry for entry in self.entries if self._by_itself(entry) or entry.item.id in agreed], agreed)
-        return answers.write_down(self.book, self.told) if answers is not None else ()
+        return answers.write_down(self.book, self.show) if answers is not None else ()
 
     def with_a_person(self, prompt: Prompt) -> None:
         """Go through what is not green, phase by phase. Raises Later."""
@@ -226,7 +226,7 @@ class CheckWorkflow:
 
         def settled(item: Item) -> None:
             by = agreed.get(item.id)
-            self.told(self.book.settle(_with_consent(item, steps[item.id], by) if by is not None else item))
+            self.show(self.book.settle(_with_consent(item, steps[item.id], by) if by is not None else item))
 
         steps = {entry.item.id: entry for entry in entries}
         if entries:

@@ -50,7 +50,7 @@ class Source:
 
     spec: GnssSpec
     now: Callable[[], float] = time.time
-    told: int = 0
+    sent: int = 0
     _first: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -60,12 +60,12 @@ class Source:
     @property
     def speaks(self) -> bool:
         """Whether another report comes at all."""
-        over = self.spec.silent_after is not None and self.told >= self.spec.silent_after
+        over = self.spec.silent_after is not None and self.sent >= self.spec.silent_after
         return self.spec.speech is not Speech.NOTHING and not over
 
     @property
     def _fixed(self) -> bool:
-        lost = self.spec.lost_after is not None and self.told >= self.spec.lost_after
+        lost = self.spec.lost_after is not None and self.sent >= self.spec.lost_after
         return self.spec.mode > 1 and not lost
 
     @property
@@ -76,7 +76,7 @@ class Source:
     @property
     def _place(self) -> tuple[float, float]:
         spec = self.spec
-        latitude = spec.latitude + (spec.jumping_m * _METER if self.told % 2 else 0.0)
+        latitude = spec.latitude + (spec.jumping_m * _METER if self.sent % 2 else 0.0)
         place = (spec.longitude, latitude) if spec.swapped else (latitude, spec.longitude)
         return (0.0, 0.0) if spec.null else place
 
@@ -84,10 +84,10 @@ class Source:
         """The next report: as gpsd's JSON, as NMEA sentences, or as both."""
         whole = self._sentences() if sentences else b""
         whole += self._tpv() + self._sky() if objects else b""
-        self.told += 1
+        self.sent += 1
         if self.spec.speech is Speech.GARBAGE:
             return _GARBAGE
-        damaged = self.spec.damaged and not self.told % self.spec.damaged
+        damaged = self.spec.damaged and not self.sent % self.spec.damaged
         return whole.replace(b'"mode":', b'"mode"', 1).replace(b"A,", b"A;", 1) if damaged else whole
 
     def _tpv(self) -> bytes:

@@ -94,7 +94,7 @@ def boot_with(spec: RouterSpec, files: Mapping[str, File]) -> Boot:
 def _installed(spec: RouterSpec, given: tuple[PackageFile, ...], log: list[tuple[str, str]]) -> RouterSpec:
     system = next((entry for entry in given if entry.package == _MAIN), None)
     version = system.version if system is not None else spec.version
-    fit = [one.package for one in given if one.version == version]
+    fit = [each.package for each in given if each.version == version]
     log.extend(
         ("system,error", f"can not install {item.package}-{item.version}: system-{item.version} is needed")
         for item in given

@@ -266,10 +266,10 @@ def _questions(work: RunContext, mode: Mode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
     if mode is Mode.DRIFT:
         return ()
-    if work.job.toll is not None and work.job.bearer is not None:
+    if work.job.cost_policy is not None and work.job.bearer is not None:
         expected = estimate(work.aim, work.job.bearer, work.seen)
         planned = mode is Mode.PLAN
-        if work.job.toll.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
+        if work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
             return ()
     return work.examination.questions(work.aim.actions, work.seen.rows)
 
@@ -285,10 +285,10 @@ async def _examine(work: RunContext, mode: Mode) -> None:
 
 def _cost_policy(work: RunContext, mode: Mode) -> DeviceResult | None:
     """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
-    if work.job.toll is None:
+    if work.job.cost_policy is None:
         return None
     spends = bool(work.aim.actions) and mode is not Mode.DRIFT
-    verdict = work.job.toll.judge(work.seen, work.estimate, spends=spends, planned=mode is Mode.PLAN)
+    verdict = work.job.cost_policy.judge(work.seen, work.estimate, spends=spends, planned=mode is Mode.PLAN)
     for note in verdict.notes:
         work.notes.append(note)
         work.say(Stage.PLANNED, note)

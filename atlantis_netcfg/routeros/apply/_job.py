@@ -191,7 +191,7 @@ class DeviceJob:
     """A person has said that rows of others may go by the hundred from menus that are ours entirely."""
     counted: tuple[str, ...] = ()
     """Ports whose byte counters are read along, where that costs no round trip."""
-    toll: CostPolicy | None = None
+    cost_policy: CostPolicy | None = None
     """Who says what the run may cost; None: it may cost anything."""
 
 

@@ -107,9 +107,9 @@ def unread(field: Field) -> Field:
     return replace(field, unread=True, keep=True)
 
 
-def asked(field: Field) -> Field:
+def prompted(field: Field) -> Field:
     """Mark a field that is only sent while the device asks for it (routeros/pin.py)."""
-    return replace(field, asked=True)
+    return replace(field, prompted=True)
 
 
 def cosmetic(field: Field) -> Field:

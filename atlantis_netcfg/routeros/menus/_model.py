@@ -47,7 +47,7 @@ class Field:
     secret: bool = False
     unread: bool = False
     """Can be written but never read, so that it is only sent with a new row."""
-    asked: bool = False
+    prompted: bool = False
     """Only sent while the device asks for it: a wrong value costs something each time that it is entered."""
     cosmetic: bool = False
     """Neither matches nor decides: may change in place on a first-match row."""

@@ -207,10 +207,10 @@ class End:
     def _too_dear(self, found: Plan) -> Iterator[str]:
         """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
         job = self.job
-        if job.toll is None or job.bearer is None:
+        if job.cost_policy is None or job.bearer is None:
             return
         cost = estimate(found, job.bearer, self.seen)
-        refusal = job.toll.judge(self.seen, cost, spends=True, planned=False).refusal
+        refusal = job.cost_policy.judge(self.seen, cost, spends=True, planned=False).refusal
         if refusal is not None:
             yield refusal
 

@@ -147,7 +147,7 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]
-    if each.asked and value:
+    if each.prompted and value:
         return _requested(context, report, item, row, name)
     desired = menu.default_of(name, row) if value is None else value
     if any(either.covers(menu, name, desired, row) for either in context.desired.run_time):

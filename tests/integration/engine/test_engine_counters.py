@@ -101,12 +101,12 @@ def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> 
     async def act() -> tuple[str, DeviceResult, str, DeviceResult]:
         async with Bench(tmp_path) as bench:
             before = bench.export()
-            refused = await bench.converge(toll=collector, bearer=SATELLITE)
+            refused = await bench.converge(cost_policy=collector, bearer=SATELLITE)
             sentences = [sentence[0] for each in bench.router.connections() for sentence in each.sentences]
             said.extend(word for word in sentences if word == "/execute")
             after = bench.export()
             await bench.converge()
-            return before, refused, after, await bench.converge(toll=collector, bearer=SATELLITE)
+            return before, refused, after, await bench.converge(cost_policy=collector, bearer=SATELLITE)
 
     before, refused, after, idle = run(act())
     assert (refused.status, refused.message) == (Status.REFUSED, "refused, nothing was changed: too dear")

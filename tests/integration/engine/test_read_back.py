@@ -71,7 +71,7 @@ def test_safe_mode_that_was_taken_for_a_refused_plan_is_released(tmp_path: Path,
     async def act(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
         pool = ["/ip/pool/add", "=name=theirs", "=ranges=10.0.0.1"]
         meddler = Meddler("/safe-mode/take", lambda: bench.router.console(pool))
-        refused = await bench.converge(mode, connect=meddler.connect, toll=Dear(), bearer=SATELLITE)
+        refused = await bench.converge(mode, connect=meddler.connect, cost_policy=Dear(), bearer=SATELLITE)
         assert meddler.count == 1
         return refused, bench.export(), await bench.converge()
 

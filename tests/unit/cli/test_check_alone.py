@@ -105,6 +105,6 @@ def test_each_result_is_kept_before_the_next_is_told(tmp_path: Path) -> None:
             records = (book.folder / "records.jsonl").read_text()
             seen.append((item.id, "hears the boat" in records))
 
-        turn.told = told
+        turn.show = told
         turn.alone(None)
     assert seen == [("sparus/wifi", True)]

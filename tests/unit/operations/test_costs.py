@@ -397,4 +397,4 @@ def test_a_job_is_given_its_ports_and_its_toll(declaration: Declaration, tmp_pat
         device_job(declaration, declaration.hosts[ROUTER], asked, NoJournal(), ignore)
     )
     assert job.counted == ("ether1", "ether2", "ether3")
-    assert isinstance(job.toll, Meter)
+    assert isinstance(job.cost_policy, Meter)

@@ -160,9 +160,9 @@ def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[s
 
 def _tell(core: Core, line: str, *, requested: str | None = None) -> None:
     """Write what the modem answers to the log, once for each answer."""
-    if not line or line == core.sim.told:
+    if not line or line == core.sim.last_line:
         return
-    core.sim.told = line
+    core.sim.last_line = line
     for text in (requested, line):
         if text is not None:
             core.note("lte,async", text)
@@ -208,7 +208,7 @@ class SimState:
     tried: str | None = None
     """The PIN that the modem has entered since it was started, or since another one was set."""
     connected_since: float | None = None
-    told: str = ""
+    last_line: str = ""
     """The last line of the log about the card, so that each is written once."""
 
     def enter(self, given: str, right: str) -> None:
@@ -224,7 +224,7 @@ class SimState:
     def swap(self, tries_left: int) -> None:
         """Another card is put in, or the same one with its count as it is."""
         self.tries_left = tries_left
-        self.told = ""
+        self.last_line = ""
         self.restart()
 
     def restart(self) -> None:

@@ -64,11 +64,11 @@ class Address(Kind):
 class Addresses(Kind):
     """A list of addresses, perhaps empty."""
 
-    one: Address = Address()
+    element: Address = Address()
 
     def parse(self, text: str, names: Names) -> str:
         """Normalise each."""
-        return ",".join(self.one.parse(part, names) for part in text.split(",")) if text else ""
+        return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,11 +258,11 @@ def _number(text: str, space: str, names: Names) -> int | None:
 class Refs(Kind):
     """A list of rows of one space, perhaps empty."""
 
-    one: Ref
+    element: Ref
 
     def parse(self, text: str, names: Names) -> str:
         """Find each row."""
-        return ",".join(self.one.parse(part, names) for part in text.split(",")) if text else ""
+        return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
