@@ -106,7 +106,7 @@ class Proxy:
     def __init__(self, host: str, port: int, target: tuple[str, int], shape: Shape) -> None:
         self.count = Count()
         self.shape = shape
-        self._target = (host, port)
+        self._listen_at = (host, port)
         self._target = target
         self._up, self._down = _Lane(shape.up_bps), _Lane(shape.down_bps)
         self._talks: set[asyncio.Task[None]] = set()
@@ -121,7 +121,7 @@ class Proxy:
         return str(host), int(port)
 
     async def __aenter__(self) -> Self:
-        self._server = await asyncio.start_server(self._accept, *self._target)
+        self._server = await asyncio.start_server(self._accept, *self._listen_at)
         return self
 
     async def __aexit__(self, *_: object) -> None:
