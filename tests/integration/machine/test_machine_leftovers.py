@@ -27,8 +27,8 @@ _PATIENCE_S = 60.0
 OWNER = """\
 import os, sys, time
 from pathlib import Path
-from atlantis_netcfg.emulator.lab import yard
-with yard(Path(sys.argv[1])) as ground:
+from atlantis_netcfg.emulator.lab import open_lab
+with open_lab(Path(sys.argv[1])) as ground:
     ground.start("robot", Path(sys.argv[2]), address=sys.argv[3], gateway=sys.argv[4])
     worker = os.fork() if sys.argv[5:] else None
     if worker != 0:
