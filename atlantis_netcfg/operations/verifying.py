@@ -20,7 +20,7 @@ from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
-from atlantis_netcfg.routeros.verify import UNDO_S, fall_silent, read, try_out
+from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, fall_silent, read, try_out
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 _FLIGHT_BYTES = 160
 """One small question and its answer, both with their records of TLS."""
-_READ_BYTES = 30_000
-"""The history of a hundred entries is most of it."""
-_TRY_BYTES = 40_000
-"""Scratch rows, the ids of the history and of static names, and a question a second for some seconds."""
+_READ_BYTES = 45_000
+"""The history of a hundred entries is most of it, then a list that is asked for ten times."""
+_TRY_BYTES = 40_000 + 2 * ON_EVENT
+"""Scratch rows, a long job there and back, ids of the history and of names, a question a second for some seconds."""
 _READ_SESSIONS, _TRY_SESSIONS = 2, 7
 _SECONDS = 20.0
 _WORDS = {

@@ -136,7 +136,7 @@ ASSUMPTIONS: Final = (
         "on-event-60k",
         "`on-event` of a job of the scheduler takes 60,000 bytes, as a script of `/execute` does.",
         "The dead-man job of a large change; it is read back, and a shortened one refuses the change.",
-        _person("add a disabled job with 60,000 characters in `on-event`, and compare what is read back"),
+        TRY,
     ),
     Assumption(
         "first-versions",
@@ -362,29 +362,26 @@ ASSUMPTIONS: Final = (
         "Refusing a plan before it is sent; each script ends with a command that has to be refused, and without that"
         " refusal"
         " the verdict is inconclusive.",
-        _person('type `:put [:parse "/system/identity/set atlantis=no"]`'),
+        READS,
     ),
     Assumption(
         "console-ambiguous",
         "A name of an argument that is cut so short that several begin like it is refused as one that nobody has.",
         "The emulated router's console; the engine writes names in full.",
-        _person('type `:put [:parse "/ip/address/add co=x"]`'),
+        READS,
     ),
     Assumption(
         "parse-nested",
         "Within a script `:execute` with `as-string` gives its output, as it does over the API.",
         "Only refusals come back of a plan that is parsed; otherwise the verdict is inconclusive.",
-        _person('type `:put [:execute script=":put 1" as-string]`'),
+        READS,
     ),
     Assumption(
         "inspect-whole",
         "`/console/inspect` offers a list of up to 30 words whole, and queries pick among its rows.",
         "Looking up words of closed lists; a word that is not found is looked for in the whole list before it is"
         " refused.",
-        _person(
-            "count what `/console/inspect request=completion` gives for a list of 30 words, over the API, a hundred"
-            " times"
-        ),
+        READS,
     ),
     Assumption(
         "offered-values",
@@ -401,12 +398,17 @@ ASSUMPTIONS: Final = (
         _person("print `/ip settings`, `/ipv6 settings` and `/tool romon`"),
     ),
     Assumption(
-        "port-new-name",
-        "A new name of a port shows at once in every row that refers to it, gateways of routes and parents of queues"
-        " too, and"
-        " moves no packet.",
+        "name-in-routes",
+        "A new name of an interface shows at once in the gateway of a route that names it.",
         "Renaming ports; where it does not hold, what is read back differs, and the device takes the change back.",
-        _person("rename an unused port that a bridge port and a route name, and print both"),
+        TRY,
+    ),
+    Assumption(
+        "port-new-name",
+        "A new name of a port shows at once in every other row that refers to it, parents of queues too, and moves no"
+        " packet.",
+        "Renaming ports; where it does not hold, what is read back differs, and the device takes the change back.",
+        _person("rename an unused port that a bridge port and a queue name, and print both"),
     ),
 )
 """In the order of the page docs/verify.md."""

@@ -108,8 +108,8 @@ class Examination:
         self._scripts = _cut(lines, ROOM - len(self._values) - len(self._whole))
         return (
             *(executed(script([*part, _CONTROL])) for part in self._scripts),
-            *(_offered(*argument) for argument in self._whole),
-            *(_offered(*argument, among=values) for argument, values in self._values),
+            *(offered(*argument) for argument in self._whole),
+            *(offered(*argument, among=values) for argument, values in self._values),
         )
 
     def _requested(
@@ -152,11 +152,11 @@ class Examination:
             self.unclear = f"the device does not run a script that only parses{text}"
             return
         answers = _answers(reply.ret.replace("\r\n", "\n"))
-        if not _refusal(answers.pop(len(lines), "")) or any(number > len(lines) for number in answers):
+        if not refusal(answers.pop(len(lines), "")) or any(number > len(lines) for number in answers):
             self.unclear = _NOT_UNDERSTOOD
             return
         for number, line in enumerate(lines):
-            found = _refusal(answers[number], line) if number in answers else ""
+            found = refusal(answers[number], line) if number in answers else ""
             if found is None:
                 self.unclear = _NOT_UNDERSTOOD
             else:
@@ -207,7 +207,7 @@ def _line(action: Action) -> str:
     return console(replace(action, ids=action.ids[:1], values=values))
 
 
-def _offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
+def offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
     """Ask for the list of an argument, or which of some values are in it."""
     verb = "add" if MENUS[menu].shape is Shape.LIST else "set"
     path = ",".join((*menu.strip("/").split("/"), verb, name))
@@ -231,7 +231,7 @@ def _answers(text: str) -> dict[int, str]:
     return {number: text[found.end() : end].strip() for (number, found), end in zip(starts, ends[1:], strict=True)}
 
 
-def _refusal(code: str, line: str = "") -> str | None:
+def refusal(code: str, line: str = "") -> str | None:
     """Read a refusal; None if it is none that we know. What a device repeats of the line is not told."""
     for refusal in _REFUSALS:
         found = refusal.match(code)

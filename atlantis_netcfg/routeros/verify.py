@@ -1,7 +1,8 @@
 """Which assumptions hold on a device: questions and pure judgements of their answers, and with scratch rows the others.
 
-Scratch rows are disabled static names of DNS, which nothing uses, added and taken back under safe mode. They are never
-left: what safe mode does not take back is removed, and a device that does not say that they are gone is unknown.
+Scratch rows are disabled rows that nothing uses (static names of DNS, a bridge with a route, a job of the scheduler),
+added and taken back under safe mode. They are never left: what safe mode does not take back is removed, and a device
+that does not say that they are gone is unknown.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
+from atlantis_netcfg.routeros.commands import executed
+from atlantis_netcfg.routeros.parsing import offered, refusal
 from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, Sim, monitor_of, sim_of
 
 if TYPE_CHECKING:
@@ -208,6 +211,76 @@ def _ping(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refused(reply))
 
 
+def _parse(line: str) -> Command:
+    """Have the device's parser read a line, which is not executed."""
+    return executed(f':put [:parse "{line}"]')
+
+
+def _unanswered(replies: Sequence[Reply]) -> Judgement | None:
+    """A device without these commands cannot show what they answer."""
+    trap = next((reply.trap for reply in replies if reply.trap is not None), None)
+    if trap is None:
+        return None
+    missing = trap.message.startswith(("no such command", "bad command name", "unknown parameter"))
+    return (Verdict.SKIP if missing else Verdict.INCONCLUSIVE), f"refused: {trap.message}"
+
+
+_PARSED = ("/system/identity/print", "/system/identity/set atlantis=no", "/system/atlantis/print")
+"""A line that every version takes, one with an unknown argument, one with an unknown menu."""
+
+
+def _parse_words(replies: Sequence[Reply]) -> Judgement:
+    unanswered = _unanswered(replies)
+    if unanswered is not None:
+        return unanswered
+    taken, *wrong = [(reply.ret or "").strip() for reply in replies]
+    if not taken.startswith("(evl /"):
+        return Verdict.FAIL, f"of a right line it prints `{taken}`"
+    other = next((text for text in wrong if not refusal(text)), None)
+    return (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"of a wrong line it prints `{other}`")
+
+
+def _parse_nested(replies: Sequence[Reply]) -> Judgement:
+    unanswered = _unanswered(replies)
+    if unanswered is not None:
+        return unanswered
+    text = (replies[0].ret or "").strip()
+    return (Verdict.PASS if text == "atlantis" else Verdict.FAIL), f"the inner script's output is `{text}`"
+
+
+def _ambiguous(replies: Sequence[Reply]) -> Judgement:
+    """Compare a name that several begin like with one that nobody has: their answers differ in the name at most."""
+    unanswered = _unanswered(replies)
+    if unanswered is not None:
+        return unanswered
+    several, nobody = [(reply.ret or "").strip() for reply in replies]
+    if nobody.startswith("(evl /") or not nobody:
+        return Verdict.INCONCLUSIVE, f"of an unknown argument it prints `{nobody}`"
+    # The column may be that behind the name.
+    same = re.sub(r"\bco\b|column \d+", "", several) == re.sub(r"\batlantis\b|column \d+", "", nobody)
+    return (Verdict.PASS if same else Verdict.FAIL), f"`{several}`"
+
+
+_LISTED = ("/interface/bridge", "protocol-mode")
+_PICKED = ("none", "rstp")
+_TIMES = 10
+"""How often the same list is asked for: over the API a long one loses a word now and then."""
+
+
+def _inspected(replies: Sequence[Reply]) -> Judgement:
+    unanswered = _unanswered(replies)
+    if unanswered is not None:
+        return unanswered
+    *lists, picked = [tuple(sorted(row.get("completion", "") for row in reply.rows)) for reply in replies]
+    if not set(_PICKED) < set(lists[0]):
+        return Verdict.FAIL, f"the list of `{_LISTED[1]}` is {', '.join(lists[0]) or 'empty'}"
+    if len(set(lists)) > 1:
+        return Verdict.FAIL, f"{len(set(lists))} different lists in {len(lists)} answers"
+    return (Verdict.PASS if picked == _PICKED else Verdict.FAIL), (
+        f"the same {len(lists[0])} words in {len(lists)} answers, of which a query picks {', '.join(picked) or 'none'}"
+    )
+
+
 CHECKS: Final[Mapping[str, Check]] = {
     "api-unknown-property": Check((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
     "api-count-only": Check(
@@ -223,6 +296,10 @@ CHECKS: Final[Mapping[str, Check]] = {
     "history-newest-first": Check((_print("/system/history", ".id,time"),), _history_order),
     "netwatch-values": Check((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
     "lte-pin-words": Check((MODEMS, MONITOR), _pin_words),
+    "parse-words": Check(tuple(map(_parse, _PARSED)), _parse_words),
+    "parse-nested": Check((executed(':put [:execute script=":put atlantis" as-string]'),), _parse_nested),
+    "console-ambiguous": Check((_parse("/ip/address/add co=x"), _parse("/ip/address/add atlantis=x")), _ambiguous),
+    "inspect-whole": Check((*[offered(*_LISTED)] * _TIMES, offered(*_LISTED, among=_PICKED)), _inspected),
 }
 """Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
@@ -288,7 +365,18 @@ def _line(name: str) -> str:
     return f"/ip dns static add {words}\n"
 
 
-_MARKED = Command(f"{_MENU}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
+def _marked(menu: str) -> Command:
+    return Command(f"{menu}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
+
+
+_MARKED = _marked(_MENU)
+_ROUTE, _BRIDGE, _JOB = "/ip/route", "/interface/bridge", "/system/scheduler"
+_SCRATCH_MENUS = (_MENU, _ROUTE, _BRIDGE, _JOB)
+"""Where rows may be left, in the order in which they are removed."""
+_EVERY_MARKED = tuple(map(_marked, _SCRATCH_MENUS))
+_BY_HAND = "; ".join(
+    f'{menu.replace("/", " ").replace(" ", "/", 1)} remove [find comment="{MARK}"]' for menu in _SCRATCH_MENUS
+)
 _ALL = _print(_MENU, ".id")
 _HISTORY = _print("/system/history", ".id")
 _SCRIPTED: Final = 3
@@ -316,7 +404,7 @@ async def try_out(endpoint: Endpoint) -> tuple[Finding, ...]:
 
 async def _refuse(session: Session) -> None:
     """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
-    state, marked = await session.flight([_SAFE_MODE, _MARKED])
+    state, *marked = await session.flight([_SAFE_MODE, *_EVERY_MARKED])
     if state.trap is not None:
         raise DeviceFailed(
             "nothing was tried: this device has no safe mode for the API",
@@ -327,10 +415,10 @@ async def _refuse(session: Session) -> None:
             "nothing was tried: somebody holds safe mode of this device",
             hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
         )
-    if marked.checked().rows:
+    left = sum(len(reply.checked().rows) for reply in marked)
+    if left:
         raise DeviceFailed(
-            f"nothing was tried: {len(marked.rows)} scratch rows of an earlier try are there",
-            hint=f'on the device:  /ip dns static remove [find comment="{MARK}"]',
+            f"nothing was tried: {left} scratch rows of an earlier try are there", hint=f"on the device:  {_BY_HAND}"
         )
 
 
@@ -368,6 +456,8 @@ async def _by_rows(endpoint: Endpoint, watcher: Session, found: dict[str, Judgem
             words = "greater than all before" if grown else "not greater than all before"
             found["api-ids-grow"] = (Verdict.PASS if grown else Verdict.FAIL, f"the .id after a removal is {words}")
         await _by_scripts(session, found)
+        found["name-in-routes"] = await _by_name(session)
+        found["on-event-60k"] = await _by_job(session)
         await session.command(Command("/safe-mode/unroll"))
     after = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
     marked = (await watcher.command(_MARKED)).checked().rows
@@ -429,6 +519,44 @@ async def _by_scripts(session: Session, found: dict[str, Judgement]) -> None:
         found["execute-stops"] = (Verdict.FAIL, "the line after the error was executed")
     else:
         found["execute-stops"] = (Verdict.PASS, "the line before the error was executed, the one after it not")
+
+
+_BEFORE, _AFTER = "atlantis-verify", "atlantis-verified"
+
+
+async def _by_name(session: Session) -> Judgement:
+    """Give a bridge a new name, and read it where a route names it."""
+    bridge = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK))
+    route = (("dst-address", "192.0.2.0/24"), ("gateway", _BEFORE), ("disabled", "yes"), ("comment", MARK))
+    ids: list[str] = []
+    for menu, values in ((_BRIDGE, bridge), (_ROUTE, route)):
+        reply = await session.command(Command(f"{menu}/add", values))
+        if reply.trap is not None or reply.ret is None:
+            return Verdict.INCONCLUSIVE, _refused(reply) or "no .id was answered"
+        ids.append(reply.ret)
+    renamed = await session.command(Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
+    if renamed.trap is not None:
+        return Verdict.INCONCLUSIVE, str(_refused(renamed))
+    shown = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
+    gateway = next((row.get("gateway", "") for row in shown.rows), "")
+    return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), f"renamed to {_AFTER}, the route says `{gateway}`"
+
+
+ON_EVENT: Final = 60_000
+"""Bytes of the largest job that the engine writes."""
+
+
+async def _by_job(session: Session) -> Judgement:
+    """Add a long job that never runs, and read what the device has kept of it."""
+    words = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK), ("on-event", "#" * ON_EVENT))
+    added = await session.command(Command(f"{_JOB}/add", words))
+    if added.trap is not None:
+        return Verdict.FAIL, str(_refused(added))
+    shown = await session.command(replace(_print(_JOB, "on-event"), queries=(f"?comment={MARK}",)))
+    if shown.trap is not None or len(shown.rows) != 1:
+        return Verdict.INCONCLUSIVE, _refused(shown) or f"{len(shown.rows)} jobs are shown"
+    kept = len(shown.rows[0].get("on-event", ""))
+    return (Verdict.PASS if kept == ON_EVENT else Verdict.FAIL), f"of {ON_EVENT:,} bytes it has kept {kept:,}"
 
 
 def _ids(reply: Reply) -> set[str]:
@@ -508,7 +636,7 @@ async def _cleaned(endpoint: Endpoint) -> None:
     """See in a new session that no row is left: what safe mode has not taken back is removed. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
         "the device does not say that the scratch rows are gone",
-        hint=f'after ten minutes, on the device:  /ip dns static print where comment="{MARK}"',
+        hint=f"after ten minutes, on the device:  {_BY_HAND}",
     )
     try:
         async with await Session.open(endpoint) as session:
@@ -516,11 +644,12 @@ async def _cleaned(endpoint: Endpoint) -> None:
             until = clock() + UNDO_S
             while _holds(await session.command(_SAFE_MODE)) and clock() < until:  # noqa: ASYNC110 - the device tells when
                 await asyncio.sleep(1.0)
-            rows = (await session.command(_MARKED)).checked().rows
-            if rows:
-                ids = ",".join(row[".id"] for row in rows)
-                (await session.command(Command(f"{_MENU}/remove", ((".id", ids),)))).checked()
-            if await _gone(session, 0.0) is None:
+            for menu, marked in zip(_SCRATCH_MENUS, await session.flight(_EVERY_MARKED), strict=True):
+                ids = ",".join(row[".id"] for row in marked.checked().rows)
+                if ids:
+                    (await session.command(Command(f"{menu}/remove", ((".id", ids),)))).checked()
+            state, *left = await session.flight([_SAFE_MODE, *_EVERY_MARKED])
+            if _holds(state) or any(reply.checked().rows for reply in left):
                 raise unknown
     except DeviceFailed as lost:
         raise unknown from lost

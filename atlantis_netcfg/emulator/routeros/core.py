@@ -115,6 +115,8 @@ class Core:
         """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
         self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
         self.history = History(spec.history_limit)
+        self.first_names: dict[str, str] = {}
+        """New names of interfaces to earlier ones, as long as routes show these (`Deviation.NAMES`)."""
         self.sessions: dict[int, Caller] = {}
         self.listeners: list[Listener] = []
         self.outbox: list[tuple[int, str, Answer]] = []

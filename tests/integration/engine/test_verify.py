@@ -147,6 +147,18 @@ def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:
     on(bench(tmp_path), act)
 
 
+def test_scratch_rows_of_an_earlier_try_are_told_with_their_way_out(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        await bench.router.console(["/interface/bridge/add", "=name=left", f"=comment={MARK}"])
+        before = bench.export()
+        with pytest.raises(DeviceFailed, match="1 scratch rows of an earlier try") as refused:
+            await try_out(bench.job().endpoint)
+        assert f'/interface bridge remove [find comment="{MARK}"]' in str(refused.value.hint)
+        assert bench.export() == before
+
+    on(bench(tmp_path), act)
+
+
 def test_a_device_that_was_never_met_is_refused(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         with pytest.raises(DeviceFailed, match="certificate"):

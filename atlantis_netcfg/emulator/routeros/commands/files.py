@@ -164,7 +164,7 @@ def execute(core: Core, call: Call) -> Result:
         core.history.settle(entries)
     if "file" in call.arguments:
         _write(core, f"{call.arguments['file']}.txt", outcome.output)
-    if "as-string" not in call.arguments:
+    if "as-string" not in call.arguments or (call.console and core.deviates(Deviation.NESTED)):
         if outcome.error is not None:
             core.note("script,error", outcome.error)
         return Result(ret=id_text(core.number()))

@@ -108,6 +108,10 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
     found = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
     if call.menu == "/tool/netwatch" and core.deviates(Deviation.TIMES):
         found = [{**row, "interval": "10000 ms"} for row in found]
+    if call.menu == "/system/scheduler" and core.deviates(Deviation.JOB_TEXT):
+        found = [{**row, "on-event": row["on-event"][:4096]} for row in found]
+    if call.menu == "/ip/route" and core.deviates(Deviation.NAMES):
+        found = [{**row, "gateway": core.first_names.get(row["gateway"], row["gateway"])} for row in found]
     return found if "config" in call.arguments else amounting(core, call.menu, found)
 
 
@@ -202,6 +206,8 @@ def inspect(core: Core, call: Call) -> Result:
     if request not in requests:
         raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
     found = [row for row in requests[request](core, call) if matches(call.queries, row)]
+    if not call.queries and core.deviates(Deviation.LISTS) and core.number() % 2:
+        found = found[:-1]
     desired = _proplist(call)
     return Result(
         rows=found if desired is None else [{name: row[name] for name in desired if name in row} for row in found]

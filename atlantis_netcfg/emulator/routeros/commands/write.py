@@ -12,6 +12,7 @@ from atlantis_netcfg.emulator.routeros.commands._checks import check, check_remo
 from atlantis_netcfg.emulator.routeros.commands._complete import complete
 from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
+from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, seconds
 from atlantis_netcfg.emulator.routeros.views import made_rows
 
@@ -95,6 +96,8 @@ def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unse
     check(core, call.menu, values, item)
     before = dict(item.values)
     core.store.update(call.menu, item, values)
+    if "name" in change and call.menu.startswith("/interface/") and core.deviates(Deviation.NAMES):
+        core.first_names[change["name"]] = before["name"]
     _undo.changed(core, call, item, before)
 
 

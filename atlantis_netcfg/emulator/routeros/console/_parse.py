@@ -32,6 +32,7 @@ from atlantis_netcfg.emulator.routeros.console._statements import (
 from atlantis_netcfg.emulator.routeros.console._text import ConsoleError
 from atlantis_netcfg.emulator.routeros.console.where import Condition
 from atlantis_netcfg.emulator.routeros.schema import UNSEEN, UNSEEN_6
+from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
 
 if TYPE_CHECKING:
@@ -283,15 +284,15 @@ class Parser:
             path in UNSEEN_6 and not schema.at_least("7.0")
         )
 
-    @staticmethod
-    def _whole(word: str, known: Collection[str]) -> str:
+    def _whole(self, word: str, known: Collection[str]) -> str:
         """Return the word that is meant: a name may be cut short while only one begins like it.
 
         Of menus and commands recorded on 7.23.3, of arguments told by the manual (Command Line Interface, Quick
         Typing). One that several begin like is refused as one that nobody has. Assumption: console-ambiguous
         """
         longer = [name for name in known if name.startswith(word)] if word not in known else []
-        return longer[0] if len(longer) == 1 else word
+        guesses = self.core.deviates(Deviation.AMBIGUOUS)
+        return longer[0] if len(longer) == 1 or (longer and guesses) else word
 
     def _step(self) -> None:
         """Go on to the next word of a path: `ip/address` and `ip address` are the same from version 7.

@@ -312,6 +312,8 @@ def _code(core: Core, text: str) -> str:
         codes += (_code_of(statement) for statement in parser.statements())
     except ConsoleError as error:
         # What follows a mistake that stands within the code is left out. Assumption: parse-words
+        if core.deviates(Deviation.PARSE_WORDS):
+            return f"mistake: {error.verdict.strip('(<% ')}"
         return ";".join([*codes, error.verdict]) if error.verdict.startswith("(") else error.verdict
     return ";".join(codes) or ("/" if text else "")
 

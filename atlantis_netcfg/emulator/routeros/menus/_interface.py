@@ -141,7 +141,7 @@ _ETHERNET = Menu(
     "/interface/ethernet",
     Shape.FIXED,
     (
-        # Rows refer to a port by its id. Assumption: port-new-name
+        # Rows refer to a port by its id. Assumption: name-in-routes. Assumption: port-new-name
         Arg("name", Text(empty=False), ""),
         Arg("advertise", Choices((*offered("/interface/ethernet", "advertise"), *_ADVERTISED), ordered=False), _RATES),
         Arg("arp", _ARP, "enabled"),
