@@ -61,11 +61,6 @@ def _modem(interfaces: Rows | None, modem: str) -> Row:
     return next(found, {})
 
 
-def queries_6(interface: str = "lte1") -> tuple[Query, ...]:
-    """The same of version 6, which says `info` and `number` (not in our command trees)."""
-    return (Query("/interface/lte", "info", (("number", interface), ("once", ""))), *queries(interface)[1:])
-
-
 def log_query() -> Query:
     """The log, whose lines tell a missing SIM where the monitor stays silent; large, so only ask it then."""
     return Query("/log", "print", proplist=("topics", "message"))

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Bearer, Device, Site
 
-LanHost = Gateway | VpnServer | ControlCentre
 _LAN_HOSTS = (Gateway, VpnServer, ControlCentre)
 _MOST_PREFIX = 29
 

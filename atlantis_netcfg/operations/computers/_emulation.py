@@ -113,10 +113,6 @@ def _introduced(declaration: Declaration, hosts: Sequence[Host], folder: Path) -
     return rehearsed.identities(declaration, hosts, folder / "vpn"), rehearsed.NOT_REHEARSED
 
 
-def _has_network(host: Host) -> bool:
-    return isinstance(host.device, Gateway) and host.device.network is not None
-
-
 def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     """Name the Debian packages that the pilot's computers ask for; a rehearsal has no network to fetch them from.
 

@@ -64,7 +64,6 @@ async def change(work: RunContext) -> None:
     writer = await begin(work)
     stages = work.stages
     if stages.prepare:
-        work.permanent = True
         await _write(work, writer, stages.prepare)
     holder: Holder | None = None
     for number, piece in enumerate(stages.protected):
@@ -234,7 +233,6 @@ async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> N
         raise _lost(work, holder)
     witness = _witness(work)
     work.record(Releasing(device=work.job.name))
-    work.permanent = True
     farewell = work.farewell() if last else ()
     look = closing(work.job.counted)
     reads = [each.command for each in witness]

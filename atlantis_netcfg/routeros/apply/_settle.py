@@ -225,7 +225,7 @@ async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
     inner = RunContext(job, work.contact, work.started, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else Choice(Protection.NONE)
-    inner.safe_mode, inner.permanent = safe_mode_of(inner.choice, job), True
+    inner.safe_mode = safe_mode_of(inner.choice, job)
     try:
         inner.plan = plan(job.name, job.desired, now)
         inner.stages = cut(inner.plan, inner.protection)

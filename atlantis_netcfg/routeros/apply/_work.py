@@ -78,8 +78,6 @@ class RunContext:
     """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
     busy: str = ""
     """Who is at work on the device, or what is left of them."""
-    permanent: bool = False
-    """Something of the plan may be on the device for good."""
     last_look: PortCounts | None = None
     """At the ports' counters, beside the release: after it nothing of weight is sent."""
     holding: bool = False

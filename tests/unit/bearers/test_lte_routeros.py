@@ -8,7 +8,7 @@ import trees
 import yaml
 
 from atlantis_netcfg.bearers.lte import Registration
-from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, modem_name, queries, queries_6, read, redacted
+from atlantis_netcfg.bearers.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redacted
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_routeros_cases.yml").read_text("utf-8"))
 FIELDS = frozenset(trees.offered()["/interface/lte/monitor proplist"])
@@ -48,11 +48,6 @@ def test_the_device_has_the_words(version: str) -> None:
 def test_no_secret_is_asked_for() -> None:
     asked = {name for query in queries("lte1") for name in query.proplist}
     assert not asked & {"pin", "password", "user", *IDENTITIES}
-
-
-def test_version_6_has_words_of_its_own() -> None:
-    first = queries_6("lte1")[0]
-    assert (first.path, first.words) == ("/interface/lte/info", (("number", "lte1"), ("once", "")))
 
 
 RENAMED = [{"name": "lte1", "default-name": "lte2", "disabled": "true"}, {"name": "starlink", "default-name": "lte1"}]

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
-PING_FOREVER = "count"
 _PING_SIZE = "56"
 
 

@@ -68,11 +68,6 @@ class Decoder:
         self._bytes = bytearray()
         self._words: list[str] = []
 
-    @property
-    def midway(self) -> bool:
-        """True if a sentence has begun and not ended."""
-        return bool(self._bytes or self._words)
-
     def feed(self, data: bytes) -> Iterator[Sentence]:
         """Sentences completed by `data`; after them ReservedLength or WordTooLong if a length breaks it off."""
         self._bytes += data
