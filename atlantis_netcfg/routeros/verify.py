@@ -225,7 +225,7 @@ def _unanswered(replies: Sequence[Reply]) -> Judgement | None:
     return (Verdict.SKIP if missing else Verdict.INCONCLUSIVE), f"refused: {trap.message}"
 
 
-_PARSED = ("/system/identity/print", "/system/identity/set atlantis=no", "/system/atlantis/print")
+_PARSED = ("/system/identity/print", "/system/identity/set atlantis=no", "/atlantis")
 """A line that every version takes, one with an unknown argument, one with an unknown menu."""
 
 

@@ -99,7 +99,8 @@ def test_first_match_and_identified_menus_know_every_argument(path: str) -> None
 
 
 @pytest.mark.parametrize("path", MENUS)
-def test_defaults_are_those_that_the_twin_took_from_the_manual(path: str) -> None:
+def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: str) -> None:
+    """It takes names and defaults from the schema; where it says more of an argument, its default is the same."""
     twin = MODELLED[path].by_name
     compared = {
         each.name: (each.absent, each.form(twin[each.name].default))

@@ -22,6 +22,9 @@ NO_COMMANDS = {
     "/dev/disk/by-id/usb-…": "the path of a card in a technician's computer",
     "/var/tmp": "a folder of that computer",  # noqa: S108 - nothing is made in it here
     "/system/identity/set atlantis=no": "what every parser has to refuse, to show that it looks at names",
+    "/atlantis": "the same of menus",
+    "/ip/address/add atlantis=x": "what is compared with a name that is cut short",
+    "/ip/address/add co=x": "a name that is cut short, for which the parser is asked",
     "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")

@@ -6,7 +6,7 @@ verbose exports of RouterOS 7.19.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique, of_schema
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
@@ -24,6 +24,7 @@ from atlantis_netcfg.emulator.routeros.values import (
     Text,
     Time,
 )
+from atlantis_netcfg.routeros import menus as schema
 
 _FILTER = "/ip/firewall/filter"
 _PROTOCOLS = (*offered(_FILTER, "protocol"), *map(str, range(256)))
@@ -34,61 +35,61 @@ _STATES = Choices(("invalid", "established", "related", "new", "untracked"))
 _NUMBER = r"\d+"
 _RANGE = r"\d+(-\d+)?"
 
-_MATCHERS: tuple[tuple[str, Kind], ...] = (
-    ("connection-bytes", Pattern(r"\d+-\d+")),
-    ("connection-limit", Not(Pattern(r"\d+,\d+"))),
-    ("connection-mark", Not(Text(empty=False))),
-    ("connection-nat-state", Not(Choices(("srcnat", "dstnat", "ein-snat", "ein-dnat")))),
-    ("connection-rate", Not(Pattern(r"\d+[kMG]?-\d+[kMG]?"))),
-    ("connection-state", Not(_STATES)),
-    ("connection-type", Not(Choice(("ftp", "h323", "irc", "pptp", "quake3", "sip", "tftp")))),
-    ("content", Not(Text(empty=False))),
-    ("dscp", Not(Int(0, 63))),
-    ("dst-address", Not(Matcher())),
-    ("dst-address-list", Not(Text(empty=False))),
-    ("dst-address-type", Not(_ADDRESS_TYPES)),
-    ("dst-limit", Pattern(r"\d+(/\w+)?,\d+,[a-z-]+(/\w+)?")),
-    ("dst-port", Not(Ports())),
-    ("fragment", Bool()),
-    ("hotspot", Not(Choices(offered(_FILTER, "hotspot"), ordered=False))),
-    ("icmp-options", Not(Pattern(r"\d{1,3}(:\d{1,3}(-\d{1,3})?)?"))),
-    ("in-bridge-port", Not(_ANY_INTERFACE)),
-    ("in-bridge-port-list", Not(_ANY_LIST)),
-    ("in-interface", Not(_ANY_INTERFACE)),
-    ("in-interface-list", Not(_ANY_LIST)),
-    ("ingress-priority", Not(Int(0, 63))),
-    ("ipsec-policy", Pattern(r"(in|out),(ipsec|none)")),
-    ("ipv4-options", Choice(offered(_FILTER, "ipv4-options"))),
-    ("layer7-protocol", Not(Text(empty=False))),
-    ("limit", Not(Pattern(r"\d+[kMG]?(/\w+)?,\d+[kMG]?(:(packet|bit))?"))),
-    ("nth", Not(Pattern(r"\d+(,\d+)?"))),
-    ("out-bridge-port", Not(_ANY_INTERFACE)),
-    ("out-bridge-port-list", Not(_ANY_LIST)),
-    ("out-interface", Not(_ANY_INTERFACE)),
-    ("out-interface-list", Not(_ANY_LIST)),
-    ("p2p", Not(Choice(offered(_FILTER, "p2p")))),
-    ("packet-mark", Not(Text(empty=False))),
-    ("packet-size", Not(Pattern(_RANGE))),
-    ("per-connection-classifier", Not(Pattern(r"[a-z-]+:\d+/\d+"))),
-    ("port", Not(Ports())),
-    ("priority", Not(Int(0, 255))),  # the Manual says 63, an export of 7.16 has 100 and 110
-    ("protocol", Not(Choice(_PROTOCOLS))),
-    ("psd", Pattern(r"\d+,\w+,\d+,\d+")),
-    ("random", Int(1, 99)),
-    ("realm", Not(Int())),
-    ("routing-mark", Not(Text(empty=False))),
-    ("src-address", Not(Matcher())),
-    ("src-address-list", Not(Text(empty=False))),
-    ("src-address-type", Not(_ADDRESS_TYPES)),
-    ("src-mac-address", Not(Mac())),
-    ("src-port", Not(Ports())),
-    ("tcp-flags", Choices(("fin", "syn", "rst", "psh", "ack", "urg", "ece", "cwr"), signed=True)),
-    ("tcp-mss", Not(Pattern(_RANGE))),
-    ("time", Not(Pattern(r"[\dhms:]+-[\dhms:d]+,[a-z,]+"))),
-    ("tls-host", Not(Text(empty=False))),
-    ("tos", Not(Pattern(r"\d+(/\d+)?"))),
-    ("ttl", Pattern(r"(equal|greater-than|less-than|not-equal):\d{1,3}")),
-)
+_MATCHERS: dict[str, Kind] = {
+    "connection-bytes": Pattern(r"\d+-\d+"),
+    "connection-limit": Not(Pattern(r"\d+,\d+")),
+    "connection-mark": Not(Text(empty=False)),
+    "connection-nat-state": Not(Choices(("srcnat", "dstnat", "ein-snat", "ein-dnat"))),
+    "connection-rate": Not(Pattern(r"\d+[kMG]?-\d+[kMG]?")),
+    "connection-state": Not(_STATES),
+    "connection-type": Not(Choice(("ftp", "h323", "irc", "pptp", "quake3", "sip", "tftp"))),
+    "content": Not(Text(empty=False)),
+    "dscp": Not(Int(0, 63)),
+    "dst-address": Not(Matcher()),
+    "dst-address-list": Not(Text(empty=False)),
+    "dst-address-type": Not(_ADDRESS_TYPES),
+    "dst-limit": Pattern(r"\d+(/\w+)?,\d+,[a-z-]+(/\w+)?"),
+    "dst-port": Not(Ports()),
+    "fragment": Bool(),
+    "hotspot": Not(Choices(offered(_FILTER, "hotspot"), ordered=False)),
+    "icmp-options": Not(Pattern(r"\d{1,3}(:\d{1,3}(-\d{1,3})?)?")),
+    "in-bridge-port": Not(_ANY_INTERFACE),
+    "in-bridge-port-list": Not(_ANY_LIST),
+    "in-interface": Not(_ANY_INTERFACE),
+    "in-interface-list": Not(_ANY_LIST),
+    "ingress-priority": Not(Int(0, 63)),
+    "ipsec-policy": Pattern(r"(in|out),(ipsec|none)"),
+    "ipv4-options": Choice(offered(_FILTER, "ipv4-options")),
+    "layer7-protocol": Not(Text(empty=False)),
+    "limit": Not(Pattern(r"\d+[kMG]?(/\w+)?,\d+[kMG]?(:(packet|bit))?")),
+    "nth": Not(Pattern(r"\d+(,\d+)?")),
+    "out-bridge-port": Not(_ANY_INTERFACE),
+    "out-bridge-port-list": Not(_ANY_LIST),
+    "out-interface": Not(_ANY_INTERFACE),
+    "out-interface-list": Not(_ANY_LIST),
+    "p2p": Not(Choice(offered(_FILTER, "p2p"))),
+    "packet-mark": Not(Text(empty=False)),
+    "packet-size": Not(Pattern(_RANGE)),
+    "per-connection-classifier": Not(Pattern(r"[a-z-]+:\d+/\d+")),
+    "port": Not(Ports()),
+    "priority": Not(Int(0, 255)),  # the Manual says 63, an export of 7.16 has 100 and 110
+    "protocol": Not(Choice(_PROTOCOLS)),
+    "psd": Pattern(r"\d+,\w+,\d+,\d+"),
+    "random": Int(1, 99),
+    "realm": Not(Int()),
+    "routing-mark": Not(Text(empty=False)),
+    "src-address": Not(Matcher()),
+    "src-address-list": Not(Text(empty=False)),
+    "src-address-type": Not(_ADDRESS_TYPES),
+    "src-mac-address": Not(Mac()),
+    "src-port": Not(Ports()),
+    "tcp-flags": Choices(("fin", "syn", "rst", "psh", "ack", "urg", "ece", "cwr"), signed=True),
+    "tcp-mss": Not(Pattern(_RANGE)),
+    "time": Not(Pattern(r"[\dhms:]+-[\dhms:d]+,[a-z,]+")),
+    "tls-host": Not(Text(empty=False)),
+    "tos": Not(Pattern(r"\d+(/\d+)?")),
+    "ttl": Pattern(r"(equal|greater-than|less-than|not-equal):\d{1,3}"),
+}
 
 _COMMON = (
     Arg("address-list", Text(empty=False)),
@@ -102,12 +103,14 @@ _COMMON = (
 )
 
 
-def _rules(path: str, noun: str, *local: Arg) -> Menu:
-    """Make a table of rules: its own arguments, those of every rule, and the matchers."""
-    matchers = (Arg(name, kind) for name, kind in _MATCHERS)
+def _rules(path: str, noun: str, *further: Arg) -> Menu:
+    """Make a table of rules: arguments of its own, those of every rule, and the matchers."""
+    known = schema.MENUS[path].by_name if path in schema.MENUS else {}
     action = Arg("action", Choice(offered(path, "action")), "accept", always=True)
-    args = sorted((action, *local, *_COMMON, *matchers), key=lambda arg: arg.name)
-    return Menu(path, Shape.LIST, tuple(args), noun, flags=("dynamic", "invalid"))
+    local = (action, *further, *_COMMON, *(Arg(name, kind) for name, kind in _MATCHERS.items() if name not in known))
+    if known:
+        return of_schema(path, noun=noun, kinds=_MATCHERS, local=local, flags=("dynamic", "invalid"))
+    return Menu(path, Shape.LIST, tuple(sorted(local, key=lambda arg: arg.name)), noun, flags=("dynamic", "invalid"))
 
 
 _MARK = Text(empty=False)
@@ -118,18 +121,15 @@ _MARKING = (
 _REJECT = Choice(offered(_FILTER, "reject-with"))
 
 MENUS = (
-    Menu(
+    of_schema(
         "/ip/firewall/address-list",
-        Shape.LIST,
-        (
+        noun="address list entry",
+        local=(
             Arg("address", Matcher(dns=True), "0.0.0.0/0", always=True),
-            COMMENT,
-            DISABLED,
             Arg("dynamic", Bool(), "no", never=True, exported=False),
             Arg("list", Text(empty=False), required=True, always=True),
             Arg("timeout", Time(0, 21474836), exported=False),
         ),
-        noun="address list entry",
         called="address",
         unique=(Unique(("address", "list"), "failure: already have such entry"),),
         flags=("dynamic",),

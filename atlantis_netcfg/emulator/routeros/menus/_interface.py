@@ -8,7 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    Arg,
+    Select,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Address, Bool, Choice, Choices, Int, Mac, Ref, Refs, Text, Time
 
@@ -44,42 +49,37 @@ OLD_WORDS = {
 """Ethernet: changelog of 7.12, "changed advertise and speed arguments"; exports of 6.43 to 7.8. OpenVPN: exports of 7.5
 and 7.6 have `aes256`, of 7.11.2 `aes256-cbc`; when it changed between them is not known."""
 
-_BRIDGE = Menu(
+_BRIDGE = of_schema(
     "/interface/bridge",
-    Shape.LIST,
-    (
+    noun="device",
+    kinds={
+        "ageing-time": Time(10, 1005400),
+        "arp": _ARP,
+        "arp-timeout": Time(words=("auto",)),
+        "forward-delay": Time(4, 30),
+        "max-learned-entries": Int(words=("auto", "unlimited")),
+        "max-message-age": Time(6, 40),
+        "mtu": Int(68, 65535, words=("auto",)),
+        "port-cost-mode": Choice(("long", "short")),
+        "priority": Int(0, 65535, hexadecimal=True),
+        "protocol-mode": Choice(("mstp", "none", "rstp", "stp")),
+        "transmit-hold-count": Int(1, 10),
+    },
+    local=(
         Arg("name", Text(empty=False), ""),
         Arg("add-dhcp-option82", Bool(), "no", shown_if=("dhcp-snooping", "yes")),
-        Arg("admin-mac", Mac()),
-        Arg("ageing-time", Time(10, 1005400), "5m"),
-        Arg("arp", _ARP, "enabled"),
-        Arg("arp-timeout", Time(words=("auto",)), "auto"),
-        Arg("auto-mac", Bool(), "yes"),
-        COMMENT,
-        Arg("dhcp-snooping", Bool(), "no"),
-        DISABLED,
         Arg("ether-type", Choice(("0x8100", "0x88a8", "0x9100")), "0x8100", shown_if=_VLAN),
-        Arg("fast-forward", Bool(), "yes"),
-        Arg("forward-delay", Time(4, 30), "15s"),
         Arg("forward-reserved-addresses", Bool(), "no", shown_if=("protocol-mode", "none")),
         Arg("frame-types", _FRAMES, "admit-all", shown_if=_VLAN),
-        Arg("igmp-snooping", Bool(), "no"),
         Arg("igmp-version", Choice(("2", "3")), "2", shown_if=_IGMP),
         Arg("ingress-filtering", Bool(), "yes", shown_if=_VLAN),
         Arg("last-member-interval", Time(), "1s", shown_if=_IGMP),
         Arg("last-member-query-count", Int(), "2", shown_if=_IGMP),
         Arg("max-hops", Int(6, 40), "20", shown_if=("protocol-mode", "mstp")),
-        Arg("max-learned-entries", Int(words=("auto", "unlimited")), "auto"),
-        Arg("max-message-age", Time(6, 40), "20s"),
         Arg("membership-interval", Time(), "4m20s", shown_if=_IGMP),
         Arg("mld-version", Choice(("1", "2")), "1", shown_if=_IGMP),
-        Arg("mtu", Int(68, 65535, words=("auto",)), "auto"),
         Arg("multicast-querier", Bool(), "no", shown_if=_IGMP),
         Arg("multicast-router", _ROUTER, "temporary-query", shown_if=_IGMP),
-        Arg("mvrp", Bool(), "no"),
-        Arg("port-cost-mode", Choice(("long", "short")), "long"),
-        Arg("priority", Int(0, 65535, hexadecimal=True), "0x8000"),
-        Arg("protocol-mode", Choice(("mstp", "none", "rstp", "stp")), "rstp"),
         Arg("pvid", Int(1, 4094), "1", shown_if=_VLAN),
         Arg("querier-interval", Time(), "4m15s", shown_if=_IGMP),
         Arg("query-interval", Time(), "2m5s", shown_if=_IGMP),
@@ -88,102 +88,87 @@ _BRIDGE = Menu(
         Arg("region-revision", Int(0, 65535), "0", shown_if=("protocol-mode", "mstp")),
         Arg("startup-query-count", Int(), "2", shown_if=_IGMP),
         Arg("startup-query-interval", Time(), "31s250ms", shown_if=_IGMP),
-        Arg("transmit-hold-count", Int(1, 10), "6"),
-        Arg("vlan-filtering", Bool(), "no"),
     ),
-    noun="device",
     space="interface",
     unique=(_TAKEN,),
     flags=("dynamic", "running"),
 )
 
-_PORT = Menu(
+_PORT = of_schema(
     "/interface/bridge/port",
-    Shape.LIST,
-    (
-        Arg("auto-isolate", Bool(), "no"),
-        Arg("bpdu-guard", Bool(), "no"),
-        Arg("bridge", Ref(("bridge",)), required=True, always=True),
-        Arg("broadcast-flood", Bool(), "yes"),
-        COMMENT,
-        DISABLED,
-        Arg("edge", Choice(("auto", "no", "no-discover", "yes", "yes-discover")), "auto"),
-        Arg("fast-leave", Bool(), "no"),
-        Arg("frame-types", _FRAMES, "admit-all"),
-        Arg("horizon", Int(0, 429496729, words=("none",)), "none"),
-        Arg("hw", Bool(), "yes"),
-        Arg("ingress-filtering", Bool(), "yes"),
-        Arg("interface", Ref(("interface", "list")), required=True, always=True),
-        Arg("internal-path-cost", Int(0, 200000000)),
-        Arg("learn", Choice(("auto", "no", "yes")), "auto"),
-        Arg("multicast-router", _ROUTER, "temporary-query"),
-        Arg("mvrp-applicant-state", Choice(("non-participant", "normal-participant")), "normal-participant"),
-        Arg("mvrp-registrar-state", Choice(("fixed", "normal")), "normal"),
-        Arg("path-cost", Int(0, 200000000)),
-        Arg("point-to-point", Choice(("auto", "no", "yes")), "auto"),
-        Arg("priority", Int(0, 240, hexadecimal=True), "0x80"),
-        Arg("pvid", Int(1, 4094), "1"),
-        Arg("restricted-role", Bool(), "no"),
-        Arg("restricted-tcn", Bool(), "no"),
-        Arg("tag-stacking", Bool(), "no"),
-        Arg("trusted", Bool(), "no"),
-        Arg("unknown-multicast-flood", Bool(), "yes"),
-        Arg("unknown-unicast-flood", Bool(), "yes"),
-    ),
     noun="bridge port",
+    kinds={
+        "edge": Choice(("auto", "no", "no-discover", "yes", "yes-discover")),
+        "frame-types": _FRAMES,
+        "horizon": Int(0, 429496729, words=("none",)),
+        "internal-path-cost": Int(0, 200000000),
+        "learn": Choice(("auto", "no", "yes")),
+        "multicast-router": _ROUTER,
+        "mvrp-applicant-state": Choice(("non-participant", "normal-participant")),
+        "mvrp-registrar-state": Choice(("fixed", "normal")),
+        "path-cost": Int(0, 200000000),
+        "point-to-point": Choice(("auto", "no", "yes")),
+        "priority": Int(0, 240, hexadecimal=True),
+        "pvid": Int(1, 4094),
+    },
+    local=(
+        Arg("bridge", Ref(("bridge",)), required=True, always=True),
+        Arg("interface", Ref(("interface", "list")), required=True, always=True),
+    ),
     called="interface",
     unique=(Unique(("interface",), "failure: device already added as bridge port"),),
     flags=("dynamic", "inactive"),
     first_id=0,
 )
 
-_ETHERNET = Menu(
+# Rows refer to a port by its id. Assumption: name-in-routes. Assumption: port-new-name
+_ETHERNET = of_schema(
     "/interface/ethernet",
-    Shape.FIXED,
-    (
-        # Rows refer to a port by its id. Assumption: name-in-routes. Assumption: port-new-name
+    noun="device",
+    kinds={
+        "arp": _ARP,
+        "arp-timeout": Time(words=("auto",)),
+        "loop-protect": Choice(("default", "off", "on")),
+        "loop-protect-send-interval": Time(1),
+        "mtu": Int(68, 65535),
+        "speed": Choice((*offered("/interface/ethernet", "speed"), *_SPEEDS)),
+        "poe-out": Choice(("auto-on", "forced-on", "off")),
+        "poe-priority": Int(0, 99),
+        "poe-voltage": Choice(("auto", "high", "low")),
+        "power-cycle-interval": Time(words=("none",)),
+        "power-cycle-ping-address": Address(),
+    },
+    local=(
         Arg("name", Text(empty=False), ""),
         Arg("advertise", Choices((*offered("/interface/ethernet", "advertise"), *_ADVERTISED), ordered=False), _RATES),
-        Arg("arp", _ARP, "enabled"),
-        Arg("arp-timeout", Time(words=("auto",)), "auto"),
-        Arg("auto-negotiation", Bool(), "yes"),
-        COMMENT,
-        DISABLED,
         Arg("l2mtu", Int(0, 65535), "1598"),
-        Arg("loop-protect", Choice(("default", "off", "on")), "default"),
-        Arg("loop-protect-disable-time", Time(), "5m"),
-        Arg("loop-protect-send-interval", Time(1), "5s"),
         Arg("mac-address", Mac(), ""),
-        Arg("mtu", Int(68, 65535), "1500"),
         Arg("orig-mac-address", Mac(), ""),
         Arg("rx-flow-control", _FLOW, "off"),
-        Arg("speed", Choice((*offered("/interface/ethernet", "speed"), *_SPEEDS))),
         Arg("tx-flow-control", _FLOW, "off"),
-        Arg("poe-out", Choice(("auto-on", "forced-on", "off")), "auto-on"),
-        Arg("poe-priority", Int(0, 99), "10"),
-        Arg("poe-voltage", Choice(("auto", "high", "low")), "auto"),
-        Arg("power-cycle-interval", Time(words=("none",)), "none"),
-        Arg("power-cycle-ping-address", Address()),
-        Arg("power-cycle-ping-enabled", Bool(), "no"),
-        Arg("power-cycle-ping-timeout", Time()),
     ),
-    noun="device",
+    without=(
+        "cable-settings",
+        "combo-mode",
+        "default-name",
+        "disable-running-check",
+        "fec-mode",
+        "mdix-enable",
+        "sfp-ignore-rx-los",
+        "sfp-rate-select",
+        "sfp-shutdown-temperature",
+    ),
     space="interface",
     unique=(_TAKEN,),
     flags=("running", "slave"),
     select=Select.DEFAULT_NAME,
 )
 
-_LIST = Menu(
+_LIST = of_schema(
     "/interface/list",
-    Shape.LIST,
-    (
-        Arg("name", Text(empty=False), required=True),
-        COMMENT,
-        Arg("exclude", Refs(Ref(("list",))), ""),
-        Arg("include", Refs(Ref(("list",))), ""),
-    ),
     noun="interface list",
+    kinds={"exclude": Refs(Ref(("list",))), "include": Refs(Ref(("list",)))},
+    local=(Arg("name", Text(empty=False), required=True),),
     space="list",
     unique=(Unique(("name",), "failure: already have such name"),),
     factory=(
@@ -198,48 +183,42 @@ _LIST = Menu(
     first_id=0x2000000,
 )
 
-_MEMBER = Menu(
+_MEMBER = of_schema(
     "/interface/list/member",
-    Shape.LIST,
-    (
-        COMMENT,
-        DISABLED,
+    noun="interface list member",
+    local=(
         Arg("interface", Ref(("interface",)), required=True, always=True),
         Arg("list", Ref(("list",)), required=True, always=True),
     ),
-    noun="interface list member",
     unique=(Unique(("interface", "list"), "failure: already have such entry"),),
     flags=("dynamic",),
 )
 
 _CIPHERS = Choice((*offered("/interface/ovpn-client", "cipher"), *OLD_WORDS["/interface/ovpn-client"]["cipher"].old))
-_OVPN = Menu(
+_OVPN = of_schema(
     "/interface/ovpn-client",
-    Shape.LIST,
-    (
+    noun="device",
+    kinds={
+        "auth": Choice(("md5", "null", "sha1", "sha256", "sha384", "sha512")),
+        "certificate": Ref(("certificate",), ("none",)),
+        "cipher": _CIPHERS,
+        "max-mtu": Int(64, 65535),
+        "mode": Choice(("ethernet", "ip")),
+        "password": Text(longest=1000),
+        "port": Int(1, 65535),
+        "profile": Choice(("default", "default-encryption")),
+        "protocol": Choice(("tcp", "udp")),
+        "tls-version": Choice(("any", "only-1.2")),
+    },
+    local=(
         Arg("name", Text(empty=False), ""),
-        Arg("add-default-route", Bool(), "no"),
-        Arg("auth", Choice(("md5", "null", "sha1", "sha256", "sha384", "sha512")), "sha1"),
-        Arg("certificate", Ref(("certificate",), ("none",)), "none"),
-        Arg("cipher", _CIPHERS, "blowfish128"),
-        COMMENT,
         Arg("connect-to", Address(dns=True), required=True),
         Arg("disabled", Bool(), "yes"),
         Arg("disconnect-notify", Bool(), "yes", shown_if=("protocol", "udp")),
         Arg("mac-address", Mac(), ""),
-        Arg("max-mtu", Int(64, 65535), "1500"),
-        Arg("mode", Choice(("ethernet", "ip")), "ip"),
-        Arg("password", Text(longest=1000), "", secret=True),
-        Arg("port", Int(1, 65535), "1194"),
-        Arg("profile", Choice(("default", "default-encryption")), "default"),
-        Arg("protocol", Choice(("tcp", "udp")), "tcp"),
-        Arg("route-nopull", Bool(), "no"),
-        Arg("tls-version", Choice(("any", "only-1.2")), "any"),
         Arg("use-peer-dns", Choice(("exclusively", "no", "yes")), "yes"),
         Arg("user", Text(longest=27, empty=False), required=True),
-        Arg("verify-server-certificate", Bool(), "no"),
     ),
-    noun="device",
     space="interface",
     unique=(_TAKEN,),
     flags=("running", "hw-crypto"),

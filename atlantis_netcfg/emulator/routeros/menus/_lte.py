@@ -6,32 +6,29 @@ Names and words: RouterOS' command trees; defaults: Manual, LTE/5G, and public v
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    Arg,
+    Select,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Pattern, Ref, Refs, Text, Time
 
 _NUMBERS = Pattern(r"|\d{1,3}(,\d{1,3})*")
 
-_APN = Menu(
+_APN = of_schema(
     "/interface/lte/apn",
-    Shape.LIST,
-    (
-        Arg("name", Text(empty=False), ""),
-        Arg("add-default-route", Bool(), "yes"),
-        Arg("apn", Text(longest=100), "internet"),
-        Arg("authentication", Choice(("chap", "none", "pap")), "none"),
-        COMMENT,
-        Arg("default-route-distance", Int(0, 255), "2"),
-        Arg("ip-type", Choice(("auto", "ipv4", "ipv6")), "auto"),
-        Arg("ipv6-interface", Ref(("interface",), ("none",))),
-        Arg("passthrough-interface", Ref(("interface",), ("none",))),
-        Arg("passthrough-mac", Text()),
-        Arg("passthrough-subnet-size", Choice(("32", "auto"))),
-        Arg("password", Text(), "", secret=True),
-        Arg("use-network-apn", Bool(), "yes"),
-        Arg("use-peer-dns", Bool(), "yes"),
-        Arg("user", Text(), ""),
-    ),
     noun="apn profile",
+    kinds={
+        "name": Text(empty=False),
+        "apn": Text(longest=100),
+        "authentication": Choice(("chap", "none", "pap")),
+        "default-route-distance": Int(0, 255),
+        "ip-type": Choice(("auto", "ipv4", "ipv6")),
+        "ipv6-interface": Ref(("interface",), ("none",)),
+        "passthrough-interface": Ref(("interface",), ("none",)),
+        "passthrough-subnet-size": Choice(("32", "auto")),
+    },
     space="lte-apn",
     unique=(Unique(("name",), "failure: item with such name already exists"),),
     factory=({"name": "default"},),
@@ -39,43 +36,35 @@ _APN = Menu(
     select=Select.DEFAULT,
 )
 
-_LTE = Menu(
+_LTE = of_schema(
     "/interface/lte",
-    Shape.FIXED,
-    (
+    noun="lte",
+    kinds={
+        "apn-profiles": Refs(Ref(("lte-apn",))),
+        "band": _NUMBERS,
+        "mtu": Int(68, 65535),
+        "network-mode": Choices(("3g", "5g", "gsm", "lte"), ordered=False),
+        "nr-band": _NUMBERS,
+        "operator": Pattern(r"|\d{5,6}"),
+    },
+    local=(
         Arg("name", Text(empty=False), ""),
         Arg("allow-roaming", Bool()),
-        Arg("apn-profiles", Refs(Ref(("lte-apn",))), "default"),
-        Arg("band", _NUMBERS, ""),
-        COMMENT,
-        DISABLED,
-        Arg("modem-init", Text()),
-        Arg("mtu", Int(68, 65535), "1500"),
-        Arg("network-mode", Choices(("3g", "5g", "gsm", "lte"), ordered=False)),
-        Arg("nr-band", _NUMBERS, ""),
-        Arg("operator", Pattern(r"|\d{5,6}"), ""),
-        Arg("pin", Text(), "", secret=True),
         Arg("sms-protocol", Choice(("at", "auto", "mbim")), "auto"),
         Arg("sms-read", Bool(), "yes"),
     ),
-    noun="lte",
+    without=("default-name",),
     space="interface",
     unique=(Unique(("name",), "failure: already have interface with such name"),),
     flags=("running", "inactive"),
     select=Select.DEFAULT_NAME,
 )
 
-_SETTINGS = Menu(
+_SETTINGS = of_schema(
     "/interface/lte/settings",
-    Shape.SETTINGS,
-    (
-        Arg("esim-channel", Choice(("at", "auto")), "auto"),
-        Arg("firmware-path", Text(), "firmware"),
-        Arg("info-polling-interval", Time(), "0s"),
-        Arg("link-recovery-timer", Int(), "120"),
-        Arg("mode", Choice(("auto", "mbim", "serial", "user")), "auto"),
-    ),
     noun="lte settings",
+    kinds={"esim-channel": Choice(("at", "auto")), "mode": Choice(("auto", "mbim", "serial", "user"))},
+    local=(Arg("info-polling-interval", Time(), "0s"),),
 )
 
 MENUS = (_APN, _LTE, _SETTINGS)

@@ -1,11 +1,21 @@
-"""How a row of the table of menus looks."""
+"""How a row of the table of menus looks, and how it is made of the engine's schema (routeros/menus).
+
+Names, shapes and defaults stand in the schema alone, which is held against the published command trees. What is added
+here is what a device does: which values it takes, what it computes, what it refuses.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.values import Bool, Kind, Text
+from atlantis_netcfg.routeros import menus as schema
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
 
 
 class Shape(StrEnum):
@@ -103,3 +113,49 @@ class Menu:
 
 DISABLED = Arg("disabled", Bool(), "no")
 COMMENT = Arg("comment", Text())
+
+_SHAPES: Final = {
+    schema.Shape.LIST: Shape.LIST,
+    schema.Shape.FIXED: Shape.FIXED,
+    schema.Shape.SINGLETON: Shape.SETTINGS,
+}
+_PLAIN: Final = {
+    schema.Kind.BOOLEAN: Bool(),
+    schema.Kind.FLAG: values.Flag(),
+    schema.Kind.INTERFACE: values.Ref(("interface",)),
+    schema.Kind.MAC: values.Mac(),
+    schema.Kind.NUMBER: values.Int(),
+    schema.Kind.PREFIX: values.Address(v6=False),
+    schema.Kind.RATE: values.Rate(),
+    schema.Kind.SIZE: values.Size(),
+    schema.Kind.TIME: values.Time(),
+}
+"""What a device takes for a kind of value where nothing narrower is said; for the others any text."""
+
+
+def of_schema(
+    path: str,
+    *,
+    shape: Shape | None = None,
+    kinds: Mapping[str, Kind] | None = None,
+    local: Iterable[Arg] = (),
+    without: Iterable[str] = (),
+    **rest: Any,  # noqa: ANN401 - fields of Menu
+) -> Menu:
+    """Make a menu of the engine's schema.
+
+    `kinds` says which values a device takes, `local` are arguments that the schema lacks or of which the emulated router
+    knows more than kind and default; `without` are those of the schema that no emulated router has.
+    """
+    menu, narrower = schema.MENUS[path], kinds or {}
+    args = {
+        field.name: Arg(
+            field.name,
+            narrower.get(field.name) or _PLAIN.get(field.kind, Text()),
+            None if field.name == "comment" else field.default,
+            secret=field.secret,
+        )
+        for field in menu.fields
+        if field.name not in without
+    } | {arg.name: arg for arg in local}
+    return Menu(path, shape or _SHAPES[menu.shape], tuple(args[name] for name in sorted(args)), **rest)

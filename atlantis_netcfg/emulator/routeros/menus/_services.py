@@ -6,11 +6,10 @@ exports of RouterOS 7.19.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import DISABLED, Arg, Menu, Select, Shape
+from atlantis_netcfg.emulator.routeros.menus._model import Arg, Select, of_schema
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
     Addresses,
-    Bool,
     Choice,
     Choices,
     Int,
@@ -18,7 +17,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Pattern,
     Prefixes,
     Ref,
-    Size,
     Text,
     Time,
 )
@@ -28,20 +26,17 @@ _VRF = Arg("vrf", Ref(("table",)), "main")
 _TLS = {"certificate": "none", "tls-version": "any"}
 
 MENUS = (
-    Menu(
+    of_schema(
         "/ip/service",
-        Shape.FIXED,
-        (
+        noun="ip service",
+        kinds={"address": Prefixes(many=True), "max-sessions": Int(1, 1000)},
+        local=(
             Arg("name", Text(), "", exported=False),
-            Arg("address", Prefixes(many=True), ""),
             Arg("certificate", Ref(("certificate",), ("none",))),
-            DISABLED,
-            Arg("max-sessions", Int(1, 1000), "20"),
             Arg("port", Int(1, 65535), ""),
             Arg("tls-version", Choice(("any", "only-1.2"))),
             _VRF,
         ),
-        noun="ip service",
         factory=(
             {"name": "telnet", "port": "23"},
             {"name": "ftp", "port": "21"},
@@ -56,200 +51,120 @@ MENUS = (
         select=Select.NAME,
         first_id=0,
     ),
-    Menu(
+    of_schema(
         "/ip/ssh",
-        Shape.SETTINGS,
-        (
-            Arg("allow-none-crypto", Bool(), "no"),
-            Arg("always-allow-password-login", Bool(), "no"),
-            Arg(
-                "ciphers", Choices(("3des-cbc", "aes-cbc", "aes-ctr", "aes-gcm", "auto", "null"), ordered=False), "auto"
-            ),
-            Arg("forwarding-enabled", Choice(("both", "local", "no", "remote")), "no"),
+        noun="ssh settings",
+        kinds={
+            "ciphers": Choices(("3des-cbc", "aes-cbc", "aes-ctr", "aes-gcm", "auto", "null"), ordered=False),
+            "forwarding-enabled": Choice(("both", "local", "no", "remote")),
+            "password-authentication": Choice(("no", "yes", "yes-if-no-key")),
+            "publickey-authentication-options": Choice(("none", "touch-required", "verify-required")),
+        },
+        local=(
             Arg("host-key-size", Choice(("1024", "1536", "2048", "4096", "8192")), "2048"),
             Arg("host-key-type", Choice(("ed25519", "rsa")), "rsa"),
-            Arg("password-authentication", Choice(("no", "yes", "yes-if-no-key")), "yes-if-no-key"),
-            Arg("publickey-authentication-options", Choice(("none", "touch-required", "verify-required")), "none"),
-            Arg("strong-crypto", Bool(), "no"),
         ),
-        noun="ssh settings",
     ),
-    Menu(
+    of_schema(
         "/ip/neighbor/discovery-settings",
-        Shape.SETTINGS,
-        (
-            Arg("discover-interface-list", Not(_LIST), "static"),
-            Arg("discover-interval", Time(5, 32768), "30s"),
-            Arg("lldp-mac-phy-config", Bool(), "no"),
-            Arg("lldp-max-frame-size", Bool(), "no"),
-            Arg("lldp-med-net-policy-vlan", Int(0, 4094, words=("disabled",)), "disabled"),
-            Arg("lldp-poe-power", Bool(), "yes"),
-            Arg("lldp-vlan-info", Bool(), "no"),
-            Arg("mode", Choice(("rx-only", "tx-and-rx", "tx-only")), "tx-and-rx"),
-            Arg("protocol", Choices(("cdp", "lldp", "mndp")), "cdp,lldp,mndp"),
-        ),
         noun="discovery settings",
+        kinds={
+            "discover-interface-list": Not(_LIST),
+            "discover-interval": Time(5, 32768),
+            "lldp-med-net-policy-vlan": Int(0, 4094, words=("disabled",)),
+            "mode": Choice(("rx-only", "tx-and-rx", "tx-only")),
+            "protocol": Choices(("cdp", "lldp", "mndp")),
+        },
     ),
-    Menu(
+    of_schema(
         "/ip/cloud",
-        Shape.SETTINGS,
-        (
-            Arg("ddns-enabled", Choice(("auto", "no", "yes")), "auto"),
-            Arg("ddns-update-interval", Time(60, words=("none",)), "none"),
-            Arg("update-time", Bool(), "yes"),
-        ),
         noun="cloud settings",
+        kinds={"ddns-enabled": Choice(("auto", "no", "yes")), "ddns-update-interval": Time(60, words=("none",))},
     ),
-    Menu(
+    of_schema(
         "/ip/proxy",
-        Shape.SETTINGS,
-        (
-            Arg("always-from-cache", Bool(), "no"),
-            Arg("anonymous", Bool(), "no"),
-            Arg("cache-administrator", Text(), "webmaster"),
-            Arg("cache-hit-dscp", Int(0, 63), "4"),
-            Arg("cache-on-disk", Bool(), "no"),
-            Arg("cache-path", Text(), "web-proxy"),
-            Arg("enabled", Bool(), "no"),
-            Arg("max-cache-object-size", Size(), "2048KiB"),
-            Arg("max-cache-size", Int(words=("none", "unlimited")), "unlimited"),
-            Arg("max-client-connections", Int(), "600"),
-            Arg("max-fresh-time", Time(), "3d"),
-            Arg("max-server-connections", Int(), "600"),
-            Arg("parent-proxy", Address(), "::"),
-            Arg("parent-proxy-port", Int(0, 65535), "0"),
-            Arg("port", Pattern(r"\d{1,5}(,\d{1,5})*"), "8080"),
-            Arg("serialize-connections", Bool(), "no"),
-            Arg("src-address", Addresses(), "::"),
-        ),
         noun="web proxy",
+        kinds={
+            "cache-hit-dscp": Int(0, 63),
+            "max-cache-size": Int(words=("none", "unlimited")),
+            "parent-proxy": Address(),
+            "parent-proxy-port": Int(0, 65535),
+            "port": Pattern(r"\d{1,5}(,\d{1,5})*"),
+            "src-address": Addresses(),
+        },
         feature="proxy",
     ),
-    Menu(
+    of_schema(
         "/ip/socks",
-        Shape.SETTINGS,
-        (
-            Arg("auth-method", Choice(("none", "password")), "none"),
-            Arg("connection-idle-timeout", Time(), "2m"),
-            Arg("enabled", Bool(), "no"),
-            Arg("max-connections", Int(1, 500), "200"),
-            Arg("port", Int(1, 65535), "1080"),
-            Arg("version", Choice(("4", "5")), "4"),
-            _VRF,
-        ),
         noun="socks settings",
+        kinds={
+            "auth-method": Choice(("none", "password")),
+            "max-connections": Int(1, 500),
+            "port": Int(1, 65535),
+            "version": Choice(("4", "5")),
+        },
+        local=(_VRF,),
         feature="socks",
     ),
-    Menu(
+    of_schema(
         "/ip/settings",
-        Shape.SETTINGS,
-        (
-            Arg("accept-redirects", Bool(), "no"),
-            Arg("accept-source-route", Bool(), "no"),
-            Arg("allow-fast-path", Bool(), "yes"),
-            Arg("arp-timeout", Time(), "30s"),
-            Arg("icmp-errors-use-inbound-interface-address", Bool(), "no"),
-            Arg("icmp-rate-limit", Int(0, 4294967295), "10"),
-            Arg("icmp-rate-mask", Pattern(r"0x[0-9A-Fa-f]{1,8}"), "0x1818"),
-            Arg("ip-forward", Bool(), "yes"),
-            Arg("ipv4-multipath-hash-policy", Choice(("l3", "l3-inner", "l4")), "l3"),
-            Arg("max-neighbor-entries", Int(), "16384"),
-            Arg("rp-filter", Choice(("loose", "no", "strict")), "no"),
-            Arg("secure-redirects", Bool(), "yes"),
-            Arg("send-redirects", Bool(), "yes"),
-            Arg("tcp-syncookies", Bool(), "no"),
-            Arg("tcp-timestamps", Choice(("disabled", "enabled", "random-offset")), "random-offset"),
-        ),
         noun="ip settings",
-    ),
-    Menu(
-        "/ip/upnp",
-        Shape.SETTINGS,
-        (
-            Arg("allow-disable-external-interface", Bool(), "no"),
-            Arg("enabled", Bool(), "no"),
-            Arg("show-dummy-rule", Bool(), "yes"),
+        kinds={
+            "ipv4-multipath-hash-policy": Choice(("l3", "l3-inner", "l4")),
+            "rp-filter": Choice(("loose", "no", "strict")),
+            "tcp-timestamps": Choice(("disabled", "enabled", "random-offset")),
+        },
+        local=(
+            Arg("icmp-rate-mask", Pattern(r"0x[0-9A-Fa-f]{1,8}"), "0x1818"),
+            Arg("max-neighbor-entries", Int(), "16384"),
         ),
-        noun="upnp settings",
     ),
-    Menu(
+    of_schema("/ip/upnp", noun="upnp settings"),
+    of_schema(
         "/ipv6/settings",
-        Shape.SETTINGS,
-        (
-            Arg("accept-redirects", Choice(("no", "yes-if-forwarding-disabled")), "yes-if-forwarding-disabled"),
-            Arg(
-                "accept-router-advertisements",
-                Choice(("no", "yes", "yes-if-forwarding-disabled")),
-                "yes-if-forwarding-disabled",
-            ),
-            Arg("accept-router-advertisements-on", _LIST, "all"),
-            Arg("allow-fast-path", Bool(), "yes"),
-            Arg("disable-ipv6", Bool(), "no"),
-            Arg("disable-link-local-address", Bool(), "no"),
-            Arg("forward", Bool(), "yes"),
+        noun="ipv6 settings",
+        kinds={
+            "accept-redirects": Choice(("no", "yes-if-forwarding-disabled")),
+            "accept-router-advertisements": Choice(("no", "yes", "yes-if-forwarding-disabled")),
+            "accept-router-advertisements-on": _LIST,
+            "multipath-hash-policy": Choice(("l3", "l3-inner", "l4")),
+            "stale-neighbor-detect-interval": Int(),
+            "stale-neighbor-timeout": Int(),
+        },
+        local=(
             Arg("max-neighbor-entries", Int(), "14336"),
             Arg("min-neighbor-entries", Int(), "3584"),
-            Arg("multipath-hash-policy", Choice(("l3", "l3-inner", "l4")), "l3"),
             Arg("soft-max-neighbor-entries", Int(), "7168"),
-            Arg("stale-neighbor-detect-interval", Int(), "30"),
-            Arg("stale-neighbor-timeout", Int(), "60"),
         ),
-        noun="ipv6 settings",
     ),
-    Menu(
+    of_schema(
         "/snmp",
-        Shape.SETTINGS,
-        (
-            Arg("contact", Text(), ""),
-            Arg("enabled", Bool(), "no"),
-            Arg("engine-id-suffix", Text(), ""),
-            Arg("location", Text(), ""),
-            Arg("src-address", Address(), "::"),
-            Arg("trap-community", Text(), "public"),
-            Arg("trap-generators", Choices(("interfaces", "start-trap", "temp-exception")), "temp-exception"),
-            Arg("trap-interfaces", Text(), ""),
-            Arg("trap-target", Text(), ""),
-            Arg("trap-version", Choice(("1", "2", "3")), "1"),
-            _VRF,
-        ),
         noun="snmp settings",
+        kinds={
+            "src-address": Address(),
+            "trap-generators": Choices(("interfaces", "start-trap", "temp-exception")),
+            "trap-version": Choice(("1", "2", "3")),
+        },
+        local=(_VRF,),
     ),
-    Menu(
+    of_schema(
         "/tool/romon",
-        Shape.SETTINGS,
-        (
-            Arg("enabled", Bool(), "no"),
-            Arg("id", Pattern(r"[0-9A-Fa-f]{2}(:[0-9A-Fa-f]{2}){5}"), "00:00:00:00:00:00"),
-            Arg("secrets", Text(), "", secret=True),
-        ),
         noun="romon settings",
+        kinds={"id": Pattern(r"[0-9A-Fa-f]{2}(:[0-9A-Fa-f]{2}){5}")},
+        local=(Arg("secrets", Text(), "", secret=True),),
         feature="romon",
     ),
-    Menu(
-        "/tool/mac-server",
-        Shape.SETTINGS,
-        (Arg("allowed-interface-list", _LIST, "all"),),
-        noun="mac-server interface",
-    ),
-    Menu(
-        "/tool/mac-server/mac-winbox",
-        Shape.SETTINGS,
-        (Arg("allowed-interface-list", _LIST, "all"),),
-        noun="mac winbox setting",
-    ),
-    Menu("/tool/mac-server/ping", Shape.SETTINGS, (Arg("enabled", Bool(), "yes"),), noun="mac ping setting"),
-    Menu(
+    of_schema("/tool/mac-server", noun="mac-server interface", kinds={"allowed-interface-list": _LIST}),
+    of_schema("/tool/mac-server/mac-winbox", noun="mac winbox setting", kinds={"allowed-interface-list": _LIST}),
+    of_schema("/tool/mac-server/ping", noun="mac ping setting"),
+    of_schema(
         "/tool/bandwidth-server",
-        Shape.SETTINGS,
-        (
-            Arg("allocate-udp-ports-from", Int(1000, 64000), "2000"),
-            Arg("allowed-addresses4", Prefixes(many=True, v6=False), ""),
-            Arg("allowed-addresses6", Text(), ""),
-            Arg("authenticate", Bool(), "yes"),
-            Arg("enabled", Bool(), "yes"),
-            Arg("max-sessions", Int(1, 1000), "100"),
-        ),
         noun="bandwidth server",
+        kinds={
+            "allocate-udp-ports-from": Int(1000, 64000),
+            "allowed-addresses4": Prefixes(many=True, v6=False),
+            "max-sessions": Int(1, 1000),
+        },
         feature="bandwidth-test",
     ),
 )

@@ -6,7 +6,16 @@ verbose exports of RouterOS 7.19.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    COMMENT,
+    DISABLED,
+    Arg,
+    Menu,
+    Select,
+    Shape,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
@@ -53,17 +62,13 @@ _MEMORY = ("target", "memory")
 _EMAIL = ("target", "email")
 _TAKEN = Unique(("name",), "failure: item with such name already exists")
 
-_LOGGING = Menu(
+_LOGGING = of_schema(
     "/system/logging",
-    Shape.LIST,
-    (
+    noun="logging rule",
+    local=(
         Arg("action", Ref(("action",)), "memory", always=True),
-        DISABLED,
-        Arg("prefix", Text(), ""),
-        Arg("regex", Text(), ""),
         Arg("topics", Topics(offered("/system/logging", "topics")), "info", always=True),
     ),
-    noun="logging rule",
     factory=(
         {"topics": "info", "action": "memory"},
         {"topics": "error", "action": "memory"},
@@ -74,13 +79,12 @@ _LOGGING = Menu(
     builtin_flag="default",
 )
 
-_ACTION = Menu(
+_ACTION = of_schema(
     "/system/logging/action",
-    Shape.LIST,
-    (
+    noun="logging action",
+    local=(
         Arg("bsd-syslog", Bool(), "no", shown_if=_REMOTE),
         Arg("cef-event-delimiter", Text(), "\\r\\n", shown_if=("remote-log-format", "cef")),
-        COMMENT,
         Arg("disk-file-count", Int(1, 65535), "2", shown_if=_DISK),
         Arg("disk-file-name", Text(), "log", shown_if=_DISK),
         Arg("disk-lines-per-file", Int(1, 65535), "1000", shown_if=_DISK),
@@ -104,7 +108,6 @@ _ACTION = Menu(
         Arg("target", Choice(("disk", "echo", "email", "memory", "remote")), required=True, always=True),
         Arg("vrf", Ref(("table",)), "main", shown_if=_REMOTE),
     ),
-    noun="logging action",
     space="action",
     unique=(_TAKEN,),
     factory=(
@@ -134,20 +137,17 @@ _SCHEDULER = Menu(
     unique=(_TAKEN,),
 )
 
-_USER = Menu(
+_USER = of_schema(
     "/user",
-    Shape.LIST,
-    (
-        Arg("address", Prefixes(many=True), ""),
-        COMMENT,
-        DISABLED,
+    noun="user",
+    kinds={"address": Prefixes(many=True)},
+    local=(
         Arg("group", Ref(("group",)), required=True),
         Arg("inactivity-policy", Choice(("lockscreen", "logout", "none")), "none"),
         Arg("inactivity-timeout", Time(60, 86400), "10m"),
         Arg("name", Text(empty=False), required=True),
         Arg("password", Text(), "", never=True),
     ),
-    noun="user",
     unique=(Unique(("name",), "failure: user with the same name already exists"),),
     flags=("expired",),
     exported=False,
@@ -156,16 +156,10 @@ _USER = Menu(
 _READ = "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
 _WRITE = "local,telnet,ssh,reboot,read,write,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
 _NOTHING = ",".join(f"!{policy}" for policy in POLICIES)
-_GROUP = Menu(
+_GROUP = of_schema(
     "/user/group",
-    Shape.LIST,
-    (
-        COMMENT,
-        Arg("name", Text(empty=False), ""),
-        Arg("policy", Granted(POLICIES), _NOTHING),
-        Arg("skin", Text(), "default"),
-    ),
     noun="user group",
+    local=(Arg("name", Text(empty=False), ""), Arg("policy", Granted(POLICIES), _NOTHING)),
     space="group",
     unique=(_TAKEN,),
     factory=(
@@ -176,10 +170,10 @@ _GROUP = Menu(
     select=Select.NAME,
 )
 
-_CERTIFICATE = Menu(
+_CERTIFICATE = of_schema(
     "/certificate",
-    Shape.LIST,
-    (
+    noun="certificate",
+    local=(
         Arg("common-name", Text(), ""),
         Arg("country", Text(), ""),
         Arg("days-valid", Int(), "365"),
@@ -195,7 +189,6 @@ _CERTIFICATE = Menu(
         Arg("trusted", Bool(), "no"),
         Arg("unit", Text(), ""),
     ),
-    noun="certificate",
     space="certificate",
     unique=(_TAKEN,),
     flags=("authority", "crl", "expired", "private-key"),
@@ -203,57 +196,29 @@ _CERTIFICATE = Menu(
 )
 
 _SETTINGS = (
-    Menu("/system/identity", Shape.SETTINGS, (Arg("name", Text(empty=False), "MikroTik"),), noun="system identity"),
-    Menu(
+    of_schema("/system/identity", noun="system identity", kinds={"name": Text(empty=False)}),
+    of_schema(
         "/system/clock",
-        Shape.SETTINGS,
-        (
-            Arg("date", Moment(), never=True, exported=False),
-            Arg("time", Moment(), never=True, exported=False),
-            Arg("time-zone-autodetect", Bool(), "yes"),
-            Arg("time-zone-name", Choice(("manual", *offered("/system/clock", "time-zone-name"))), "manual"),
-        ),
         noun="clock settings",
+        kinds={"time-zone-name": Choice(("manual", *offered("/system/clock", "time-zone-name")))},
+        local=(Arg("date", Moment(), never=True, exported=False), Arg("time", Moment(), never=True, exported=False)),
     ),
-    Menu(
+    of_schema(
         "/system/ntp/client",
-        Shape.SETTINGS,
-        (
-            Arg("enabled", Bool(), "no"),
-            Arg("mode", Choice(("broadcast", "manycast", "multicast", "unicast")), "unicast"),
-            Arg("servers", Addresses(_HOST), "", exported=False),
-            _VRF,
-        ),
         noun="ntp client",
+        kinds={"mode": Choice(("broadcast", "manycast", "multicast", "unicast"))},
+        local=(Arg("servers", Addresses(_HOST), "", exported=False), _VRF),
     ),
-    Menu(
+    of_schema(
         "/system/ntp/client/servers",
-        Shape.LIST,
-        (
-            Arg("address", _HOST, required=True, always=True),
-            Arg("auth-key", Text(), "none"),
-            COMMENT,
-            DISABLED,
-            Arg("iburst", Bool(), "yes"),
-            Arg("max-poll", Int(3, 17), "10"),
-            Arg("min-poll", Int(3, 17), "6"),
-        ),
         noun="ntp server",
+        kinds={"max-poll": Int(3, 17), "min-poll": Int(3, 17)},
+        local=(Arg("address", _HOST, required=True, always=True), Arg("auth-key", Text(), "none")),
         called="address",
         unique=(Unique(("address",), "failure: already have such entry"),),
         flags=("dynamic",),
     ),
-    Menu(
-        "/system/note",
-        Shape.SETTINGS,
-        (
-            Arg("note", Text(), ""),
-            Arg("show-at-cli-login", Bool(), "no"),
-            Arg("show-at-login", Bool(), "yes"),
-        ),
-        noun="system note",
-        factory=({"show-at-login": "no"},),
-    ),
+    of_schema("/system/note", noun="system note", factory=({"show-at-login": "no"},)),
 )
 
 MENUS = (*_SETTINGS, _ACTION, _LOGGING, _SCHEDULER, _USER, _GROUP, _CERTIFICATE)

@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    COMMENT,
+    DISABLED,
+    Arg,
+    Menu,
+    Select,
+    Shape,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Mac, Pattern, Ref, Text, Time
 
@@ -126,25 +135,23 @@ def _profile(name: str, args: tuple[Arg, ...]) -> Menu:
     )
 
 
-_RADIO = Menu(
+_RADIO = of_schema(
     "/interface/wifi",
-    Shape.LIST,
-    (
+    noun="device",
+    shape=Shape.LIST,
+    kinds={
+        "arp": Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only")),
+        "arp-timeout": Time(words=("auto",)),
+        "mtu": Int(32, 2290),
+    },
+    local=(
         Arg("name", Text(empty=False), ""),
-        Arg("arp", Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only")), "enabled"),
-        Arg("arp-timeout", Time(words=("auto",)), "auto"),
-        COMMENT,
         *_inside("configuration", _CONFIGURATION),
         *_OTHERS,
-        Arg("disable-running-check", Bool(), "no"),
-        Arg("disabled", Bool(), "yes"),
         Arg("l2mtu", Int(32, 2290), "1560"),
         Arg("mac-address", Mac(), ""),
-        Arg("master-interface", Ref(("interface",))),
-        Arg("mtu", Int(32, 2290), "1500"),
-        Arg("radio-mac", Mac()),
     ),
-    noun="device",
+    without=("default-name",),
     space="interface",
     unique=(Unique(("name",), "failure: already have interface with such name"),),
     flags=("running", "inactive", "bound", "master"),
