@@ -144,7 +144,7 @@ def of_schema(
 ) -> Menu:
     """Make a menu of the engine's schema.
 
-    `kinds` says which values a device takes, `local` are arguments that the schema lacks or of which the emulated router
+    `kinds` says which values a device takes; `local` are arguments that the schema lacks or of which the emulator
     knows more than kind and default; `without` are those of the schema that no emulated router has.
     """
     menu, narrower = schema.MENUS[path], kinds or {}
