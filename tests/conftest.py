@@ -27,6 +27,8 @@ MACHINES = ("machine", "gateway", "bundle", "vpn_machine")
 SYSTEM_PROGRAMS = ("/usr/local/sbin", "/usr/sbin", "/sbin")
 _USUAL_S = 120
 """What a test may take; those that may take longer are the longest."""
+_SLOW_S = 300
+"""A slow test may first wait until another worker has built the computer that both start: minutes on two busy cores."""
 ALLOWED_SKIPS = Path(__file__).with_name("allowed-skips.txt")
 
 
@@ -57,6 +59,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    _deal(config, items)
+    for test in items:
+        if test.get_closest_marker("slow") is not None and test.get_closest_marker("timeout") is None:
+            test.add_marker(pytest.mark.timeout(_SLOW_S))
+
+
+def _deal(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deal the files to the workers so that nobody waits for a long test that began last.
 
     A worker takes its share from the front, and one that has nothing left takes from the end of another's share
