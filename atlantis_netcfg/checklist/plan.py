@@ -6,26 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import SITE, Cell
-from atlantis_netcfg.checklist.probes.registry import ETHERNET, TITLES, by_a_person, steps_of
+from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
 from atlantis_netcfg.checklist.report import Item, Kind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import BearerKind, Column
+from atlantis_netcfg.declaration.model import ETHERNET, Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.declaration import Declaration
-
-_BEARERS = {
-    BearerKind.WIFI_PTP: Column.WIFI,
-    BearerKind.LTE: Column.LTE,
-    BearerKind.SATELLITE: Column.SATELLITE,
-    BearerKind.ETHERNET: ETHERNET,
-}
-"""The column in which a location's link is checked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +122,7 @@ def _rows(declaration: Declaration, site: str) -> Iterator[Row]:
             )
     declared = declaration.sites[site]
     marked = [str(column) for column in Column if column in declared.location.table3]
-    carried = {str(_BEARERS[bearer.kind]) for bearer in declared.bearers}
+    carried = {str(bearer.kind.traits.column) for bearer in declared.bearers}
     if declared.location.ethernet:
         carried.add(ETHERNET)
     beside = [name for name in (*map(str, Column), ETHERNET) if name in carried and name not in marked]

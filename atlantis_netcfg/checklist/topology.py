@@ -6,9 +6,9 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import SITE
-from atlantis_netcfg.checklist.probes.registry import ETHERNET, TITLES
+from atlantis_netcfg.checklist.probes.registry import TITLES
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode
-from atlantis_netcfg.declaration.model import BearerKind, Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
+from atlantis_netcfg.declaration.model import Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 
 _PARTNERS, _INTERNET = "partners", "internet"
 """Keys of nodes that are no hosts; those of hosts, sites and vehicles are their names."""
-_CARRIED: dict[BearerKind, str] = {
-    BearerKind.WIFI_PTP: Column.WIFI,
-    BearerKind.LTE: Column.LTE,
-    BearerKind.SATELLITE: Column.SATELLITE,
-    BearerKind.ETHERNET: ETHERNET,
-}
 
 
 def drawing(declaration: Declaration, checklist: Checklist) -> Drawing:
@@ -130,7 +124,7 @@ class _Drawn:
         return (entry for entry in self._entries if entry.item.endpoint == SITE)
 
     def _carrying(self, bearer: Bearer) -> tuple[str, ...]:
-        column = _CARRIED[bearer.kind]
+        column = bearer.kind.traits.column
         return tuple(
             entry.item.id
             for entry in self._entries
@@ -144,7 +138,7 @@ class _Drawn:
 
     def _bearers(self) -> Iterator[DrawnLink]:
         for bearer in self._declared.bearers:
-            column, near = _CARRIED[bearer.kind], bearer.device or self._middle
+            column, near = bearer.kind.traits.column, bearer.device or self._middle
             yield DrawnLink(a=near, b=self._other_end, label=TITLES[column], kind=column, items=self._carrying(bearer))
         for served in self._declared.served_links:
             yield DrawnLink(a=served.device, b=served.carries, label=TITLES[Column.WIFI], kind=Column.WIFI)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import AllowedTarget, BearerKind, Transport
+from atlantis_netcfg.declaration.model import AllowedTarget, Transport
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -42,7 +42,7 @@ def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
 
 def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
     """Everything that a satellite link admits, what is derived first; nothing for other links."""
-    return (*derived(pilot), *bearer.allow) if bearer.kind is BearerKind.SATELLITE else ()
+    return (*derived(pilot), *bearer.allow) if bearer.kind.traits.allow_list else ()
 
 
 def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:

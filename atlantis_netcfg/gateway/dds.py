@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway
+from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway, Pace
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.render import compiled, environment, template_folder
 
@@ -128,12 +128,7 @@ _FAST = Tuning(announce_s=5, message_bytes=1372, fragment_bytes=1272)
 _MOBILE = Tuning(announce_s=10, message_bytes=1200, fragment_bytes=1100)
 _SATELLITE = Tuning(announce_s=20, message_bytes=1200, fragment_bytes=1100)
 
-TUNING: Mapping[BearerKind, Tuning] = {
-    BearerKind.ETHERNET: _FAST,
-    BearerKind.WIFI_PTP: _FAST,
-    BearerKind.LTE: _MOBILE,
-    BearerKind.SATELLITE: _SATELLITE,
-}
+TUNING: Mapping[Pace, Tuning] = {Pace.FAST: _FAST, Pace.MOBILE: _MOBILE, Pace.SATELLITE: _SATELLITE}
 """1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
 
 _DAY_S = 24 * 3600
@@ -210,7 +205,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
 def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:
     """Of the slowest link on the way: what a control centre announces, a vessel receives over its satellite."""
     far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
-    return max((TUNING[bearer_kind] for bearer_kind in {kind, *far}), key=lambda tuning: tuning.announce_s)
+    return TUNING[max(each.traits.pace for each in {kind, *far})]
 
 
 def _declared(declaration: Declaration) -> Dds:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.declaration.model import BearerKind, Cpe, Router
+from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.bearers import LAN, as_bearer
 from atlantis_netcfg.routeros.pair import Pair, Signal
@@ -56,9 +56,7 @@ def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> Bea
         return near.bearer
     names = {end.name for end in bridge.ends}
     bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
-    return next(
-        (as_bearer(item) for item in bearers if item.kind == BearerKind.WIFI_PTP and item.device in names), None
-    )
+    return next((as_bearer(item) for item in bearers if item.kind.traits.bridge and item.device in names), None)
 
 
 def bridges(
@@ -110,7 +108,7 @@ def _over_a_bridge(declaration: Declaration, end: Host, via: Mapping[str, str]) 
     assert isinstance(end.device, Cpe)  # noqa: S101 - `_ends` gives no others
     name = via.get(end.name, end.device.access.via)
     bearers = [bearer for site in declaration.sites.values() for bearer in site.bearers if bearer.name == name]
-    return name != LAN.name and any(bearer.kind == BearerKind.WIFI_PTP for bearer in bearers)
+    return name != LAN.name and any(bearer.kind.traits.bridge for bearer in bearers)
 
 
 @dataclass(frozen=True, slots=True)

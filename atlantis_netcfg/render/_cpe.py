@@ -164,7 +164,7 @@ def _ends(declaration: Declared, host: DeclaredHost, device: Cpe) -> tuple[str, 
     ends = {host.name, device.ptp.peer}
     for carried, site in declaration.sites.items():
         for bearer in site.bearers:
-            if bearer.kind != "wifi_ptp" or bearer.device not in ends:
+            if not bearer.kind.traits.bridge or bearer.device not in ends:
                 continue
             for serving, other in declaration.sites.items():
                 for served in other.served_links:

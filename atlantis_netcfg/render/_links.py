@@ -115,7 +115,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         interface_address=in_network(bearer.address, bearer.network),
         network=str(bearer.network),
         gateway=str(bearer.gateway),
-        kind=bearer.kind.value,
+        kind=bearer.kind,
         place=place,
         canaries=tuple(str(canary) for canary in bearer.canaries),
         targets=tuple(_targets(admitted)),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration.model import BearerKind
 
 BRIDGE = "bridge-lan"
 LEFT = 100
@@ -134,7 +135,7 @@ class Uplink(Link):
     """A bearer. `place` is its place in the order of preference, from 1."""
 
     gateway: str
-    kind: str
+    kind: BearerKind
     place: int
     canaries: tuple[str, ...]
     targets: tuple[Target, ...]
@@ -168,7 +169,7 @@ class Uplink(Link):
     @property
     def thin(self) -> bool:
         """So slow that control has to go first."""
-        return self.kind == "satellite" or self.up_bps < THIN_BPS
+        return self.kind.traits.allow_list or self.up_bps < THIN_BPS
 
     @property
     def shaped_bps(self) -> int:
@@ -254,7 +255,7 @@ class RouterView:
     @property
     def satellites(self) -> tuple[Uplink, ...]:
         """The bearers with an allow-list."""
-        return tuple(uplink for uplink in self.uplinks if uplink.kind == "satellite")
+        return tuple(uplink for uplink in self.uplinks if uplink.kind.traits.allow_list)
 
     @property
     def judged(self) -> tuple[Uplink, ...]:
@@ -277,4 +278,4 @@ class RouterView:
     @property
     def radios(self) -> tuple[Uplink, ...]:
         """The bearers whose far end is a router of ours."""
-        return tuple(uplink for uplink in self.uplinks if uplink.kind == "wifi_ptp")
+        return tuple(uplink for uplink in self.uplinks if uplink.kind.traits.bridge)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import BearerKind, Gateway, Transport, VpnServer
+from atlantis_netcfg.declaration.model import Gateway, Pace, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn.identity import TIMERS, Link
@@ -72,12 +72,12 @@ def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) 
     )
 
 
+_LINKS = {Pace.FAST: Link.FIBRE, Pace.MOBILE: Link.LTE, Pace.SATELLITE: Link.SATELLITE}
+
+
 def site_link(declaration: Declaration, site: str) -> Link:
     """What carries a tunnel from this site at its worst: satellite before 4G before the rest."""
-    kinds = {bearer.kind for bearer in declaration.sites[site].bearers}
-    if BearerKind.SATELLITE in kinds:
-        return Link.SATELLITE
-    return Link.LTE if BearerKind.LTE in kinds else Link.FIBRE
+    return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=Pace.FAST)]
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:

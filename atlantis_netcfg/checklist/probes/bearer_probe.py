@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.results import Answer
     from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import Bearer, BearerKind
+    from atlantis_netcfg.declaration.model import Bearer
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
 """End of a reading's name to its unit; longest first where one ends like another."""
@@ -32,9 +32,11 @@ _HINT = "look at the box of this link, then ask again"
 """Where whoever found it gives none."""
 
 
-def bearers(cell: Cell, kind: BearerKind) -> tuple[Bearer, ...]:
-    """Give the links of a kind that the row has: a location has those of its site, a vehicle none."""
-    return () if cell.vehicle is not None else tuple(bearer for bearer in cell.declared.bearers if bearer.kind is kind)
+def bearers(cell: Cell, column: str) -> tuple[Bearer, ...]:
+    """Give the links of a column that the row has: a location has those of its site, a vehicle none."""
+    if cell.vehicle is not None:
+        return ()
+    return tuple(bearer for bearer in cell.declared.bearers if bearer.kind.traits.column == column)
 
 
 def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
@@ -87,11 +89,11 @@ class BearerProbe:
 
 def link_steps(
     cell: Cell,
-    kind: BearerKind,
+    column: str,
     title: Callable[[Bearer], str],
     good: Callable[[Mapping[str, Any]], Finding | None] = well,
 ) -> tuple[Step, ...]:
-    """Give one item a link of a kind; the first is the column's own, the others bear the names of their links."""
+    """Give one item a link of a column; the first is the column's own, the others bear the names of their links."""
     return tuple(
         Step(
             name=bearer.name if number else "",
@@ -101,7 +103,7 @@ def link_steps(
             probe=BearerProbe(bearer.name, good),
             concerns=boxes(cell, bearer),
         )
-        for number, bearer in enumerate(bearers(cell, kind))
+        for number, bearer in enumerate(bearers(cell, column))
     )
 
 

@@ -31,7 +31,7 @@ from atlantis_netcfg.checklist.probes.results import Rows
 from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, not_run, read, rows_of, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.declaration.model import ETHERNET
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -200,7 +200,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the cables that lead away from a location, and the row's own cable where it is declared."""
     links = link_steps(
         cell,
-        BearerKind.ETHERNET,
+        ETHERNET,
         lambda bearer: f"Cable {bearer.name} of {cell.name} carries traffic",
     )
     endpoint = cell.endpoints.ethernet

@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, well
 from atlantis_netcfg.checklist.probes.step import Step
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.declaration.model import Column
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the units of a location, else something for a person."""
     links = link_steps(
         cell,
-        BearerKind.LTE,
+        Column.LTE,
         lambda _: f"4G of {cell.name} is registered, has an address, and carries traffic",
         _registered,
     )

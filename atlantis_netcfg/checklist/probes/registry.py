@@ -17,15 +17,12 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.step import SITE, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.declaration.model import Column
+from atlantis_netcfg.declaration.model import ETHERNET, Column
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.checklist.probes.step import Cell
-
-ETHERNET = "ethernet"
-"""Our extension of the table."""
 
 TITLES: Mapping[str, str] = {
     Column.WIFI: "Wi-Fi",

@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes.results import AllowListTestResult
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, measured, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.declaration.model import Column
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class AllowListProbe:
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the four items of each satellite link of a location, else something for a person."""
-    links = bearers(cell, BearerKind.SATELLITE)
+    links = bearers(cell, Column.SATELLITE)
     found = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
     return tuple(found) or (_by_a_person(cell),)
 

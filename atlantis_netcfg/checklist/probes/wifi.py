@@ -46,7 +46,7 @@ from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, declared, not_run, read, rows_of, unasked
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import BearerKind, WifiRole
+from atlantis_netcfg.declaration.model import Column, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -404,7 +404,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the bridges of a location, and the row's own Wi-Fi where it is declared."""
     bridges = link_steps(
         cell,
-        BearerKind.WIFI_PTP,
+        Column.WIFI,
         lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
     endpoint = cell.endpoints.wifi

@@ -80,6 +80,7 @@ from atlantis_netcfg.declaration.model.gateways import (
     RosOrigin,
 )
 from atlantis_netcfg.declaration.model.pilot import (
+    ETHERNET,
     Column,
     Partner,
     Pilot,
@@ -91,9 +92,11 @@ from atlantis_netcfg.declaration.model.pilot import (
     VpnService,
 )
 from atlantis_netcfg.declaration.model.site import (
+    BEARER_TRAITS,
     AllowedTarget,
     Bearer,
     BearerKind,
+    BearerTraits,
     Billing,
     Checklist,
     DhcpRange,
@@ -102,12 +105,15 @@ from atlantis_netcfg.declaration.model.site import (
     LinkRate,
     LocationRow,
     Management,
+    Pace,
     Reservation,
     ServedLink,
     Site,
 )
 
 __all__ = [
+    "BEARER_TRAITS",
+    "ETHERNET",
     "Access",
     "AcousticDriver",
     "AcousticEndpoint",
@@ -116,6 +122,7 @@ __all__ = [
     "AllowedTarget",
     "Bearer",
     "BearerKind",
+    "BearerTraits",
     "Billing",
     "Checklist",
     "Column",
@@ -160,6 +167,7 @@ __all__ = [
     "Name",
     "Network",
     "NetworkTool",
+    "Pace",
     "Partner",
     "Pilot",
     "Pin",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
@@ -86,6 +86,10 @@ class Column(StrEnum):
     RC_RF = "rc_rf"
     LTE = "4g"
     GPS = "gps"
+
+
+ETHERNET: Final = "ethernet"
+"""A column of our own beside those of Table 3: the cable of a vehicle or a location."""
 
 
 class Vehicle(Model):

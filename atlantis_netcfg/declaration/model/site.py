@@ -5,7 +5,8 @@ Stands in `group_vars/<site>.yml`, key `site`.
 
 from __future__ import annotations
 
-from enum import StrEnum
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
 from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
@@ -22,7 +23,7 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
 )
 from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
-from atlantis_netcfg.declaration.model.pilot import Column, Transport
+from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column, Transport
 
 
 class Reservation(Model):
@@ -78,6 +79,43 @@ class BearerKind(StrEnum):
     LTE = "lte"
     SATELLITE = "satellite"
     ETHERNET = "ethernet"
+
+    @property
+    def traits(self) -> BearerTraits:
+        """What is particular to links of this kind."""
+        return BEARER_TRAITS[self]
+
+
+class Pace(IntEnum):
+    """How slow a path over a link may be, for what has to be tuned to it: DDS, the VPN."""
+
+    FAST = 0
+    MOBILE = 1
+    SATELLITE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class BearerTraits:
+    """All that is particular to a kind of bearer: whoever treats kinds differently asks here."""
+
+    column: str
+    """Of the checklist, in which a location's link is looked at: of the report's Table 3, or our own `ethernet`."""
+    pace: Pace
+    box: str | None = None
+    """Kind of device that carries it; None: a plain cable."""
+    allow_list: bool = False
+    """Only declared targets may pass, each byte is dear, and nothing is pinged beyond it."""
+    bridge: bool = False
+    """Ends at a served link of another site, whose radio is ours too."""
+
+
+BEARER_TRAITS: dict[BearerKind, BearerTraits] = {
+    BearerKind.WIFI_PTP: BearerTraits(Column.WIFI, Pace.FAST, "cpe", bridge=True),
+    BearerKind.LTE: BearerTraits(Column.LTE, Pace.MOBILE, "lte_router"),
+    BearerKind.SATELLITE: BearerTraits(Column.SATELLITE, Pace.SATELLITE, "satellite_terminal", allow_list=True),
+    BearerKind.ETHERNET: BearerTraits(ETHERNET, Pace.FAST),
+}
+"""One row a kind: a new one is a name above and its row here."""
 
 
 class LinkRate(Model):

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._near import choices, meant
 from atlantis_netcfg.declaration.model import (
-    BearerKind,
+    ETHERNET,
+    Column,
     Cpe,
     Endpoints,
     Gateway,
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import AcousticEndpoint, Device, Site, UsblEndpoint, Vehicle
 
-_ETHERNET = "ethernet"
 _Path = tuple[str | int, ...]
 
 
@@ -52,7 +52,7 @@ class _Row:
 
 def _rows(draft: Draft) -> Iterator[_Row]:
     for key, vehicle in draft.vehicles.items():
-        marked = {str(column) for column in vehicle.table3} | ({_ETHERNET} if vehicle.ethernet else set())
+        marked = {str(column) for column in vehicle.table3} | ({ETHERNET} if vehicle.ethernet else set())
         yield _Row(Part("vehicle", key), (), vehicle.endpoints, frozenset(marked))
     for name, site in draft.sites.items():
         marked = {str(column) for column in site.location.table3} | _carried(site)
@@ -61,9 +61,8 @@ def _rows(draft: Draft) -> Iterator[_Row]:
 
 def _carried(site: Site) -> set[str]:
     """Columns of a location that are checked because of its links."""
-    kinds = {bearer.kind for bearer in site.bearers}
-    cable = site.location.ethernet or BearerKind.ETHERNET in kinds
-    return ({"wifi"} if BearerKind.WIFI_PTP in kinds else set()) | ({_ETHERNET} if cable else set())
+    columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(Column.WIFI), ETHERNET}
+    return columns | ({ETHERNET} if site.location.ethernet else set())
 
 
 def tested(draft: Draft) -> Iterator[Finding]:
@@ -88,7 +87,7 @@ def in_the_table(draft: Draft) -> Iterator[Finding]:
                 continue
             message = f"`{name}` is described here, but it is not checked: `table3` does not mark it"
             hint = f"remove `{name}:` here, or mark it in `table3`"
-            if name == _ETHERNET:
+            if name == ETHERNET:
                 message = "`ethernet` is described here, but it is not checked: there is no `ethernet: true`"
                 hint = "remove it here, or write `ethernet: true` beside `table3`"
             yield draft.wrong(row.part, (*row.path, "endpoints", name), message, hint)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.model import (
-    BearerKind,
     ControlCentre,
     Cpe,
     Gateway,
@@ -224,7 +223,7 @@ def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
             continue
         if box.address == bearer.gateway:
             return f"`{host}`"
-    if bearer.kind is BearerKind.WIFI_PTP:
+    if bearer.kind.traits.bridge:
         for other, site in draft.sites.items():
             if any((link.network, link.address) == (bearer.network, bearer.gateway) for link in site.served_links):
                 return _router(draft, other)

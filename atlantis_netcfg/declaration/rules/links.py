@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._near import meant
-from atlantis_netcfg.declaration.model import BearerKind, Cpe
+from atlantis_netcfg.declaration.model import BEARER_TRAITS, BearerKind, Cpe
 from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -20,12 +20,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Bearer, ServedLink
 
-BOX_OF = {
-    BearerKind.WIFI_PTP: "cpe",
-    BearerKind.LTE: "lte_router",
-    BearerKind.SATELLITE: "satellite_terminal",
-}
-"""Which kind of device carries a bearer; an `ethernet` bearer is a plain cable."""
 _RESERVED = "lan"
 
 
@@ -87,7 +81,7 @@ def names(draft: Draft) -> Iterator[Finding]:
 def devices(draft: Draft) -> Iterator[Finding]:
     """A link has the box that its kind needs, at its own site."""
     for end in ends(draft):
-        kind = BOX_OF.get(end.kind)
+        kind = end.kind.traits.box
         if end.link.device is None:
             if kind is not None:
                 message = f"link `{end.link.name}` is {end.kind} and has no device"
@@ -129,7 +123,7 @@ def each_box_once(draft: Draft) -> Iterator[Finding]:
 def _shared(draft: Draft) -> Iterator[tuple[End, End]]:
     seen: dict[str, End] = {}
     for end in ends(draft):
-        if end.link.device is None or _wrong_device(draft, end, end.link.device, BOX_OF.get(end.kind)) is not None:
+        if end.link.device is None or _wrong_device(draft, end, end.link.device, end.kind.traits.box) is not None:
             continue
         first = seen.setdefault(end.link.device, end)
         if first is not end:
@@ -138,16 +132,17 @@ def _shared(draft: Draft) -> Iterator[tuple[End, End]]:
 
 def no_box_idle(draft: Draft) -> Iterator[Finding]:
     """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
-    waiting = {(end.site, BOX_OF.get(end.kind)) for end, _ in _shared(draft)}
+    waiting = {(end.site, end.kind.traits.box) for end, _ in _shared(draft)}
     used = set()
     for end in ends(draft):
-        kind = BOX_OF.get(end.kind)
+        kind = end.kind.traits.box
         if end.link.device is None or _wrong_device(draft, end, end.link.device, kind) is not None:
             waiting.add((end.site, kind))
         used.add(end.link.device)
+    boxes = {traits.box for traits in BEARER_TRAITS.values()}
     for host, device in draft.devices.items():
         site = draft.layout.hosts[host]
-        if device.kind not in BOX_OF.values() or host in used or site not in draft.sites:
+        if device.kind not in boxes or host in used or site not in draft.sites:
             continue
         if (site, device.kind) not in waiting:
             message = f"`{host}` carries no link of `{site}`"
@@ -160,7 +155,7 @@ def boxes_in_network(draft: Draft) -> Iterator[Finding]:
     second = [end for end, _ in _shared(draft)]
     for end in ends(draft):
         host = end.link.device
-        if host is None or end in second or _wrong_device(draft, end, host, BOX_OF.get(end.kind)) is not None:
+        if host is None or end in second or _wrong_device(draft, end, host, end.kind.traits.box) is not None:
             continue
         device = draft.devices.get(host)
         path = ("access", "address") if isinstance(device, Cpe) else ("address",)
@@ -178,7 +173,7 @@ def bridges(draft: Draft) -> Iterator[Finding]:
     every = list(ends(draft))
     if len(draft.sites) != len(draft.layout.sites):
         return  # an invalid site may hold the other end
-    bearers = [end for end in every if end.path[0] == "bearers" and end.kind is BearerKind.WIFI_PTP]
+    bearers = [end for end in every if end.path[0] == "bearers" and end.kind.traits.bridge]
     served = [end for end in every if end.path[0] == "served_links"]
     lost = [finding for end in served for finding in _carried(draft, end, bearers)]
     yield from lost

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._vault import SealedSecret
-from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -205,7 +205,7 @@ def satellites_are_not_asked(draft: Draft) -> Iterator[Finding]:
     """Airtime is for traffic: a satellite is what is left when every other link is silent."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            if bearer.kind is BearerKind.SATELLITE and bearer.canaries:
+            if bearer.kind.traits.allow_list and bearer.canaries:
                 message = (
                     f"link `{bearer.name}` is a satellite and has canaries: pinging them would be billed day and night"
                 )

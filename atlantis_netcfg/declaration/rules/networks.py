@@ -8,7 +8,6 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.model import BearerKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -44,7 +43,7 @@ def claims(draft: Draft) -> Iterator[Claim]:
         yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
         yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
         for index, bearer in enumerate(site.bearers):
-            end = "carried" if bearer.kind is BearerKind.WIFI_PTP else ""
+            end = "carried" if bearer.kind.traits.bridge else ""
             what = f"link `{bearer.name}` of `{name}`"
             yield Claim(bearer.network, what, part, ("bearers", index, "network"), end)
         for index, link in enumerate(site.served_links):

@@ -213,7 +213,7 @@ def bridged_peers(draft: Draft) -> Iterator[Finding]:
             far = draft.sites.get(link.carries)
             here = draft.devices.get(link.device)
             carried = (
-                {bearer.device for bearer in far.bearers if bearer.kind == "wifi_ptp"} if far is not None else set()
+                {bearer.device for bearer in far.bearers if bearer.kind.traits.bridge} if far is not None else set()
             )
             peer = here.ptp.peer if isinstance(here, Cpe) else None
             known = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device

@@ -9,7 +9,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.model import BearerKind, LteRouter, SatelliteTerminal
+from atlantis_netcfg.declaration.model import LteRouter, SatelliteTerminal
 from atlantis_netcfg.declaration.satellite_allow_list import VPN_TARGET, admits, allowed, derived
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def only_on_satellites(draft: Draft) -> Iterator[Finding]:
     """`allow` and `refused_probes` mean something on a satellite only."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            if bearer.kind is BearerKind.SATELLITE:
+            if bearer.kind.traits.allow_list:
                 continue
             for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
                 if getattr(bearer, key):
@@ -111,7 +111,7 @@ def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
 def _satellites(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            if bearer.kind is BearerKind.SATELLITE:
+            if bearer.kind.traits.allow_list:
                 yield name, index, bearer
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.bearers.satellite import judge_names
-from atlantis_netcfg.declaration.model import BearerKind, Router
+from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proving
@@ -84,7 +84,7 @@ def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
     if site not in declaration.sites:
         raise NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
     bearers = declaration.sites[site].bearers
-    satellites = [bearer for bearer in bearers if bearer.kind is BearerKind.SATELLITE]
+    satellites = [bearer for bearer in bearers if bearer.kind.traits.allow_list]
     listed = ", ".join(f"bearer={bearer.name}" for bearer in satellites) or "it has none"
     if not satellites:
         raise NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")

@@ -12,7 +12,7 @@ from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.declaration.model import BearerKind, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.journal import Counters, MonthBytes, Store
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
@@ -411,7 +411,7 @@ class _Site:
 
     def _boxes_status(self, route: Route, bearer: Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
-        if bearer.kind is BearerKind.SATELLITE:
+        if bearer.kind.traits.box == "satellite_terminal":
             status = self._terminal(box)
             findings = (*status.findings, *self.moved.get(bearer.name, ()))
             return replace(

@@ -8,7 +8,7 @@ import pytest
 from dds_pilots import leaves, pilot, view
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import BearerKind, Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
+from atlantis_netcfg.declaration.model import BearerKind, Dds, DdsPath, DdsPeer, Pace, RosDistribution, RosMiddleware
 from atlantis_netcfg.gateway.dds import GAP_S, RELEASES, TUNING, profile_views, profiles
 
 CYCLONE = "CycloneDDS/Domain"
@@ -117,13 +117,13 @@ def test_the_environment(release: str, kept_open: str) -> None:
 def test_every_lease_outlives_the_gap_with_an_announcement_lost(kind: BearerKind, lease_s: int) -> None:
     shortest = Dds(distribution=RosDistribution.FOXY).lease_s
     assert shortest <= lease_s
-    assert GAP_S + 2 * TUNING[kind].announce_s < lease_s
+    assert GAP_S + 2 * TUNING[kind.traits.pace].announce_s < lease_s
 
 
 def test_a_control_centre_knows_everybody_and_spares_the_slowest_link() -> None:
     centre = view("scc-control", "uplink")
     assert [name for name, _ in centre.peers] == ["scc-control", "coastal-gateway", "te4sea-gateway"]
-    assert centre.tuning == TUNING[BearerKind.SATELLITE]
+    assert centre.tuning == TUNING[Pace.SATELLITE]
 
 
 def test_what_the_announcements_cost() -> None:

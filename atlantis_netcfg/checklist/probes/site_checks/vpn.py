@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Judged
-from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, VpnServer
+from atlantis_netcfg.declaration.model import ControlCentre, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -191,7 +191,7 @@ class _Vpn:
         )
 
     def _over_satellite(self, results: Mapping[str, Answer]) -> bool:
-        satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind is BearerKind.SATELLITE]
+        satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind.traits.allow_list]
         answer = [results.get(f"look {name}") for name in satellites]
         return any(
             isinstance(result, LinkStatusResult) and result.bearer is not None and result.bearer.get("active")
