@@ -59,7 +59,7 @@ def _crowd(declaration: Declaration, inventory: Path, size: int, silent: int, pl
         targets.write_text("\n".join(lines), encoding="utf-8")
         argv = (sys.executable, "-m", "bench.engine", str(inventory), str(place / "state"), f"@{targets}")
         ran = measure.run_command(Command(argv, {"ANSIBLE_CONFIG": str(CHECKOUT / "ansible.cfg")}), place)
-    unchanged = ran.output.count("already so: nothing to change")
+    unchanged = ran.output.count("no changes needed")
     good = ran.code == (ExitCode.FAILED if silent else ExitCode.DONE) and unchanged == size - silent
     failure = "" if good else f"{size - unchanged} of {size} were not found as declared"
     engine_s = json.loads(ran.output.splitlines()[-1])["engine_s"] if good else 0.0

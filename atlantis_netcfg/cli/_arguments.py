@@ -69,9 +69,7 @@ STREAM = Flag(
 UNPROTECTED = Flag(
     "without-protection", "change a device even though nothing would take the change back if it went wrong"
 )
-ACCEPT_COST = Flag(
-    "accept-cost", "pay for what is sent over a link that is paid by the byte; `--yes` does not say that"
-)
+ACCEPT_COST = Flag("accept-cost", "allow traffic over a link that is paid by the byte; `--yes` does not allow it")
 REMOVE_FOREIGN = Flag(
     "remove-foreign",
     "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",

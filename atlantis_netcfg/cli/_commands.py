@@ -85,7 +85,7 @@ def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[
     for argument in typed:
         if argument in table and argument != DEFAULT:
             hint = " ".join(["provision", argument, *(other for other in typed if other != argument)])
-            raise UsageError(f"`{argument}`: a command comes first", hint=f"type `{hint}`")
+            raise UsageError(f"`{argument}` is a command: put it before its words", hint=f"type `{hint}`")
     return DEFAULT, list(typed)
 
 
@@ -98,4 +98,4 @@ def _no_such_command(words: Sequence[str], table: Mapping[str, str]) -> UsageErr
         hint = f"did you mean `provision {near}`?"
     else:
         hint = f"there are: {', '.join(table)}"
-    return UsageError(f"`{' '.join(words[:2] if longer else words[:1])}` is no command of provision", hint=hint)
+    return UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)

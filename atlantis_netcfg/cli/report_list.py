@@ -25,7 +25,7 @@ COMMAND = Command(
 
 
 def run(arguments: Arguments) -> ExitCode:
-    """List them, oldest first, then what the newest has otherwise than the last green one before it."""
+    """List checklists, oldest first, then what has changed since the last one that passed."""
     import json
 
     from atlantis_netcfg.cli._checking import kept

@@ -134,7 +134,7 @@ class Request(_Data):
     unprotected: bool = False
     """A person has said that devices may be changed although nothing would take the change back."""
     accept_cost: bool = False
-    """A person has agreed to pay for what is sent over links that are paid by the byte."""
+    """A person has allowed traffic over links that are paid by the byte."""
     remove_foreign: bool = False
     """A person has agreed that rows of others go by the hundred from menus that are ours entirely."""
     events_fd: int | None = None

@@ -121,7 +121,7 @@ def item_of(statement: Statement) -> Item:
         return _added(menu, statement)
     if statement.verb == "set":
         return _set(menu, statement)
-    raise Mistake(f"`{statement.verb}` is an order, and only rows can be declared: write `add` or `set`")
+    raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
 
 
 def _added(menu: Menu, statement: Statement) -> Item:

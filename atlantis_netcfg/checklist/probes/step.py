@@ -53,7 +53,7 @@ class Probe(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Consent:
-    """What a person has to agree to before an active step; it is asked word by word."""
+    """What a person has to agree to before an active step, shown word by word."""
 
     question: str
     """`Sparus is in the water, and its modem may transmit`."""

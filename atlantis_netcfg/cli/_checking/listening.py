@@ -1,4 +1,4 @@
-"""Who is listened with: the real site's ears, or those of a rehearsal, in which things may be broken on purpose."""
+"""Select what probes run against: the real site, or a rehearsal of it in which faults may be injected."""
 
 from __future__ import annotations
 

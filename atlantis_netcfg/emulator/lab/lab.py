@@ -1,4 +1,4 @@
-"""A yard: a piece of ground for machines, with a network of its own that leads nowhere else.
+"""A lab: containers on an isolated network of their own.
 
 Tells whether machines can be run on this computer, and installs what they lack.
 """

@@ -250,7 +250,7 @@ class Converge:
             time.sleep(self._patience.poll_s)
 
     def _again(self) -> UnitStatus:
-        """The settings are read back and kept by now: a unit that reloads may be silent for a moment."""
+        """The settings are applied and verified by now: a unit that reloads may be silent for a moment."""
         until = time.monotonic() + self._patience.settle_s
         while True:
             try:
@@ -262,7 +262,7 @@ class Converge:
 
     def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceFailed) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
-        message = f"{len(settings.found)} settings read back and kept; since then: {silent}"
+        message = f"{len(settings.found)} settings applied and verified; since then: {silent}"
         result = self._result(before, settings)
         return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
 
@@ -300,7 +300,7 @@ class Converge:
             return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.refusal
         words = _state(reading)
         if settings.done:
-            kept = f"{len(settings.found) - settings.taken_back} settings read back and kept"
+            kept = f"{len(settings.found) - settings.taken_back} settings applied and verified"
             back = ", the PIN taken back" if settings.taken_back else ""
             return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {words}"
         if settings.found:

@@ -103,7 +103,7 @@ async def take(work: RunContext) -> None:
 
 def _taken(work: RunContext) -> None:
     work.record(Protected(device=work.job.name, how=work.choice.value))
-    work.say(Stage.PROTECTED, "safe mode is ours: the device takes back what is not released")
+    work.say(Stage.PROTECTED, "safe mode is active: the device takes the changes back if the session is lost")
 
 
 def _nobody_else(work: RunContext, claims: Reply, holder: Holder | None) -> None:

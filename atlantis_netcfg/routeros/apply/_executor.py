@@ -66,7 +66,7 @@ _STAND_BY = (
 
 
 class Busy(DeviceFailed):
-    """Somebody's changes are still open on the device: not even `already so` would be certain."""
+    """Somebody's changes are still open on the device: not even `no changes needed` would be certain."""
 
 
 class Interrupted(DeviceFailed):
@@ -163,7 +163,7 @@ async def _as_declared(work: RunContext, mode: Mode) -> DeviceResult:
     if removed:
         work.after = work.seen
         return work.result(Status.CHANGED, f"as declared; removed {' and '.join(removed)}")
-    return work.result(Status.UNCHANGED, "already so: nothing to change")
+    return work.result(Status.UNCHANGED, "no changes needed")
 
 
 def _planned(work: RunContext) -> DeviceResult:
@@ -175,7 +175,7 @@ def _planned(work: RunContext) -> DeviceResult:
         return work.result(Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
     if words:
         return work.result(Status.PLANNED, f"nothing to change but what a run has left: {words}")
-    return work.result(Status.UNCHANGED, "already so: nothing to change")
+    return work.result(Status.UNCHANGED, "no changes needed")
 
 
 async def _observe(work: RunContext, mode: Mode) -> None:
@@ -442,7 +442,7 @@ async def _change(work: RunContext) -> DeviceResult:
     actions = work.aim.actions
     work.record(Planned(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(planned, actions))))
     await change(work)
-    return work.result(Status.CHANGED, f"{_actions(work)} read back and kept")
+    return work.result(Status.CHANGED, f"{_actions(work)} applied and verified")
 
 
 async def _backup(work: RunContext) -> DeviceResult:

@@ -246,7 +246,9 @@ async def _honestly(work: Transaction) -> Results:
 
 def _kept(end: End) -> DeviceResult:
     number = len(end.actions)
-    return end.changed(f"{number} action{'s' if number != 1 else ''} read back and kept") if number else end.unchanged()
+    return (
+        end.changed(f"{number} action{'s' if number != 1 else ''} applied and verified") if number else end.unchanged()
+    )
 
 
 def _ours(result: DeviceResult, fault: Exception) -> DeviceResult:

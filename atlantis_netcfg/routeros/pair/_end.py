@@ -276,7 +276,7 @@ class End:
     def unchanged(self) -> DeviceResult:
         """Say that nothing was to be changed, and what was taken away that a run had left."""
         if not self.removed:
-            return self.result(Status.UNCHANGED, "already so: nothing to change")
+            return self.result(Status.UNCHANGED, "no changes needed")
         self.after = self.seen
         return self.result(Status.CHANGED, f"as declared; removed {' and '.join(self.removed)}")
 

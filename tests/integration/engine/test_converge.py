@@ -45,9 +45,9 @@ async def twice(bench: Bench) -> tuple[DeviceResult, DeviceResult, int, int]:
 def test_a_first_configuration_converges_twice(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     first, second, turns, idle = on(bench, twice)
-    assert (first.status, first.message) == (Status.CHANGED, f"{first.planned} actions read back and kept")
+    assert (first.status, first.message) == (Status.CHANGED, f"{first.planned} actions applied and verified")
     assert first.confirmed == first.planned > 20
-    assert (second.status, second.planned, second.message) == (Status.UNCHANGED, 0, "already so: nothing to change")
+    assert (second.status, second.planned, second.message) == (Status.UNCHANGED, 0, "no changes needed")
     assert first.round_trips == turns + first.sessions * HANDSHAKE <= 22
     assert second.round_trips == idle + HANDSHAKE <= 5
 

@@ -42,7 +42,7 @@ def test_a_hundred_go_as_ever(tmp_path: Path) -> None:
 
     result, there = on(Bench(tmp_path, text=OURS), act)
     assert (result.status, result.planned, result.rows, there) == (Status.CHANGED, 1, 100, 0)
-    assert result.message == "1 action on 100 rows read back and kept"
+    assert result.message == "1 action on 100 rows applied and verified"
     assert result.foreign_words == ""
 
 

@@ -65,7 +65,7 @@ def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
     assert (record.bearer, record.accepted, record.price) == ("satellite", True, cost["bill"]["price"])
     again = at.provision(*DEAR, "--yes", "--accept-cost", code=0).stdout
     assert "This goes over satellite of coastal, which is paid by the byte: up to" in again
-    assert "already so" in again
+    assert "no changes needed" in again
     # By now the router's own traffic has a better way, and the session with it.
     assert "but its traffic goes over wifi-ptp now" in again
     assert "cost over satellite" not in again
@@ -86,7 +86,7 @@ def test_paying_and_changing_are_two_questions(at: Quay) -> None:
     assert "not agreed, so nothing was changed" in told
     assert at.export() == before
     told = at.typed(*DEAR, answer="pay\npay\nyes", code=0)
-    assert "actions read back and kept" in told
+    assert "actions applied and verified" in told
 
 
 def test_over_the_cable_nobody_is_asked(at: Quay) -> None:

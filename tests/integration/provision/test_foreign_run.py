@@ -38,7 +38,7 @@ def test_they_go_when_a_person_types_both_words(at: Quay) -> None:
     assert "not agreed, so nothing was changed" in declined
     assert left(at) == 101
     done = at.typed("site=coastal", answer="remove\nyes", code=0)
-    assert "1 action on 101 rows read back and kept" in done
+    assert "1 action on 101 rows applied and verified" in done
     assert left(at) == 0
 
 

@@ -48,7 +48,7 @@ def test_nothing_is_unfinished_and_nothing_ran(
     assert main(listing) == 7
     (first,) = advised(capsys.readouterr().err)
     assert first == ["site=NAME"]
-    assert "read back and kept" in follow(at, first)
+    assert "applied and verified" in follow(at, first)
     assert "exit 0" in follow(at, listing)
 
 
@@ -76,7 +76,7 @@ def test_a_run_that_has_nothing_open(at: Quay) -> None:
     refused = at.provision("resume", "site=coastal", f"run={row['run']}", code=7).stderr
     (command,) = advised(refused)
     assert [word for word in command if word in RUN] == list(RUN)
-    assert "already so" in follow(at, [word for word in command if not word.startswith("inventory=")])
+    assert "no changes needed" in follow(at, [word for word in command if not word.startswith("inventory=")])
 
 
 def test_a_run_before_which_nothing_was_saved(at: Quay) -> None:
@@ -120,7 +120,7 @@ def test_nothing_is_open_on_devices_that_are_not_as_declared(at: Quay) -> None:
     assert "nothing is open on its devices, which are not as declared" in done.stderr
     (again,) = advised(done.stderr)
     assert again == ["site=coastal", f"inventory={at.inventory}"]
-    assert "read back and kept" in follow(at, again)
+    assert "applied and verified" in follow(at, again)
 
 
 def test_somebody_else_holds_safe_mode(at: Quay) -> None:

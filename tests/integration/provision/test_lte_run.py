@@ -48,7 +48,7 @@ def provision(inventory: Path, state: Path, *typed: str, code: int) -> str:
 @pytest.mark.parametrize(
     ("declared", "code", "message", "planned"),
     [
-        (None, 0, "3 settings read back and kept; registered home (EXAMPLE-OPERATOR lte B3)", 3),
+        (None, 0, "3 settings applied and verified; registered home (EXAMPLE-OPERATOR lte B3)", 3),
         ("at\n  serial: /dev/ttyUSB2\n", 0, "checked only; registered home (EXAMPLE-OPERATOR lte B3)", 0),
         ("modemmanager\n", 7, "not looked at: there is no emulation for driver modemmanager", 0),
         ("manual\n", 7, "not checked: only a person can look at this 4G unit", 0),

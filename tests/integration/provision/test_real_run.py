@@ -90,7 +90,7 @@ def test_what_a_person_agrees_to_is_done(at: Quay) -> None:
     assert "+ set name=coastal-router" in said_no
     assert "not agreed, so nothing was changed" in said_no
     assert at.export() == before
-    assert " actions read back and kept" in at.typed("site=coastal", answer="yes", code=0)
+    assert " actions applied and verified" in at.typed("site=coastal", answer="yes", code=0)
     (run, *_) = at.runs()
     back = at.typed("rollback", "site=coastal", f"to={run['run']}", answer="yes", code=0)
     assert "- set name=coastal-router" in back

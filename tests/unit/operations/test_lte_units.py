@@ -109,7 +109,7 @@ def test_set_read_back_and_the_second_time_nothing(deck: Deck) -> None:
     twin = deck.unit(sim=RutosSim(apn="internet", listed=False))
     first = deck.run()
     assert ends(first) == ("changed", 0, 6)
-    assert first["message"] == "6 settings read back and kept; registered home (EXAMPLE-OPERATOR lte B3)"
+    assert first["message"] == "6 settings applied and verified; registered home (EXAMPLE-OPERATOR lte B3)"
     assert (first["ok"], first["changed"], first["confirmed"]) == (True, True, 6)
     assert first["diff"].splitlines()[:2] == [
         "- set network.mob1s1a1.auto_apn='1'",
@@ -177,7 +177,7 @@ def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: 
     twin = deck.unit(sim=RutosSim(pin="4711"))
     first = deck.run()
     assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
-    assert first["message"].startswith("0 settings read back and kept, the PIN taken back; ")
+    assert first["message"].startswith("0 settings applied and verified, the PIN taken back; ")
     assert "pincode" not in twin.export()
     assert "the SIM has refused the PIN, and it is not tried again; tries left: 2" in first["message"]
     second = deck.run()

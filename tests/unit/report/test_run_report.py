@@ -94,7 +94,7 @@ def test_a_person_reads_why_a_device_was_not_rehearsed() -> None:
 
 def test_the_plan_of_a_device_that_was_not_reached_is_no_plan() -> None:
     silent = {**result(ExitCode.FAILED, "could not be read: no answer"), "status": "left-as-found"}
-    read = {**result(ExitCode.DONE, "already so: nothing to change"), "status": "unchanged"}
+    read = {**result(ExitCode.DONE, "no changes needed"), "status": "unchanged"}
     report = RunReport("coastal", False, {"silent": silent, "read": read})
     assert report.plan_as_text().splitlines() == ["read:", "  nothing to change", ""]
     assert RunReport("coastal", False, {"silent": silent}).plan_as_text() == ""

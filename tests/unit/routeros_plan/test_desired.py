@@ -92,9 +92,7 @@ MISTAKES = {
     "/ip firewall filter\nset [ find ] action=drop": (
         "x.rsc, line 2: rows of /ip firewall filter have no name to find them by: declare them with `add`"
     ),
-    "/ip firewall filter\nremove 0": (
-        "x.rsc, line 2: `remove` is an order, and only rows can be declared: write `add` or `set`"
-    ),
+    "/ip firewall filter\nremove 0": ("x.rsc, line 2: `remove` is not allowed in a declaration: write `add` or `set`"),
     "/certificate\nadd name=x common-name=x": "x.rsc, line 2: /certificate can be looked at, but not declared",
     "# atlantis:entier /ip pool": "x.rsc, line 1: `atlantis:entier` is no directive; did you mean entire?",
     "# atlantis:run-time /ip route distance=1": "x.rsc, line 1: write `atlantis:run-time /menu property=declared"
