@@ -26,16 +26,6 @@ from atlantis_netcfg.declaration.rules import (
     vehicles,
     vpn,
 )
-from atlantis_netcfg.declaration.rules import endpoints as probes
-from atlantis_netcfg.declaration.rules import gateways as gateway
-from atlantis_netcfg.declaration.rules import lan as unique_addresses
-from atlantis_netcfg.declaration.rules import links as bridges
-from atlantis_netcfg.declaration.rules import lte as failover
-from atlantis_netcfg.declaration.rules import management as groups
-from atlantis_netcfg.declaration.rules import ports as power
-from atlantis_netcfg.declaration.rules import radio as eirp
-from atlantis_netcfg.declaration.rules import satellite as cost
-from atlantis_netcfg.declaration.rules import vpn as partners
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration._draft import Rule
@@ -43,26 +33,26 @@ if TYPE_CHECKING:
 __all__ = ["RULES"]
 
 RULES: tuple[Rule, ...] = (
-    *groups.GROUPS_RULES,
+    *management.GROUPS_RULES,
     *networks.RULES,
     *lan.RULES,
-    *unique_addresses.UNIQUE_ADDRESSES_RULES,
+    *lan.UNIQUE_ADDRESSES_RULES,
     *management.RULES,
     *links.RULES,
-    *bridges.BRIDGES_RULES,
-    *probes.PROBES_RULES,
-    *failover.FAILOVER_RULES,
-    *cost.COST_RULES,
+    *links.BRIDGES_RULES,
+    *endpoints.PROBES_RULES,
+    *lte.FAILOVER_RULES,
+    *satellite.COST_RULES,
     *satellite.RULES,
     *ports.RULES,
-    *power.POWER_RULES,
+    *ports.POWER_RULES,
     *radio.RULES,
-    *eirp.EIRP_RULES,
+    *radio.EIRP_RULES,
     *lte.RULES,
-    *gateway.GATEWAY_RULES,
+    *gateways.GATEWAY_RULES,
     *gateways.RULES,
     *vpn.RULES,
-    *partners.PARTNERS_RULES,
+    *vpn.PARTNERS_RULES,
     *dds.RULES,
     *vehicles.RULES,
     *endpoints.RULES,

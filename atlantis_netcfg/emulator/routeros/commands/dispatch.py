@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, ovpn, radio, read, system, write
-from atlantis_netcfg.emulator.routeros.commands import system as power
-from atlantis_netcfg.emulator.routeros.commands import system as safe
 from atlantis_netcfg.emulator.routeros.commands._call import unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.devicemode import COMMANDS, NOT_ALLOWED, allowed
@@ -34,7 +32,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/comment": (system.interface, "write"),
     "/interface/disable": (system.interface, "write"),
     "/interface/enable": (system.interface, "write"),
-    "/interface/ethernet/poe/monitor": (power.monitor, "read"),
+    "/interface/ethernet/poe/monitor": (system.monitor, "read"),
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/lte/monitor": (lte.monitor, "read"),
     "/interface/lte/show-capabilities": (lte.capabilities, "read"),
@@ -47,17 +45,17 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/log/info": (system.log, "write"),
     "/log/warning": (system.log, "write"),
     "/ping": (system.ping, "test"),
-    "/redo": (safe.redo, "write"),
-    "/safe-mode/release": (safe.release, "write"),
-    "/safe-mode/take": (safe.take, "write"),
-    "/safe-mode/toggle": (safe.toggle, "write"),
-    "/safe-mode/unroll": (safe.unroll, "write"),
+    "/redo": (system.redo, "write"),
+    "/safe-mode/release": (system.release, "write"),
+    "/safe-mode/take": (system.take, "write"),
+    "/safe-mode/toggle": (system.toggle, "write"),
+    "/safe-mode/unroll": (system.unroll, "write"),
     "/system/backup/load": (files.load, "policy"),
     "/system/backup/save": (files.save, "policy"),
     "/system/device-mode/update": (system.update_mode, "policy"),
     "/system/reboot": (system.reboot, "reboot"),
     "/tool/ping": (system.ping, "test"),
-    "/undo": (safe.undo, "write"),
+    "/undo": (system.undo, "write"),
     "/user/active/remove": (system.logout, "policy"),
     "/user/active/request-logout": (system.logout, "policy"),
 }

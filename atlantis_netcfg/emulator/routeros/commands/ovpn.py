@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.commands import _checks as _undo
+from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item
 from atlantis_netcfg.emulator.routeros.commands._checks import check
 from atlantis_netcfg.emulator.routeros.commands._complete import complete
@@ -49,7 +49,7 @@ def import_(core: Core, call: Call) -> Result:
     item = core.store.insert(_MENU, values)
     if read.wrap is not None:
         core.wraps[item.id] = read.wrap
-    _undo.added(core, Call(call.caller, _MENU, "add", console=call.console), item)
+    _checks.added(core, Call(call.caller, _MENU, "add", console=call.console), item)
     return Result(rows=[{"progress": "done"}], text="  progress: done")
 
 

@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands import _checks as _undo
+from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._checks import check, check_removal
 from atlantis_netcfg.emulator.routeros.commands._complete import complete
@@ -43,7 +43,7 @@ def add(core: Core, call: Call) -> Result:
     check(core, call.menu, values, None)
     item = core.store.insert(call.menu, values, index)
     _expire(core, call.menu, item)
-    _undo.added(core, call, item)
+    _checks.added(core, call, item)
     return Result(ret=id_text(item.id))
 
 
@@ -98,7 +98,7 @@ def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unse
     core.store.update(call.menu, item, values)
     if "name" in change and call.menu.startswith("/interface/") and core.deviates(Deviation.NAMES):
         core.first_names[change["name"]] = before["name"]
-    _undo.changed(core, call, item, before)
+    _checks.changed(core, call, item, before)
 
 
 def unset(core: Core, call: Call) -> Result:
@@ -160,7 +160,7 @@ def remove(core: Core, call: Call) -> Result:
             raise Trap("failure: cannot remove builtin")
         check_removal(core, call.menu, item)
     for item in items:
-        _undo.removed(core, call, item)
+        _checks.removed(core, call, item)
     return Result()
 
 
@@ -178,7 +178,7 @@ def move(core: Core, call: Call) -> Result:
         others = [other for other in table.items if other is not item]
         index = others.index(target) if target is not None else len(others)
         if table.items.index(item) != index:
-            _undo.moved(core, call, item, index)
+            _checks.moved(core, call, item, index)
     return Result()
 
 
