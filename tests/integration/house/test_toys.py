@@ -1,0 +1,278 @@
+"""How much a newcomer has to touch for a menu, a kind of bearer, a command, a probe, a site check: shown with toys.
+
+docs/architecture.md says the same; each test adds its toy to a copy of the product and sees it work.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).parents[3]
+CARRIED = ("atlantis_netcfg", "inventory", "playbooks", "roles", "templates", "ansible.cfg", "pyproject.toml")
+pytestmark = pytest.mark.slow
+
+
+@dataclass
+class Copy:
+    """A copy of the product into which somebody writes."""
+
+    folder: Path
+
+    def __post_init__(self) -> None:
+        for name in CARRIED:
+            if (CHECKOUT / name).is_dir():
+                ignored = shutil.ignore_patterns("__pycache__")
+                shutil.copytree(CHECKOUT / name, self.folder / name, ignore=ignored)
+            else:
+                shutil.copy(CHECKOUT / name, self.folder)
+
+    def replace(self, file: str, before: str, after: str) -> None:
+        path = self.folder / file
+        text = path.read_text(encoding="utf-8")
+        assert text.count(before) == 1, (file, before)
+        path.write_text(text.replace(before, after), encoding="utf-8")
+
+    def append(self, file: str, text: str) -> None:
+        with (self.folder / file).open("a", encoding="utf-8") as stream:
+            stream.write(text)
+
+    def run(self, *words: str, code: int = 0, path: str = "") -> str:
+        done = subprocess.run(
+            [sys.executable, "-P", *words],
+            cwd=self.folder,
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(filter(None, (str(self.folder), path))),
+                "ATLANTIS_STATE": str(self.folder / "state"),
+            },
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == code, done.stdout + done.stderr
+        return done.stdout
+
+    def provision(self, *words: str, code: int = 0) -> str:
+        return self.run("-m", "atlantis_netcfg", *words, code=code)
+
+
+@pytest.fixture
+def product(tmp_path: Path) -> Copy:
+    return Copy(tmp_path)
+
+
+CONVERGED = """
+import json, sys
+from pathlib import Path
+from engine_bench import Bench, on
+
+async def act(bench):
+    results = [await bench.converge() for _ in range(2)]
+    refused, _ = await bench.router.console(["/system/watchdog/set", "=watch-address=nowhere"])
+    ended = [[result.status.value, result.planned] for result in results]
+    print(json.dumps([ended, refused.words, bench.export().partition("/system watchdog\\n")[2].splitlines()[0]]))
+
+on(Bench(Path("bench"), text="/system watchdog\\nset watchdog-timer=no\\n"), act)
+"""
+
+
+def test_a_menu_of_routeros_is_a_row_of_the_schema_and_one_of_the_emulated_router(product: Copy) -> None:
+    product.append(
+        "atlantis_netcfg/routeros/menus/_system.py",
+        """
+MENUS += (
+    Menu(
+        "/system/watchdog",
+        Shape.SINGLETON,
+        Layer.FOUNDATION,
+        fields=(boolean("watchdog-timer", "yes"), text("watch-address", "none"), number("ping-start-after-boot", "5")),
+    ),
+)
+""",
+    )
+    product.append(
+        "atlantis_netcfg/emulator/routeros/menus/_system.py",
+        """
+MENUS += (of_schema("/system/watchdog", noun="watchdog", kinds={"watch-address": Address(words=("none",))}),)
+""",
+    )
+    engine = str(CHECKOUT / "tests/integration/engine")
+    ended, refused, exported = json.loads(product.run("-c", CONVERGED, path=engine))
+    assert ended == [["changed", 1], ["unchanged", 0]]
+    assert refused[-1] == "=message=invalid value for argument watch-address"
+    assert exported == "set watchdog-timer=no"
+
+
+LOOKED_AT = """
+import json
+from pathlib import Path
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.checklist.plan import plan
+from atlantis_netcfg.checklist.topology import drawing
+from atlantis_netcfg.declaration.loading import load
+from atlantis_netcfg.gateway.dds import profile_views
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.vpn.client import site_link
+
+declaration = load(Path("inventory"))
+checklist = plan(declaration, "scc")
+(drawn,) = (link for link in drawing(declaration, checklist).links if link.kind == "4g")
+(profile,) = profile_views(declaration, declaration.hosts["scc-control"])
+print(json.dumps({
+    "items": [entry.item.title for entry in checklist.entries if entry.item.endpoint == "4g"],
+    "drawn": [drawn.label, len(drawn.items)],
+    "announced": profile.tuning.announce_s,
+    "tunnel": site_link(declaration, "scc").value,
+    "price": preview(1_000_000, 1.0, link_of(declaration, "scc", "uplink"), at_most=True).words,
+}))
+"""
+
+
+def test_a_kind_of_bearer_is_a_row_of_one_table(product: Copy) -> None:
+    model = "atlantis_netcfg/declaration/model/site.py"
+    product.replace(model, '    ETHERNET = "ethernet"\n', '    ETHERNET = "ethernet"\n    LEO = "leo"\n')
+    row = "    BearerKind.ETHERNET: BearerTraits("
+    product.replace(model, row, f"    BearerKind.LEO: BearerTraits(Column.LTE, Pace.MOBILE),\n{row}")
+    product.replace(
+        "inventory/group_vars/scc.yml",
+        "      kind: ethernet\n      metered: false\n",
+        "      kind: leo\n      metered: true\n      billing: {price_per_mb: 2.0}\n",
+    )
+
+    product.provision("validate")
+    assert "+ set name=scc-router" in product.provision("site=scc", "--rehearse", "--plan", code=2)
+    uplink = json.loads(product.provision("links", "site=scc", "--rehearse", "--json"))["bearers"]["uplink"]
+    assert (uplink["kind"], uplink["state"], uplink["metered"]) == ("leo", "up", True)
+    assert json.loads(product.run("-c", LOOKED_AT)) == {
+        "items": ["4G of Control centre is registered, has an address, and carries traffic"],
+        "drawn": ["4G", 1],
+        "announced": 20,  # the pace of the slowest path: from the vessel's satellite
+        "tunnel": "4g",
+        "price": "over uplink of scc, which is paid by the byte: up to 1.0 MB, 2.00 EUR",
+    }
+
+
+COMMAND = '''"""`provision tide`: a toy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import Command, Word
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._arguments import Arguments
+
+COMMAND = Command("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
+
+
+def run(arguments: Arguments) -> ExitCode:
+    print(f"high water at {arguments.word('site')}")
+    return ExitCode.DONE
+'''
+
+
+def test_a_command_is_a_module_and_a_line(product: Copy) -> None:
+    product.append("atlantis_netcfg/cli/tide.py", COMMAND)
+    last = '    "version": "atlantis_netcfg.cli.version",\n'
+    product.replace("atlantis_netcfg/cli/_commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide",\n{last}')
+
+    assert product.provision("tide", "site=scc") == "high water at scc\n"
+    assert "say how high the water is" in product.provision("help")
+    assert "site=" in product.provision("tide", "--help")
+    product.provision("tide", code=3)  # a word is missing
+
+
+def items(product: Copy, *words: str) -> dict[str, str]:
+    """Ids of items to their verdicts; nobody is there to confirm the others, so that the list is not green."""
+    told = json.loads(product.provision("check", *words, "--rehearse", "--json", code=6))
+    return {item["id"]: item["verdict"] for item in told["items"]}
+
+
+CHECK = '''"""The router bears its own name: a toy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from atlantis_netcfg.checklist.probes.site_checks.parse import OwnSite, ask, fail, good, rows, step
+from atlantis_netcfg.checklist.probes.step import Judged, Step
+
+
+def name_check(site: OwnSite) -> Step:
+    return step("name", "The router bears its own name", Name(site), site.hosts[:1])
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    site: OwnSite
+
+    def asks(self):
+        return ask("identity", self.site, "/system/identity", "name")
+
+    def judge(self, results):
+        (row,) = rows(results["identity"], self.site.router.name, "its name", "name")
+        right = row["name"] == self.site.router.name
+        return Judged((good("named", row["name"]) if right else fail("misnamed", row["name"], "run the site"),))
+'''
+
+
+def test_a_site_check_is_a_module_and_a_row(product: Copy) -> None:
+    product.append("atlantis_netcfg/checklist/probes/site_checks/name.py", CHECK)
+    table = "atlantis_netcfg/checklist/probes/site_checks/__init__.py"
+    product.replace(table, '    "poe": poe_check,\n', '    "poe": poe_check,\n    "name": name_check,\n')
+    other = "from atlantis_netcfg.checklist.probes.site_checks.poe import poe_check\n"
+    added = "from atlantis_netcfg.checklist.probes.site_checks.name import name_check\n"
+    product.replace(table, other, added + other)
+
+    assert items(product, "site=scc")["scc/site/name"] == "PASS"
+
+
+PROBE = '''
+
+_of_the_column = steps
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """The items of the column, and a toy: the router has an interface for 4G."""
+    if cell.router is None:
+        return _of_the_column(cell)
+    probe = Interface(cell.router.name)
+    toy = Step(name="port", title="The router has its port", kind=Kind.AUTOMATIC, phase=Phase.BENCH, probe=probe)
+    return (*_of_the_column(cell), toy)
+
+
+class Interface:
+    def __init__(self, router):
+        self.router = router
+
+    def asks(self):
+        from atlantis_netcfg.bearers.query import Query
+        from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
+
+        query = Query("/interface/ethernet", "print", (), ("name",))
+        return (RouterOsQuery("ports", self.router, query),)
+
+    def judge(self, results):
+        from atlantis_netcfg.checklist.probes.step import Judged
+
+        there = {row["name"] for row in results["ports"].rows}
+        verdict = Verdict.PASS if "ether2" in there else Verdict.FAIL
+        return Judged((Finding(verdict, "port", f"{len(there)} ports"),))
+'''
+
+
+def test_a_probe_is_a_step_in_the_module_of_its_column(product: Copy) -> None:
+    product.append("atlantis_netcfg/checklist/probes/lte.py", PROBE)
+
+    assert items(product, "site=te4sea")["te4sea/4g/port"] == "PASS"
