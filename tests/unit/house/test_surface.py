@@ -1,0 +1,64 @@
+"""What programs and people rely on is still there: commands, exit codes, codes of findings, keys of `--json`."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+
+from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CHECKOUT = Path(__file__).parents[3]
+BEFORE: dict[str, Any] = yaml.safe_load((CHECKOUT / "tests/data/surface.yml").read_text(encoding="utf-8"))
+JUDGED = {"fail", "good", "warn", "unknown"}
+"""Functions whose first argument is the code of a finding; of `Finding` it is the second."""
+
+
+def trees() -> Iterator[ast.AST]:
+    for file in (CHECKOUT / "atlantis_netcfg").rglob("*.py"):
+        if "emulator" not in file.parts:
+            yield from ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+
+
+def codes() -> set[str]:
+    found = set()
+    for call in (node for node in trees() if isinstance(node, ast.Call)):
+        name = getattr(call.func, "id", getattr(call.func, "attr", ""))
+        place = 0 if name in JUDGED else 1 if name == "Finding" else None
+        if place is not None and len(call.args) > place and isinstance(call.args[place], ast.Constant):
+            found.add(call.args[place].value)  # type: ignore[attr-defined] # a constant, as the line above says
+    return found
+
+
+def keys() -> set[str]:
+    functions = (node for node in trees() if isinstance(node, ast.FunctionDef))
+    written = (each for each in functions if any(word in each.name for word in ("json", "dict", "document")))
+    dicts = (node for function in written for node in ast.walk(function) if isinstance(node, ast.Dict))
+    return {str(key.value) for each in dicts for key in each.keys if isinstance(key, ast.Constant)}
+
+
+@pytest.mark.parametrize("name", BEFORE["commands"])
+def test_a_command_takes_what_it_took(name: str) -> None:
+    command = import_module(COMMANDS[name]).COMMAND
+    taken = {f"{word.name}=" for word in command.words} | {f"--{flag.name}" for flag in command.flags}
+    assert set(BEFORE["commands"][name].split()) <= taken
+
+
+def test_exit_codes_mean_what_they_meant() -> None:
+    assert {code.name: int(code) for code in ExitCode if code.name in BEFORE["exit_codes"]} == BEFORE["exit_codes"]
+
+
+def test_no_finding_has_lost_its_code() -> None:
+    assert set(BEFORE["findings"].split()) - codes() == set()
+
+
+def test_no_key_of_json_is_lost() -> None:
+    assert set(BEFORE["json_keys"].split()) - keys() == set()
