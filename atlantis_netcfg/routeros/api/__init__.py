@@ -8,19 +8,24 @@ byte dropped), time-outs by silence, limits on memory, counters of what the wire
 
 from __future__ import annotations
 
-from atlantis_netcfg.routeros.api._errors import (
+from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of
+from atlantis_netcfg.routeros.api._tls import may_cut_off
+from atlantis_netcfg.routeros.api._values import (
+    READING_WINDOW,
     CertificateChanged,
     CertificateUnknown,
+    Command,
+    Endpoint,
     FellSilent,
     LoginRefused,
     ProtocolError,
     Refused,
+    Reply,
     SessionLost,
+    Traffic,
+    Trap,
     Unreachable,
 )
-from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of
-from atlantis_netcfg.routeros.api._tls import may_cut_off
-from atlantis_netcfg.routeros.api._values import READING_WINDOW, Command, Endpoint, Reply, Traffic, Trap
 
 __all__ = [
     "READING_WINDOW",

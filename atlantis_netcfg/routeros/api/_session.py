@@ -12,9 +12,16 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.routeros.api._errors import FellSilent, LoginRefused, ProtocolError, SessionLost, Unreachable
 from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, cut_off, fingerprint_of
-from atlantis_netcfg.routeros.api._values import Command, Traffic
+from atlantis_netcfg.routeros.api._values import (
+    Command,
+    FellSilent,
+    LoginRefused,
+    ProtocolError,
+    SessionLost,
+    Traffic,
+    Unreachable,
+)
 from atlantis_netcfg.routeros.api._wire import Wire
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.routeros.api._errors import CertificateChanged, CertificateUnknown, Unreachable
+from atlantis_netcfg.routeros.api._values import CertificateChanged, CertificateUnknown, Unreachable
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Endpoint, Traffic

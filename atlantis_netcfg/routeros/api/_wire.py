@@ -24,8 +24,7 @@ from librouteros.protocol import (
 )
 
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.routeros.api._errors import FellSilent, ProtocolError, SessionLost
-from atlantis_netcfg.routeros.api._values import Command, Reply, Traffic, Trap
+from atlantis_netcfg.routeros.api._values import Command, FellSilent, ProtocolError, Reply, SessionLost, Traffic, Trap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
