@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist.probes import (
     Say,
     Trouble,
 )
-from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway, _real, _way_in, ask_here, way_in
+from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.verdicts import Verdict
@@ -122,7 +122,7 @@ def test_who_is_not_root_becomes_it(stand: Stand) -> None:
 
 def test_who_may_not_become_root(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
-    monkeypatch.setattr(_gateway, "way_in", lambda *_: way)
+    monkeypatch.setattr(_real, "way_in", lambda *_: way)
     stand.behaves("cat >/dev/null; echo 'sudo: a password is required' >&2; exit 1")
     assert stand.ask(run("one", "true"))["one"].words.startswith(
         "whoever logs in on coastal-gateway does not become root without a password; on it, as root: `echo"
