@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.operations.ansible_settings import import_ansible
+from atlantis_netcfg.operations.ansible_settings import import_ansible, load_used_plugins
 from atlantis_netcfg.operations.play_control import PlayControl
 from atlantis_netcfg.operations.request import shared
 from atlantis_netcfg.operations.unreported import other_ends, without_result
@@ -123,6 +123,7 @@ class _Ansible:
         self._set_options({}, ())
         if AnsibleCollectionConfig.collection_finder is None:
             init_plugin_loader()
+        load_used_plugins()
         folder = str(self._playbook.parent)
         add_all_plugin_dirs(folder)
         AnsibleCollectionConfig.playbook_paths = [folder]

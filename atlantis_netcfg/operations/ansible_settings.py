@@ -19,8 +19,10 @@ from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.journal import write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+_USED = {"connection_loader": ("local", "ssh"), "shell_loader": ("sh",), "become_loader": ("sudo",)}
+"""What runs use of Ansible's plugins, by the names that its executor has for their loaders."""
 _LARGE = 50_000
 """Bytes of a collection's metadata that are worth keeping as read; those of Ansible's own collection are 400,000."""
 
@@ -51,6 +53,28 @@ def import_ansible() -> None:
                 os.environ[name] = value
     _leave_out_paramiko()
     _keep_metadata()
+
+
+def load_used_plugins() -> None:
+    """Have Ansible load, before the first task, the plugins that runs use; it would load all of their kinds.
+
+    Tasks run in processes of their own, and loading them there would cost more. Whatever else a host asks for is
+    loaded by the task that needs it.
+    """
+    executor: Any = import_module("ansible.executor.playbook_executor")
+    loaders: Any = import_module("ansible.plugins.loader")
+    for kind, names in _USED.items():
+        setattr(executor, kind, _Loader(getattr(loaders, kind), names))
+
+
+class _Loader:
+    """Stands for a loader of plugins where all of them are loaded."""
+
+    def __init__(self, loader: Any, names: Sequence[str]) -> None:  # noqa: ANN401 - Ansible's; it has no types
+        self._loader, self._names = loader, names
+
+    def all(self, *, class_only: bool) -> list[object]:
+        return [self._loader.get(name, class_only=class_only) for name in self._names]
 
 
 def _leave_out_paramiko() -> None:

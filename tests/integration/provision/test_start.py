@@ -35,6 +35,7 @@ UNUSED = {
         "serial",
         "unittest",
     ),
+    *(f"ansible.plugins.{name}" for name in ("become.su", "connection.paramiko_ssh", "connection.winrm")),
     "atlantis_netcfg.bundle",
     "atlantis_netcfg.checklist",
     "atlantis_netcfg.console",
