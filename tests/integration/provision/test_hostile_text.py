@@ -250,9 +250,10 @@ def authority(at: Quay, *words: str) -> None:
 
 
 def harmless(at: Quay, *words: str, passphrase: bool = False, codes: frozenset[int] | set[int] = CODES) -> str:
-    """Type it for people and for programs; give what was printed."""
-    said = ""
+    """Type it for people and for programs; give what was printed. The program itself is started once at most."""
+    said, program = "", at.program
     for more in ((), ("--json",)):
+        at.program = program and not more
         done = _typed(at, *words, *more, passphrase=passphrase, codes=codes)
         assert "provision itself failed" not in done.stdout + done.stderr
         for text in (done.stdout, done.stderr):
@@ -261,6 +262,7 @@ def harmless(at: Quay, *words: str, passphrase: bool = False, codes: frozenset[i
         if more:
             json.loads(done.stdout)
         said += done.stdout + done.stderr
+    at.program = program
     return said
 
 
