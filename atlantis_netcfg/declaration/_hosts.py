@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.declaration._names import why_no_name
-from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration._near import meant, why_no_name
 from atlantis_netcfg.declaration.findings import Finding, Mark
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Hints about words of the inventory: near misses, and what else there is."""
+"""Hints about words of the inventory: near misses, what else there is, and what a name may look like."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from atlantis_netcfg.core.suggest import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
 
 _MANY = 12
 
@@ -32,3 +33,12 @@ def shown_key(key: str) -> str:
     """A key as errors may show it: only its first word, because a slip of the finger can put a password behind it."""
     word = re.match(r"[\w.-]*", key)
     return key if word is None or word.group() == key else f"{word.group()}…"
+
+
+def why_no_name(text: str) -> tuple[str, str] | None:
+    """What is wrong with a name and what to type instead; None if it is an RFC 1123 label of at most 32 characters."""
+    if re.fullmatch(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?", text):
+        return None
+    near = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:32].strip("-")
+    rule = "lower-case letters, digits and hyphens inside, 32 at most"
+    return f"`{text}` is no name: a name has {rule}", near or "a name is like coastal-router"

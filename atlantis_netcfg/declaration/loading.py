@@ -28,8 +28,7 @@ from atlantis_netcfg.core.suggest import nearest
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._draft import Draft, Part
 from atlantis_netcfg.declaration._hosts import lay_out
-from atlantis_netcfg.declaration._names import why_no_name
-from atlantis_netcfg.declaration._near import choices, meant, shown_key
+from atlantis_netcfg.declaration._near import choices, meant, shown_key, why_no_name
 from atlantis_netcfg.declaration._node import Node
 from atlantis_netcfg.declaration._variables import gather
 from atlantis_netcfg.declaration._vault import CLOSED

@@ -1,4 +1,7 @@
-"""The value objects of export text, and the one error that reading it can raise."""
+"""The value objects of export text, and the one error that reading it can raise.
+
+Also the few words that the grammar itself must know; all others are the device's business.
+"""
 
 from __future__ import annotations
 
@@ -63,3 +66,28 @@ class Export:
         for statement in self.statements:
             yield from statement.comments
         yield from self.trailer
+
+
+VERBS = frozenset(
+    {
+        "add",
+        "comment",
+        "disable",
+        "edit",
+        "enable",
+        "export",
+        "find",
+        "get",
+        "move",
+        "print",
+        "remove",
+        "reset",
+        "run",
+        "set",
+        "unset",
+    }
+)
+"""Commands that most menus have, and no menu's name: they end the path of a full-path line, whatever follows."""
+
+FLAGS = frozenset({"blackhole", "fib", "no-summaries", "passive"})
+"""Arguments that `export` prints as the bare name when they are there; the API gives them an empty value."""

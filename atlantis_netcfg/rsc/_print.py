@@ -15,8 +15,8 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.rsc._model import FLAGS
 from atlantis_netcfg.rsc._values import in_quotes, quote
-from atlantis_netcfg.rsc._words import FLAGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -14,7 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
 from pydantic_core import PydanticCustomError
 
 from atlantis_netcfg.core.secret import MASK, Secret
-from atlantis_netcfg.declaration._names import why_no_name
+from atlantis_netcfg.declaration._near import why_no_name
 
 WRONG = "atlantis"
 """Error type of a value that one of the types below refuses; its context holds `what` and `hint`."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._near import meant
 from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway
-from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
+from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

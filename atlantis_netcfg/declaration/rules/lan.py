@@ -18,7 +18,7 @@ from atlantis_netcfg.declaration.model import (
     SatelliteTerminal,
     VpnServer,
 )
-from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
+from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -12,7 +12,7 @@ from atlantis_netcfg.declaration._hosts import KIND_GROUPS
 from atlantis_netcfg.declaration._near import meant
 from atlantis_netcfg.declaration.findings import Finding
 from atlantis_netcfg.declaration.model import Cpe, Router
-from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
+from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

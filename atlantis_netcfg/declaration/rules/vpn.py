@@ -11,8 +11,7 @@ from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._near import choices, meant
 from atlantis_netcfg.declaration._vault import SealedSecret
 from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Router, VpnServer
-from atlantis_netcfg.declaration.rules._subnet import example_in, why_unusable
-from atlantis_netcfg.declaration.rules.networks import claims
+from atlantis_netcfg.declaration.rules.networks import claims, example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,14 +1,18 @@
-"""Runs the programs of the system that machines are made of."""
+"""Run the programs of the system that containers are made of, and say what went wrong in words for a person."""
 
 from __future__ import annotations
 
 import subprocess
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.lab._errors import MachineFailed
+from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+
+class MachineFailed(NetcfgError):
+    """A machine could not be built, started, or asked; nothing beyond this computer was touched."""
 
 
 def output_of(

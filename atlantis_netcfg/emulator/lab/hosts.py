@@ -27,8 +27,7 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.emulator.lab._errors import MachineFailed
-from atlantis_netcfg.emulator.lab._programs import output_of, program
+from atlantis_netcfg.emulator.lab._programs import MachineFailed, output_of, program
 from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
 from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
 

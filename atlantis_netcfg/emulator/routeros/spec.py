@@ -14,7 +14,7 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atlantis_netcfg.emulator.routeros.environment._spec import Environment
-from atlantis_netcfg.emulator.routeros.lte._spec import ModemSpec
+from atlantis_netcfg.emulator.routeros.lte._modem import ModemSpec
 from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
 from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.link import Link

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
-from atlantis_netcfg.checklist.runner.simulated.faults_routers import FAULTS as OF_ROUTERS
+from atlantis_netcfg.checklist.runner.simulated._faults import ROUTER_FAULTS as OF_ROUTERS
 from atlantis_netcfg.cli import check
 from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.cli._session import session

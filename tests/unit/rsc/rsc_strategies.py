@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import strategies as st
 
 from atlantis_netcfg.rsc import Export, Statement
-from atlantis_netcfg.rsc._words import FLAGS, VERBS
+from atlantis_netcfg.rsc._model import FLAGS, VERBS
 
 __all__ = ["exports", "statements", "values"]
 

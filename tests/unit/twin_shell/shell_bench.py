@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.shell.flags import split_login
-from atlantis_netcfg.emulator.routeros.shell.session import Session
-from atlantis_netcfg.emulator.routeros.shell.talk import DirectTalk
+from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

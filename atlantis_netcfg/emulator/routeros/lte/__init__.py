@@ -9,7 +9,6 @@ Assumption: lte-pin-once
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.lte._modem import SimState
-from atlantis_netcfg.emulator.routeros.lte._spec import CellSpec, ModemSpec, SimSpec
+from atlantis_netcfg.emulator.routeros.lte._modem import CellSpec, ModemSpec, SimSpec, SimState
 
 __all__ = ["CellSpec", "ModemSpec", "SimSpec", "SimState"]

@@ -16,8 +16,7 @@ from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.shell.flags import Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard
 from atlantis_netcfg.emulator.routeros.shell.labour import Gone
-from atlantis_netcfg.emulator.routeros.shell.session import Session
-from atlantis_netcfg.emulator.routeros.shell.talk import DirectTalk
+from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
