@@ -70,6 +70,10 @@ class Interop:
     def key(self, name: str = "current") -> str:
         return self.on(f"readlink /opt/atlantis/interop/{name}").rpartition("/")[2]
 
+    def until_it_is(self, state: str) -> None:
+        """Wait until the service is in a state: systemd acts on a device's coming and going in its own time."""
+        self.until(f'test "$(systemctl is-active {SERVICE})" = {state}')
+
     def state(self) -> tuple[str, str]:
         """Whether the service is enabled, and whether it runs."""
         done = self.stand.gateway.run(f"systemctl is-enabled {SERVICE}; systemctl is-active {SERVICE}", check=False)
@@ -149,6 +153,7 @@ def test_it_is_built_once_per_revision_and_serves_with_the_vpn(interop: Interop)
 
     stand.gateway.put("/etc/atlantis/ros.env", "ROS_DOMAIN_ID=7\n")
     plug(interop)
+    interop.until_it_is("activating")
     assert interop.state() == ("enabled", "activating")
     interop.on("ip address add 10.80.0.10/16 dev tun0")
     interop.until("systemctl is-active " + SERVICE)
@@ -183,6 +188,7 @@ def test_it_is_built_once_per_revision_and_serves_with_the_vpn(interop: Interop)
     assert len(interop.git.requests) == asked
 
     unplug(interop)
+    interop.until_it_is("inactive")
     assert interop.state() == ("enabled", "inactive")
     plug(interop)
     interop.on("ip address add 10.80.0.10/16 dev tun0")
