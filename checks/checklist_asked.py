@@ -10,14 +10,11 @@ from atlantis_netcfg.checklist import Scope, State, books, plan
 from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.cli._arguments import Arguments
-from atlantis_netcfg.cli._checking.listening import listening
-from atlantis_netcfg.cli._checking.opening import folder_of
-from atlantis_netcfg.cli._checking.sitting import taking_part
+from atlantis_netcfg.cli._checklist_session import folder_of, listening, taking_part
 from atlantis_netcfg.cli._session import session
-from atlantis_netcfg.cli.check import COMMAND
-from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.cli.checklist import CHECK
+from atlantis_netcfg.core.events import Verdict, ignore
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import ALL
 from atlantis_netcfg.journal import Store
 
@@ -49,7 +46,7 @@ class How:
         """The same as words of `provision check`; nobody is asked anything while tests run."""
         words = {"site": (site,), "inventory": (str(self.inventory),), **({"via": (self.via,)} if self.via else {})}
         flags = {"json": True, "rehearse": self.rehearse, "accept-cost": self.accept_cost}
-        return Arguments(COMMAND, words, {name: None for name, given in flags.items() if given})
+        return Arguments(CHECK, words, {name: None for name, given in flags.items() if given})
 
 
 @dataclass(slots=True)

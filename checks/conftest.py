@@ -14,8 +14,8 @@ import pytest
 
 from atlantis_netcfg.checklist import Scope
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import lines
-from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import choose, load
 from atlantis_netcfg.operations.computers._access import is_gateway
 from atlantis_netcfg.operations.kinds import handled

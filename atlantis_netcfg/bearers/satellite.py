@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.bearers.status import Finding
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -1,12 +1,21 @@
-"""What every bearer is reduced to, whatever carries it."""
+"""The status of a bearer, and the requests by which a RouterOS device is read for it.
+
+What every bearer is reduced to, whatever carries it.
+
+What a reader wants to be asked of a RouterOS device, as data: whoever has the session sends it.
+
+Readers are pure, so what they may cause to be sent is this data and nothing else; a test holds every query against
+RouterOS' own command trees.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.verdicts import Verdict, worst
+from atlantis_netcfg.core.events import Verdict, worst
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -80,3 +89,87 @@ class BearerStatus:
             "month_bytes": self.month_bytes,
             "findings": [finding.as_dict() for finding in self.findings],
         }
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """One command of the API that only reads."""
+
+    menu: str
+    """In the form of the API: `/interface/wireless`."""
+    command: str
+    """`print`, `monitor`, `show-capabilities`."""
+    arguments: tuple[tuple[str, str], ...] = ()
+    proplist: tuple[str, ...] = ()
+    """Properties to ask for; empty: all. What must not leave the device (IMEI, IMSI, ICCID) is left out here."""
+
+    @property
+    def path(self) -> str:
+        """The command word: `/interface/lte/monitor`."""
+        return f"{self.menu}/{self.command}"
+
+    @property
+    def words(self) -> tuple[tuple[str, str], ...]:
+        """The arguments of the sentence, the list of properties among them."""
+        proplist = ((".proplist", ",".join(self.proplist)),) if self.proplist else ()
+        return (*self.arguments, *proplist)
+
+
+_LEVEL = re.compile(r"([+-]?\d+(?:\.\d+)?)\s*(dBm|dB)?(?:@.*)?", re.IGNORECASE)
+_RATE = re.compile(r"(\d+(?:\.\d+)?)\s*([kMG]?)bps(?:[-/ ].*)?", re.IGNORECASE)
+_PER_MEGABIT = {"": 1e-6, "k": 1e-3, "m": 1.0, "g": 1e3}
+_PERCENT = re.compile(r"(\d+(?:\.\d+)?)\s*%?")
+_UNIT = re.compile(r"(\d+(?:\.\d+)?)(ms|w|d|h|m|s)")
+_SPAN = re.compile(r"(?:\d+(?:\.\d+)?(?:ms|w|d|h|m|s))+")
+_CLOCK = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(\d+):(\d\d):(\d\d)(?:\.\d+)?")
+_SECONDS = {"w": 604_800.0, "d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms": 1e-3}
+_BARE_BITS = 1_000_000
+"""A bare number at least so large is a rate in bit/s; a smaller one could be anything."""
+
+
+def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> float | None:
+    """Read `-97dBm`, `-48dBm@6Mbps`, `-9dB`, `-72`; None outside the range that is physically possible."""
+    found = _LEVEL.fullmatch((text or "").strip())
+    if found is None or (found[2] is not None and found[2].lower() != unit.lower()):
+        return None
+    value = float(found[1])
+    return value if low <= value <= high else None
+
+
+def megabits(text: str | None) -> float | None:
+    """Read a rate in Mbit/s: `54.0Mbps-20MHz/1S`, `144.4Mbps`, `1.2Gbps`, `286800000`; a rate of 0 means no frame."""
+    stripped = (text or "").strip()
+    if stripped.isdecimal():
+        return int(stripped) / _BARE_BITS if int(stripped) >= _BARE_BITS else None
+    found = _RATE.fullmatch(stripped)
+    value = float(found[1]) * _PER_MEGABIT[found[2].lower()] if found is not None else 0.0
+    return round(value, 3) or None
+
+
+def percent(text: str | None) -> float | None:
+    """Read `90` or `90%`."""
+    found = _PERCENT.fullmatch((text or "").strip())
+    value = float(found[1]) if found is not None else None
+    return value if value is not None and value <= 100 else None  # noqa: PLR2004 - per cent
+
+
+def seconds(text: str | None) -> float | None:
+    """Read an interval: `6h24m21s`, `1w2d`, `0ms`, `00:15:54`."""
+    stripped = (text or "").strip()
+    if clock := _CLOCK.fullmatch(stripped):
+        weeks, days, hours, minutes, rest = (int(part or 0) for part in clock.groups())
+        return float((((weeks * 7 + days) * 24 + hours) * 60 + minutes) * 60 + rest)
+    if not _SPAN.fullmatch(stripped):
+        return None
+    return sum(float(count) * _SECONDS[unit] for count, unit in _UNIT.findall(stripped))
+
+
+def whole(text: str | None) -> int | None:
+    """Read a whole number."""
+    stripped = (text or "").strip()
+    return int(stripped) if stripped.isascii() and stripped.isdecimal() else None
+
+
+def yes(text: str | None) -> bool | None:
+    """Read `yes`/`true`, `no`/`false`; None is neither."""
+    return {"yes": True, "true": True, "no": False, "false": False}.get((text or "").strip().lower())

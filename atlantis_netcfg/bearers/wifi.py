@@ -7,9 +7,19 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.query import Query, decibels, megabits, percent, seconds, whole, yes
-from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.bearers.status import (
+    Finding,
+    LinkState,
+    Quality,
+    Query,
+    decibels,
+    megabits,
+    percent,
+    seconds,
+    whole,
+    yes,
+)
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

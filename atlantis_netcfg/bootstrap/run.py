@@ -8,9 +8,24 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.classify import fingerprint, foreign, look, recognise
-from atlantis_netcfg.bootstrap.steps import clear, close_door, prepare
-from atlantis_netcfg.bootstrap.target import CERTIFICATE, FACTORY_USER, Adopted, DeviceState, Facts, Status, Target
+from atlantis_netcfg.bootstrap.steps import (
+    CERTIFICATE,
+    FACTORY_USER,
+    Adopted,
+    ConsoleRoute,
+    ConsoleRoutes,
+    DeviceState,
+    Facts,
+    Status,
+    Target,
+    clear,
+    close_door,
+    fingerprint,
+    foreign,
+    look,
+    prepare,
+    recognise,
+)
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostKeyChanged, LoginFailed, SafeModeHeld
 from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
@@ -21,7 +36,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.bootstrap.steps import Step
-    from atlantis_netcfg.bootstrap.target import ConsoleRoute, ConsoleRoutes
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.journal import Pins, Recorder

@@ -1,22 +1,38 @@
-"""Plan the steps of first contact: a pure function of what was read; finished steps are not planned again."""
+"""Plan the steps of first contact: a pure function of what was read; finished steps are not planned again.
+
+Read a device through its console, and classify it: factory-fresh, adopted, half adopted, or configured by others.
+
+Types of first contact: the target state, the facts read, the routes to the console, the result.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.target import CERTIFICATE, MARK, TEMPORARY
+from atlantis_netcfg.console.types import ConsoleRefused, parse_rows
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.rsc import console_path, quote
+from atlantis_netcfg.rsc import RscError, console_path, parse, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from datetime import datetime
 
-    from atlantis_netcfg.bootstrap.target import Facts, Row, Target
+    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.rsc import Statement
+from dataclasses import field
+from enum import StrEnum
+from ipaddress import IPv4Interface
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.console.types import Console
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.rsc import Export
 
 
 CLEARED = (
@@ -312,3 +328,250 @@ def _resets(facts: Facts) -> list[Line]:
 def _typed(value: str) -> str:
     """A value for the command line; an empty one is refused bare."""
     return quote(value) if value else '""'
+
+
+def recognise(facts: Facts, target: Target, now: datetime) -> DeviceState:
+    """Tell by users, certificates and the export.
+
+    A device that is adopted may hold anything: it may have been provisioned since.
+    """
+    ours = any(user.get("name") == target.user for user in facts.users)
+    if ours and not prepare(facts, target, now) and not _left(facts) and not factory_users(facts, target):
+        return DeviceState.ADOPTED
+    if foreign(facts, target):
+        return DeviceState.SOMEONES
+    marked = any("atlantis" in (dict(statement.values).get("comment") or "") for statement in facts.export.statements)
+    return DeviceState.HALF if ours or marked else DeviceState.FACTORY
+
+
+def _left(facts: Facts) -> bool:
+    """Whether something of the default configuration, or of first contact, is still there."""
+    return any(
+        is_default(statement) or (dict(statement.values).get("comment") or "").startswith(TEMPORARY)
+        for statement in facts.export.statements
+    )
+
+
+def foreign(facts: Facts, target: Target) -> tuple[str, ...]:
+    """What neither the factory nor this toolkit has put there: menus with their number of lines, names of users."""
+    lines: dict[str, int] = {}
+    for statement in facts.export.statements:
+        if is_foreign(statement):
+            lines[statement.menu] = lines.get(statement.menu, 0) + 1
+    found = [f"{console_path(menu)} ({count})" for menu, count in lines.items()]
+    users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, target.user)]
+    found += [f"user {name}" for name in users]
+    certificates = [certificate.get("name", "") for certificate in facts.certificates]
+    return (*found, *(f"certificate {name}" for name in certificates if name not in target.certificates))
+
+
+_NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")
+
+
+def look(console: Console) -> Facts:
+    """Read everything that first contact decides by. Raises DeviceFailed if it is no RouterOS that can be read."""
+    resource = _settings(console, "/system/resource") or {}
+    try:
+        version = Version.parse(resource.get("version", ""))
+    except ValueError as error:
+        raise DeviceFailed("the console does not answer like RouterOS: no version was read") from error
+    hidden = " hide-sensitive" if version < Version(7, 0) else ""
+    text = console.run(f"/export{hidden}")
+    try:
+        export = parse(text, "the device's export")
+    except RscError as error:
+        raise DeviceFailed(f"the device's export could not be read: {error}") from error
+    return Facts(
+        version=version,
+        board=resource.get("board-name", ""),
+        architecture=resource.get("architecture-name", ""),
+        packages=_packages(console),
+        device_mode=_settings(console, "/system/device-mode"),
+        now=_clock_of(_settings(console, "/system/clock") or {}),
+        users=_rows(console, "/user"),
+        certificates=_rows(console, "/certificate"),
+        services=_rows(console, "/ip/service"),
+        ethernets=_rows(console, "/interface/ethernet"),
+        rows={menu: _rows(console, menu) for menu in CLEARED},
+        export=export,
+        text=text,
+    )
+
+
+def fingerprint(console: Console, certificate: str) -> str:
+    """SHA-256 of a certificate on the device, as its console prints it; empty before it is signed."""
+    found = [row for row in _rows(console, "/certificate") if row.get("name") == certificate]
+    return found[0].get("fingerprint", "").replace(":", "").lower() if found else ""
+
+
+def _rows(console: Console, menu: str) -> tuple[Row, ...]:
+    """Rows of a menu; none where this version or these packages do not have the menu."""
+    try:
+        return tuple(console.rows(console_path(menu)))
+    except ConsoleRefused as refused:
+        if refused.words.startswith(_NO_MENU):
+            return ()
+        raise
+
+
+def _settings(console: Console, menu: str) -> Row | None:
+    """The one row of a menu of settings, which have no `detail`."""
+    try:
+        rows = parse_rows(console.run(f":put [{console_path(menu)} print as-value]").replace("\n", ""))
+    except ConsoleRefused as refused:
+        if refused.words.startswith(_NO_MENU):
+            return None
+        raise
+    return rows[0] if rows else None
+
+
+def _packages(console: Console) -> tuple[str, ...]:
+    rows = _rows(console, "/system/package")
+    return tuple(row.get("name", "") for row in rows if row.get("disabled") not in ("true", "yes"))
+
+
+def _clock_of(row: Row) -> datetime | None:
+    """The device's clock; before 7.10 it writes months by name."""
+    text = f"{row.get('date', '')} {row.get('time', '')}"
+    for form in ("%Y-%m-%d %H:%M:%S", "%b/%d/%Y %H:%M:%S"):
+        try:
+            return datetime.strptime(text.title() if "/" in text else text, form).replace(tzinfo=UTC)
+        except ValueError:
+            continue
+    return None
+
+
+Row = dict[str, str]
+
+
+FACTORY_ADDRESS = "192.168.88.1"
+
+
+FACTORY_USER = "admin"
+
+
+CERTIFICATE = "atlantis-api"
+
+
+MARK = "atlantis: management"
+"""Comment of the management address."""
+
+
+TEMPORARY = "atlantis: first contact"
+"""Comment of what lives only until first contact is over."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """The "adopted" state of one router, from its declaration."""
+
+    name: str
+    user: str
+    password: Secret
+    address: str
+    """On the management port, with prefix length."""
+    technician: str
+    """The laptop's own address in the management network."""
+    port: str
+    """The management port, by its factory name."""
+    ports: tuple[str, ...]
+    """All declared ports, by their factory names."""
+    model: str | None = None
+    api_port: int = 8729
+    features: Mapping[str, str] = field(default_factory=dict)
+    """Features of device-mode that the declared text needs, each with the menu that needs it."""
+    radio: bool = False
+    """Whether the declared text configures a wireless interface."""
+    certificates: tuple[str, ...] = (CERTIFICATE,)
+    """Certificates that the declared text refers to; somebody may have imported them already."""
+
+    @property
+    def host(self) -> str:
+        """The management address without its prefix length."""
+        return str(IPv4Interface(self.address).ip)
+
+    @property
+    def laptop(self) -> str:
+        """What the technician types into the laptop's network settings."""
+        return f"{self.technician}/{IPv4Interface(self.address).network.prefixlen}"
+
+
+class DeviceState(StrEnum):
+    """Whose the device is."""
+
+    FACTORY = "factory-fresh"
+    HALF = "half adopted by an earlier run"
+    ADOPTED = "adopted"
+    SOMEONES = "configured by somebody"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """What a device says about itself on its console."""
+
+    version: Version
+    board: str
+    architecture: str
+    packages: tuple[str, ...]
+    device_mode: Mapping[str, str] | None
+    """None where there is no device-mode."""
+    now: datetime | None
+    """Its clock; None if it could not be read."""
+    users: tuple[Row, ...]
+    certificates: tuple[Row, ...]
+    services: tuple[Row, ...]
+    ethernets: tuple[Row, ...]
+    rows: Mapping[str, tuple[Row, ...]]
+    """Rows of the menus that a default configuration fills, by menu."""
+    export: Export
+    text: str
+    """The export as it was printed, without secrets."""
+
+
+class ConsoleRoute(Protocol):
+    """A way to a device's console."""
+
+    label: str
+    """As a person would say it: an address, or a serial line."""
+    serial: bool
+
+    def open(self, user: str, password: Secret) -> Console:
+        """Log in. Raises ConsoleUnreachable, LoginFailed, HostKeyChanged, ConsoleLost."""
+
+    def prove(self, pin: str) -> None:
+        """Log in by api-ssl as our user, under this certificate alone. Raises ConsoleUnreachable, NetcfgError."""
+
+    def meet(self) -> None:
+        """Learn the SSH host key, without a login, if it is not known yet. Raises NetcfgError."""
+
+
+class ConsoleRoutes(Protocol):
+    """The two ways, and what is known of the device."""
+
+    first: ConsoleRoute
+    """Where the technician has plugged in."""
+    final: ConsoleRoute
+    """The management address."""
+
+    @property
+    def host_key(self) -> str | None:
+        """The host key that the device has shown; None as long as nobody came by SSH."""
+
+
+class Status(StrEnum):
+    """How first contact ended."""
+
+    ALREADY = "unchanged"
+    PLANNED = "planned"
+    ADOPTED = "changed"
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """What came of it; `notes` say what nobody has verified, and what to do now."""
+
+    status: Status
+    standing: DeviceState
+    steps: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    facts: Facts | None = None

@@ -1,19 +1,42 @@
 """What a bundle says of itself: `manifest.json`, signed by `manifest.json.asc`.
 
 Paths of `files` are below the bundle's folder; those of `held` below /var/lib/atlantis/bundle/ID of a host's board.
+
+The key that signs the bundles of this computer, and signatures of others.
+
+One key a computer, kept in the state directory and not made anew with each bundle: a bundle that brings its own key
+could be signed by anybody, while a key that stays can be recognised. Bundles of another computer are taken once a
+person has accepted its fingerprint.
+
+Signatures are dated `SIGNED_AT`: gpgv(1) refuses a key or a signature from the future, and a board without a battery
+starts years in the past. When a bundle was really made stands in its manifest. The key is a day older, because gpg
+refuses its own key as well where it is a second younger than the signature. Its clock stands still (`!`, gpg(1)): the
+same contents have the same signature, however slow the computer is.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
-from pathlib import PurePosixPath
-from typing import Annotated, Literal
+import shutil
+import subprocess
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from atlantis_netcfg.bundle.requirements import BundleRefused
+from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core.paths import private_directory
+from atlantis_netcfg.journal import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
 
 FORMAT = 1
 MANIFEST = "manifest.json"
@@ -142,3 +165,150 @@ def read_manifest(data: bytes, named: str) -> Manifest:
 
 def _damaged(named: str) -> BundleRefused:
     return BundleRefused(f"{named} cannot be understood", hint="the bundle is damaged: copy it again")
+
+
+_PACKAGES = {
+    "apt-get": "apt",
+    "apt-config": "apt",
+    "dpkg-deb": "dpkg",
+    "git": "git",
+    "gpg": "gpg gpg-agent",
+    "gpgconf": "gpgconf",
+    "gpgv": "gpgv",
+    "ssh": "openssh-client",
+}
+_MAKERS = ("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv")
+
+
+def program(name: str) -> str:
+    """The path of a program. Raises BundleRefused where it is not installed."""
+    found = shutil.which(name)
+    if found is None:
+        raise BundleRefused(f"`{name}` is not installed on this computer", hint=f"sudo apt install {_PACKAGES[name]}")
+    return found
+
+
+def require_programs() -> None:
+    """Hold that what makes a bundle is there, before anything is unpacked or fetched. Raises BundleRefused with all."""
+    missing = [name for name in _MAKERS if shutil.which(name) is None]
+    if missing:
+        listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        packages = " ".join(dict.fromkeys(_PACKAGES[name] for name in missing))
+        raise BundleRefused(f"{listed} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+
+
+def run(
+    command: Sequence[str], environment: Mapping[str, str] | None = None, stdin: bytes | None = None
+) -> subprocess.CompletedProcess[bytes]:
+    """Run a program whose words are the same in every language; its exit code is the caller's to judge."""
+    return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
+        [program(command[0]), *command[1:]],
+        input=stdin if stdin is not None else b"",
+        capture_output=True,
+        check=False,
+        env={**os.environ, "LC_ALL": "C.UTF-8", **(environment or {})},
+    )
+
+
+_KEY_MADE_AT = "20000101T000000"
+SIGNED_AT = "20000102T000000"
+_NAME = "ATLANTIS bundles"
+_SECRET = "signing-key.asc"  # noqa: S105 - the name of a file
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """What is kept in `<state>/bundle`: this computer's key, and the fingerprints that a person has accepted."""
+
+    folder: Path
+
+    @classmethod
+    def of(cls, state: Path) -> Keys:
+        """Those in a state directory."""
+        return cls(state / "bundle")
+
+    def signer(self) -> Signer:
+        """This computer's key, made at first use."""
+        private_directory(self.folder)
+        place = self.folder / _SECRET
+        if not place.exists():
+            with _home() as home:
+                made = ["--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never"]
+                _gpg(home, *made, at=_KEY_MADE_AT)
+                write_atomically(place, _gpg(home, "--armor", "--export-secret-keys"))
+        secret = place.read_bytes()
+        with _home() as home:
+            _gpg(home, "--import", stdin=secret)
+            listed = _gpg(home, "--with-colons", "--list-keys").decode()
+            public = _gpg(home, "--export")
+        found = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
+        if found is None:
+            raise BundleRefused(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
+        return Signer(found[1], public, secret)
+
+    def accepts(self, fingerprint: str) -> bool:
+        """Whether bundles signed by that key are taken here."""
+        return (self.folder / "accepted" / fingerprint).exists() or (
+            (self.folder / _SECRET).exists() and self.signer().fingerprint == fingerprint
+        )
+
+    def accept(self, fingerprint: str) -> None:
+        """Take bundles signed by that key from now on, on a person's word."""
+        folder = private_directory(private_directory(self.folder) / "accepted")
+        write_atomically(folder / fingerprint, b"")
+
+
+@dataclass(frozen=True, slots=True)
+class Signer:
+    """A key that can sign."""
+
+    fingerprint: str
+    public: bytes
+    """What `Signed-By` of apt takes."""
+    secret: bytes
+
+    def __repr__(self) -> str:
+        return f"Signer({self.fingerprint})"
+
+    def in_clear(self, text: str) -> bytes:
+        """A text with its signature, as apt's InRelease."""
+        return self._sign("--clear-sign", text.encode())
+
+    def beside(self, data: bytes) -> bytes:
+        """A signature for a file of its own."""
+        return self._sign("--detach-sign", data)
+
+    def _sign(self, how: str, data: bytes) -> bytes:
+        with _home() as home:
+            _gpg(home, "--import", stdin=self.secret)
+            return _gpg(home, "--digest-algo", "SHA512", "--armor", how, stdin=data)
+
+
+def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
+    """The fingerprint of the key that has signed these bytes; None: that is no signature of them by this key."""
+    with temporary.folder("gpg") as place:
+        for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):
+            (place / name).write_bytes(content)
+        command = ["gpgv", "--homedir", str(place), "--keyring", str(place / "key.gpg"), "--status-fd", "1"]
+        done = run([*command, str(place / "data.asc"), str(place / "data")])
+    valid = re.search(r"^\[GNUPG:\] VALIDSIG ([0-9A-F]{40}) ", done.stdout.decode(errors="replace"), re.MULTILINE)
+    return valid[1] if valid is not None and done.returncode == 0 else None
+
+
+@contextmanager
+def _home() -> Iterator[Path]:
+    """A folder for gpg(1), short enough for the socket of its agent, which ends with it."""
+    with temporary.folder("gpg", Path("/tmp")) as folder:  # noqa: S108 - it is private
+        try:
+            yield folder
+        finally:
+            run(["gpgconf", "--homedir", str(folder), "--kill", "all"])
+
+
+def _gpg(home: Path, *arguments: str, stdin: bytes | None = None, at: str = SIGNED_AT) -> bytes:
+    options = ["--homedir", str(home), "--batch", "--no-tty", "--quiet", "--pinentry-mode", "loopback"]
+    done = run(["gpg", *options, "--faked-system-time", f"{at}!", *arguments], stdin=stdin)
+    if done.returncode != 0:
+        lines = done.stderr.decode(errors="replace").strip().splitlines()
+        raise BundleRefused(f"gpg has refused: {lines[-1] if lines else 'without a word'}", hint="gpg --version")
+    return done.stdout

@@ -6,18 +6,16 @@ import tarfile
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest
+from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
 from atlantis_netcfg.bundle.requirements import BundleRefused, refused
 from atlantis_netcfg.bundle.resolve import sha256_of
-from atlantis_netcfg.bundle.signing import signed_by
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import File, HostPart
+    from atlantis_netcfg.bundle.manifest import File, HostPart, Keys
     from atlantis_netcfg.bundle.requirements import HostRequirements
-    from atlantis_netcfg.bundle.signing import Keys
 
 _TAR_RECORD = 10240
 """An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""

@@ -7,9 +7,9 @@ The closed list is signed by a named person over everything in it, and whoever h
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist._errors import KeyDamaged, NotSigned, Refused
-from atlantis_netcfg.checklist._key import FILE as KEY
 from atlantis_netcfg.checklist._opening import Head
+from atlantis_netcfg.checklist._signing import FILE as KEY
+from atlantis_netcfg.checklist._signing import KeyDamaged, NotSigned, Refused
 from atlantis_netcfg.checklist.answers import Answers, AnswersInvalid, Overriding
 from atlantis_netcfg.checklist.confirmations import Confirmation
 from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green, narrowed, since

@@ -2,27 +2,38 @@
 
 A kill leaves at most a last line without its end; nobody was told of that record, so it is cut off. A last line that
 has its end and cannot be read is what a power cut leaves: it is cut off too, and told. Anything else is damage.
+
+Photos and files that people give as evidence: copied beside the records, and known by their SHA-256.
+
+A telephone writes into a photo where and when it was taken, and with what. A report goes to partners, so that of a
+photo only the picture is kept: decoded, set upright and encoded anew. What cannot be decoded here is not taken.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
+import os
+import re
+import stat
+import warnings
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from atlantis_netcfg.checklist._canonical import content, parsed
+from atlantis_netcfg.checklist._signing import Refused, content, parsed
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.journal import unwritable, utc_now
+from atlantis_netcfg.journal import make_private, os_errors_as, unwritable, utc_now, write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
+
 
 FILE = "records.jsonl"
 
@@ -148,3 +159,120 @@ class Ledger(EventLog):
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
+
+
+FOLDER = "files"
+MAX_BYTES = 25_000_000
+"""Of one file: a photo of a telephone has a fifth of it, and a video does not belong into a report."""
+COPY = re.compile(FOLDER + r"/[0-9a-f]{12}-[A-Za-z0-9._-]+")
+"""How we call a copy."""
+_PICTURES = {
+    "JPEG": re.compile(rb"\xff\xd8\xff"),
+    "PNG": re.compile(rb"\x89PNG\r\n"),
+    "GIF": re.compile(rb"GIF8[79]a"),
+    "WEBP": re.compile(rb"RIFF....WEBP", re.DOTALL),
+    "TIFF": re.compile(rb"II\*\0|MM\0\*"),
+    "HEIC": re.compile(rb"....ftyp(hei|hev|mif1|msf1|avi[fs])", re.DOTALL),
+}
+"""What such a file begins with."""
+_READ = ("JPEG", "PNG", "GIF", "WEBP")
+"""What every Pillow decodes."""
+_MAX_PIXELS = 120_000_000
+"""A telephone has up to 108 million."""
+_SAVED: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
+"""How a picture is encoded, where the encoder would choose something else."""
+_AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
+_HASH_DIGITS = 12
+_NAME_LENGTH = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Copied:
+    """A file that is kept."""
+
+    file: str
+    """Beside the document: `files/0123456789ab-photo.jpg`."""
+    sha256: str
+    size: int
+
+
+def wrong_with(path: Path) -> tuple[str, str] | None:
+    """Why a file cannot be evidence, and what to do; None if it can."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return f"there is no file `{path}`", "give the path of a photo or file, from here or from the file of answers"
+    if stat.S_ISLNK(found.st_mode):
+        return f"`{path}` is a symbolic link, and links are not followed", "give the photo or file itself"
+    if not stat.S_ISREG(found.st_mode):
+        return f"`{path}` is no file", "give a photo or file, not a folder"
+    if found.st_size > MAX_BYTES:
+        size = f"{found.st_size / 1e6:.0f} MB; {MAX_BYTES // 1_000_000} MB are the most"
+        return f"`{path}` has {size}", "make it smaller, or give a part of it"
+    return None if found.st_size else (f"`{path}` is empty", "give a file with something in it")
+
+
+def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
+    """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
+    data = [(path.name, _picture(path, _bytes(path))) for path in files]
+    return tuple(_copied(book, name, item) for name, item in data)
+
+
+def _bytes(path: Path) -> bytes:
+    wrong = wrong_with(path)
+    if wrong is not None:
+        raise Refused(wrong[0], hint=wrong[1])
+    try:
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise Refused(f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions") from error
+    if len(data) > MAX_BYTES:
+        raise Refused(f"`{path}` grows while it is read", hint="give it when it is whole")
+    return data
+
+
+def _picture(path: Path, data: bytes) -> bytes:
+    """A photo without all that is not the picture; any other file as it is. Raises Refused."""
+    kind = next((name for name, start in _PICTURES.items() if start.match(data)), None)
+    if kind is None:
+        return data
+    if kind not in _READ:
+        raise Refused(f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG)
+    from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # its size is looked at below, and what is odd inside does not stay
+            with Image.open(io.BytesIO(data), formats=(kind,)) as image:
+                pixels = image.width * image.height
+                kept = _encoded(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
+    except Exception as error:  # Pillow raises all sorts for damaged files
+        raise Refused(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
+    if not kept:
+        raise Refused(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
+    return kept
+
+
+def _encoded(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is imported where it is needed
+    """The pixels alone, the same for the same photo."""
+    from PIL import Image  # noqa: PLC0415 - as above
+
+    mode = {"JPEG": "L" if image.mode == "L" else "RGB"}.get(kind, "RGBA" if image.has_transparency_data else "RGB")
+    pixels = image.convert(mode)
+    bare = Image.frombytes(mode, pixels.size, pixels.tobytes())
+    kept = io.BytesIO()
+    bare.save(kept, kind, **_SAVED.get(kind, {}))
+    return kept.getvalue()
+
+
+def _copied(book: Path, name: str, data: bytes) -> Copied:
+    digest = hashlib.sha256(data).hexdigest()
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).lstrip(".")[-_NAME_LENGTH:] or "file"
+    copy = Copied(f"{FOLDER}/{digest[:_HASH_DIGITS]}-{plain}", digest, len(data))
+    path = book / copy.file
+    with os_errors_as("the evidence", path):
+        make_private(path.parent)
+        if not path.exists() or path.read_bytes() != data:
+            write_atomically(path, data)
+    return copy

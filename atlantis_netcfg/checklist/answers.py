@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, StrictBool
 
-from atlantis_netcfg.checklist._evidence import wrong_with
+from atlantis_netcfg.checklist._ledger import wrong_with
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, SAYABLE, Confirmation, unskippable
 from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding, report
 from atlantis_netcfg.declaration.model import Model, Text
 from atlantis_netcfg.declaration.yaml_file import Block, meant, read

@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist._errors import Refused
+from atlantis_netcfg.checklist._signing import Refused
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Finding, Kind, Override
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.checklist._evidence import Copied
+    from atlantis_netcfg.checklist._ledger import Copied
     from atlantis_netcfg.checklist.report import Item
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)

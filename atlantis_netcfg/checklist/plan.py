@@ -1,23 +1,27 @@
-"""From the declaration to the list: every X of Table 3, every row, every check of the site, narrowed to a scope."""
+"""From the declaration to the list: every X of Table 3, every row, every check of the site, narrowed to a scope.
+
+The drawing of a site, from its declaration: what stands there, what carries it, and which items speak of each.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import SITE, Cell
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
-from atlantis_netcfg.checklist.report import Item, Kind, LeftOut, Phase, Row
-from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, Column
+from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, Kind, LeftOut, Phase, Row
+from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.checklist.probes import Step
-    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer, Site
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,3 +196,165 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
             f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."
             " One that has to be kept from the others is not plugged in, and comes by the VPN alone"
         )
+
+
+_PARTNERS, _INTERNET = "partners", "internet"
+"""Keys of nodes that are no hosts; those of hosts, sites and vehicles are their names."""
+
+
+def drawing(declaration: Declaration, checklist: Checklist) -> Drawing:
+    """Draw the site of a checklist; the order is the inventory's, so that it is the same every time."""
+    return _Drawn(declaration, checklist).drawing()
+
+
+class _Drawn:
+    def __init__(self, declaration: Declaration, checklist: Checklist) -> None:
+        self._declaration = declaration
+        self._site = checklist.site
+        self._rows = checklist.rows
+        self._entries = checklist.entries
+        self._hosts = declaration.site_hosts(self._site)
+        self._server = declaration.hosts[declaration.pilot.vpn.server]
+
+    def drawing(self) -> Drawing:
+        nodes = {node.key: node for node in chain(self._far(), self._here(), self._vehicles())}
+        links = chain(self._joined(), self._bearers(), self._local(), self._seen())
+        known = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
+        return Drawing(nodes=tuple(nodes.values()), links=tuple(known))
+
+    @property
+    def _declared(self) -> Site:
+        return self._declaration.sites[self._site]
+
+    @property
+    def _router(self) -> Host | None:
+        return next((host for host in self._hosts if isinstance(host.device, Router)), None)
+
+    @property
+    def _gateway(self) -> Host | None:
+        return next((host for host in self._hosts if isinstance(host.device, Gateway)), None)
+
+    @property
+    def _middle(self) -> str:
+        """Who stands for the site where nobody else does."""
+        return next((host.name for host in (self._router, self._gateway) if host is not None), self._site)
+
+    @property
+    def _other_end(self) -> str:
+        """Where the bearers lead: to the site of the VPN's server, or from there into the world."""
+        return _INTERNET if self._server.site == self._site else self._server.site
+
+    def _far(self) -> Iterator[DrawnNode]:
+        """The VPN's server first, for the lines to it run along that side."""
+        if self._server.site != self._site:
+            yield self._host(self._server)
+        names = ", ".join(partner.full_name for partner in self._declaration.partners.values())
+        if names:
+            yield DrawnNode(key=_PARTNERS, label="Partners", kind="partner", detail=names)
+        if self._server.site != self._site:
+            title = self._declaration.sites[self._server.site].title
+            yield DrawnNode(key=self._server.site, label=title, kind="site")
+        else:
+            yield DrawnNode(key=_INTERNET, label="Internet", kind="site")
+        for served in self._declared.served_links:
+            yield DrawnNode(key=served.carries, label=self._declaration.sites[served.carries].title, kind="site")
+
+    def _here(self) -> Iterator[DrawnNode]:
+        for host in self._hosts:
+            yield self._host(host)
+        if self._router is None and self._gateway is None:
+            yield DrawnNode(key=self._site, label=self._declared.title, kind="site", items=self._unnamed())
+
+    def _host(self, host: Host) -> DrawnNode:
+        named = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
+        local = [
+            item for bearer in self._declared.bearers if bearer.device == host.name for item in self._carrying(bearer)
+        ]
+        rest = self._unnamed() if host.name == self._middle else ()
+        return DrawnNode(
+            key=host.name,
+            label=host.name,
+            kind=host.device.kind,
+            items=tuple(dict.fromkeys((*named, *local, *rest))),
+            detail=str(getattr(host.device, "address", "")),
+        )
+
+    def _unnamed(self) -> tuple[str, ...]:
+        """The site's own items that speak of no host in particular."""
+        names = {host.name for host in (*self._hosts, self._server)}
+        entries = (entry for entry in self._entries if entry.item.endpoint == SITE)
+        return tuple(entry.item.id for entry in entries if names.isdisjoint(entry.step.concerns))
+
+    def _vehicles(self) -> Iterator[DrawnNode]:
+        for row in self._robots():
+            items = tuple(entry.item.id for entry in self._entries if entry.item.vehicle == row.key)
+            yield DrawnNode(key=row.key, label=row.name, kind="vehicle", items=items, detail=row.kind.upper())
+
+    def _robots(self) -> Iterator[Row]:
+        return (row for row in self._rows if row.kind != "location")
+
+    def _joined(self) -> Iterator[DrawnLink]:
+        yield DrawnLink(a=_PARTNERS, b=self._server.name, label="VPN", kind="vpn")
+        yield DrawnLink(a=self._server.name, b=self._server.site, label="", kind="ethernet")
+        if self._router is not None and self._server.site != self._site:
+            items = tuple(entry.item.id for entry in self._site_entries() if "vpn" in entry.step.name)
+            yield DrawnLink(a=self._router.name, b=self._server.name, label="VPN", kind="vpn", items=items)
+
+    def _site_entries(self) -> Iterator[Entry]:
+        return (entry for entry in self._entries if entry.item.endpoint == SITE)
+
+    def _carrying(self, bearer: Bearer) -> tuple[str, ...]:
+        column = bearer.kind.traits.column
+        return tuple(
+            entry.item.id
+            for entry in self._entries
+            if entry.item.vehicle is None and entry.item.endpoint == column and self._speaks(entry, bearer)
+        )
+
+    def _speaks(self, entry: Entry, bearer: Bearer) -> bool:
+        """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
+        others = {item.device for item in self._declared.bearers if item.name != bearer.name} - {bearer.device, None}
+        return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
+
+    def _bearers(self) -> Iterator[DrawnLink]:
+        for bearer in self._declared.bearers:
+            column, near = bearer.kind.traits.column, bearer.device or self._middle
+            yield DrawnLink(a=near, b=self._other_end, label=TITLES[column], kind=column, items=self._carrying(bearer))
+        for served in self._declared.served_links:
+            yield DrawnLink(a=served.device, b=served.carries, label=TITLES[Column.WIFI], kind=Column.WIFI)
+
+    def _local(self) -> Iterator[DrawnLink]:
+        """The cables of the router; a box of a link on the port of that link, all else in the LAN."""
+        if self._router is None or not isinstance(self._router.device, Router):
+            return
+        on = {port.link: port for port in self._router.device.ports if port.link is not None}
+        box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._declared.bearers}
+        box_of |= {served_link.name: served_link.device for served_link in self._declared.served_links}
+        ports = {box_of[link]: port for link, port in on.items() if box_of.get(link) is not None}
+        for host in self._hosts:
+            port = ports.get(host.name)
+            power = ", PoE" if port is not None and port.poe is not None else ""
+            label = f"{port.name}{power}" if port is not None else "LAN"
+            yield DrawnLink(a=self._router.name, b=host.name, label=label, kind="ethernet")
+
+    def _seen(self) -> Iterator[DrawnLink]:
+        for row in self._robots():
+            for endpoint in (*row.table3, *row.beside):
+                items = tuple(
+                    entry.item.id
+                    for entry in self._entries
+                    if entry.item.vehicle == row.key and entry.item.endpoint == endpoint
+                )
+                by = self._seen_by(self._declaration.vehicles[row.key].endpoints, endpoint)
+                yield DrawnLink(a=row.key, b=by, label=TITLES[endpoint], kind=endpoint, items=items)
+
+    def _seen_by(self, endpoints: Endpoints, endpoint: str) -> str:
+        """The host that hears the vehicle, as far as it is declared."""
+        declared = getattr(endpoints, endpoint, None)
+        if (by := getattr(declared, "seen_by", None)) is not None and by in {host.name for host in self._hosts}:
+            return str(by)
+        station = endpoint == Column.WIFI and getattr(declared, "role", None) is WifiRole.STATION
+        laptop = getattr(declared, "seen_from", None) is SeenFrom.LAPTOP
+        if self._gateway is None or station or laptop:
+            return self._middle
+        return self._gateway.name

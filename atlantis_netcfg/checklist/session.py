@@ -13,17 +13,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, Self
 
-from atlantis_netcfg.checklist import _evidence, _ledger
-from atlantis_netcfg.checklist._errors import NotSigned, Refused
-from atlantis_netcfg.checklist._key import FILE as KEY
-from atlantis_netcfg.checklist._key import Key
+from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import begin, found
-from atlantis_netcfg.checklist._signing import signed
+from atlantis_netcfg.checklist._signing import FILE as KEY
+from atlantis_netcfg.checklist._signing import Key, NotSigned, Refused, signed
 from atlantis_netcfg.checklist.confirmations import confirmed, named, overridden, spoken
-from atlantis_netcfg.checklist.finalize import close_book
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import LeftOut
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.checklist.verifying import close_book
+from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.journal import SiteLock, utc_now
 
 if TYPE_CHECKING:
@@ -125,7 +123,7 @@ class Book:
         item = self.item(name)
         confirmed(item, confirmation, (), self._now())
         return self._record(
-            "confirmed", confirmed(item, confirmation, _evidence.keep(self.folder, confirmation.files), self._now())
+            "confirmed", confirmed(item, confirmation, _ledger.keep(self.folder, confirmation.files), self._now())
         )
 
     def override(self, name: str, reason: str, by: str) -> Item:

@@ -55,17 +55,17 @@ class _Line:
 
     def end(self) -> ExitCode:
         """Run it, and end in words whatever happens."""
-        from atlantis_netcfg.cli import _outcome
+        from atlantis_netcfg.cli import _output
 
         as_json = "--json" in self.typed
         try:
             code = self._run()
         except NetcfgError as error:
-            return _outcome.failed(error, self.typed, as_json=as_json)
+            return _output.failed(error, self.typed, as_json=as_json)
         except KeyboardInterrupt as stop:
-            return _outcome.interrupted(self.command, self.typed, stop, as_json=as_json)
+            return _output.interrupted(self.command, self.typed, stop, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
-            return _outcome.crashed(error, self.typed, as_json=as_json)
+            return _output.crashed(error, self.typed, as_json=as_json)
         return code
 
     def _run(self) -> ExitCode:
@@ -76,16 +76,16 @@ class _Line:
         if group := self._group():
             return _print_overview(group)
         name, rest = choose(self.typed, self.table)
-        module = load(name, self.table)
-        self.command = module.COMMAND
+        loaded = load(name, self.table)
+        self.command = loaded.command
         if _HELP & set(rest):
-            return _print_help(module.COMMAND)
-        from atlantis_netcfg.cli._parse import parse
+            return _print_help(loaded.command)
+        from atlantis_netcfg.cli._arguments import parse
         from atlantis_netcfg.core import temporary
 
-        arguments = parse(module.COMMAND, rest)
+        arguments = parse(loaded.command, rest)
         temporary.remove_orphans()
-        return module.run(arguments)
+        return loaded.run(arguments)
 
     def _group(self) -> dict[str, str]:
         """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""

@@ -1,19 +1,21 @@
 """What a command takes, declared as data: words (`site=coastal`), flags (`--plan`), and the values a person gave them.
 
-A command module holds one `COMMAND = Command(...)` and `run(arguments: Arguments) -> ExitCode`. The declaration feeds
-the parser, the help texts and the near-miss hints, so that none of them can disagree. Nothing heavy is imported at the
-top of a command module: `provision --help` reads every declaration.
+A command is two names of a module: `DRIFT = Command(...)` and `run_drift(arguments: Arguments) -> ExitCode`. The
+declaration feeds the parser, the help texts and the near-miss hints, so that none of them can disagree. Nothing heavy
+is imported at the top of a command module: `provision --help` reads every declaration.
+
+From what was typed to `Arguments`; all mistakes of a line are told together, each with what to type instead.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.core.errors import ExitCode
+    from collections.abc import Mapping, Sequence
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +152,151 @@ class Arguments:
             raise KeyError(name)
 
 
-class CommandModule(Protocol):
-    """What a module of this package must hold to be a command."""
+class SeveralErrors(UsageError):
+    """More than one mistake on one command line; `errors` holds them in the order typed."""
 
-    COMMAND: Command
+    def __init__(self, errors: Sequence[UsageError]) -> None:
+        super().__init__("\n".join(str(error) for error in errors))
+        self.errors = tuple(errors)
 
-    def run(self, arguments: Arguments) -> ExitCode:
-        """Do it; raise NetcfgError to fail."""
+
+def parse(command: Command, typed: Sequence[str]) -> Arguments:
+    """Raise UsageError (several: SeveralErrors) unless every argument is understood and none is missing."""
+    reader = _Reader(command)
+    reader.read(list(typed))
+    if len(reader.errors) > 1:
+        raise SeveralErrors(reader.errors)
+    if reader.errors:
+        raise reader.errors[0]
+    return Arguments(command, {name: tuple(values) for name, values in reader.words.items()}, reader.flags)
+
+
+class _Reader:
+    """One pass over a command line."""
+
+    def __init__(self, command: Command) -> None:
+        self.command = command
+        self.words: dict[str, list[str]] = {}
+        self.flags: dict[str, str | None] = {}
+        self.errors: list[UsageError] = []
+        self._misspelt: set[str] = set()
+
+    def read(self, typed: list[str]) -> None:
+        rest = list(reversed(typed))
+        while rest:
+            argument = rest.pop()
+            if argument.startswith("-") and argument != "-":
+                self._read_flag(argument, rest)
+            elif "=" in argument.lstrip("="):
+                self._read_word(argument, rest)
+            else:
+                self._refuse_bare(argument, rest)
+        self._require()
+
+    def _error(self, message: str, hint: str) -> None:
+        self.errors.append(UsageError(message, hint=hint))
+
+    def _read_word(self, argument: str, rest: list[str]) -> None:
+        name, _, value = argument.partition("=")
+        word = self.command.word(name)
+        if word is None:
+            self._unknown_word(argument, name, value)
+        elif not value:
+            self._refuse_spaces(word, argument, _bare(rest))
+        else:
+            self._take(word, argument, value.split(",") if word.many else [value], rest)
+
+    def _take(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
+        self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
+        if "" in values:
+            typed = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
+            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{typed}`")
+        elif word.name in self.words and not word.many:
+            both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
+            self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
+        else:
+            self._check_choices(word, argument, values)
+            self.words.setdefault(word.name, []).extend(values)
+
+    def _check_choices(self, word: Word, argument: str, values: list[str]) -> None:
+        for value in values:
+            if word.choices and value not in word.choices:
+                near = nearest(value, word.choices)
+                known = f"it takes one of: {', '.join(word.choices)}"
+                self._error(f"`{argument}`: `{value}` is not known", _meant(near and f"{word.name}={near}", known))
+
+    def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
+        """For `site=`, and for `site = coastal` and its like, whose pieces are one mistake."""
+        self._misspelt.add(word.name)
+        typed = f"{word.name}={value}" if value else word.typed
+        self._error(f"`{argument}` has no value", f"write it without spaces: `{typed}`")
+
+    def _unknown_word(self, argument: str, name: str, value: str) -> None:
+        near = nearest(name, [word.name for word in self.command.words])
+        if near is not None:
+            self._misspelt.add(near)
+        flag = self.command.flag(name)
+        suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
+        message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
+        self._error(message, _meant(suggestion, self._see_help()))
+
+    def _read_flag(self, argument: str, rest: list[str]) -> None:
+        name, given, value = argument.lstrip("-").partition("=")
+        flag = self._find_flag(argument, name)
+        if flag is None:
+            self._unknown_flag(argument, name, value or (_bare(rest) if self.command.word(name) else ""))
+        elif not flag.takes:
+            if given:
+                self._error(f"`{argument}`: `--{flag.name}` takes no value", f"type `--{flag.name}`")
+            self.flags[flag.name] = None
+        else:
+            self._take_flag(flag, value if given else _bare(rest))
+
+    def _take_flag(self, flag: Flag, value: str) -> None:
+        if flag.name in self.flags:
+            both = f"`--{flag.name} {self.flags[flag.name]}`, `--{flag.name} {value}`"
+            self._error(f"`--{flag.name}` is given twice", f"keep one of {both}")
+        elif not value:
+            self._error(f"`--{flag.name}` has no value", f"type `--{flag.name} {flag.takes}`")
+        self.flags[flag.name] = value
+
+    def _find_flag(self, argument: str, name: str) -> Flag | None:
+        if argument.startswith("--"):
+            return self.command.flag(name)
+        return next((flag for flag in self.command.flags if flag.short and flag.short == name), None)
+
+    def _unknown_flag(self, argument: str, name: str, value: str) -> None:
+        near = nearest(name, [flag.name for flag in self.command.flags])
+        hint = near and f"--{near}"
+        word = self.command.word(name)
+        if word is not None:
+            self._misspelt.add(name)
+            hint = f"{name}={value}" if value else word.typed
+        message = f"`{argument}`: `provision {self.command.name}` has no such flag"
+        self._error(message, _meant(hint, self._see_help()))
+
+    def _refuse_bare(self, argument: str, rest: list[str]) -> None:
+        word = self.command.word(argument)
+        if word is not None:
+            self._refuse_spaces(word, argument, _bare(rest).removeprefix("=") or _bare(rest))
+            return
+        near = nearest(argument, [flag.name for flag in self.command.flags])
+        hint = _meant(near and f"--{near}", self._see_help())
+        self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
+
+    def _require(self) -> None:
+        for word in self.command.words:
+            if word.required and word.name not in self.words and word.name not in self._misspelt:
+                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.typed}`")
+
+    def _see_help(self) -> str:
+        return f"`provision {self.command.name} --help` lists what it takes"
+
+
+def _bare(rest: list[str]) -> str:
+    """Take what follows, if it is neither a flag nor a word; empty otherwise."""
+    return rest.pop() if rest and not rest[-1].startswith("--") and "=" not in rest[-1].strip("=") else ""
+
+
+def _meant(near: str | None, otherwise: str) -> str:
+    return f"did you mean `{near}`?" if near else otherwise

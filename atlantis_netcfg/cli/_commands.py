@@ -3,62 +3,72 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, NamedTuple
 
-from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import CommandModule
+    from atlantis_netcfg.cli._arguments import Arguments, Command
+    from atlantis_netcfg.core.errors import ExitCode
+
+
+class LoadedCommand(NamedTuple):
+    """A command of the table, imported."""
+
+    command: Command
+    run: Callable[[Arguments], ExitCode]
+    """Do it; raises NetcfgError to fail."""
 
 
 DEFAULT = "run"
 """The command of a line that begins with a word: `provision site=coastal` is `provision run site=coastal`."""
 
 COMMANDS: Mapping[str, str] = {
-    "run": "atlantis_netcfg.cli.run",
-    "validate": "atlantis_netcfg.cli.validate",
-    "adopt": "atlantis_netcfg.cli.adopt",
-    "trust": "atlantis_netcfg.cli.trust",
-    "backup": "atlantis_netcfg.cli.backup",
-    "drift": "atlantis_netcfg.cli.drift",
-    "links": "atlantis_netcfg.cli.links",
-    "prove": "atlantis_netcfg.cli.prove",
-    "verify": "atlantis_netcfg.cli.verify",
-    "dds": "atlantis_netcfg.cli.dds",
-    "check": "atlantis_netcfg.cli.check",
-    "report list": "atlantis_netcfg.cli.report_list",
-    "report show": "atlantis_netcfg.cli.report_show",
-    "report verify": "atlantis_netcfg.cli.report_verify",
-    "runs": "atlantis_netcfg.cli.runs",
-    "resume": "atlantis_netcfg.cli.resume",
-    "rollback": "atlantis_netcfg.cli.rollback",
-    "restore": "atlantis_netcfg.cli.restore",
-    "upgrade": "atlantis_netcfg.cli.upgrade",
-    "image": "atlantis_netcfg.cli.image",
-    "bundle": "atlantis_netcfg.cli.bundle",
-    "vpn init": "atlantis_netcfg.cli.vpn_init",
-    "vpn onboard": "atlantis_netcfg.cli.vpn_onboard",
-    "vpn list": "atlantis_netcfg.cli.vpn_list",
-    "vpn show": "atlantis_netcfg.cli.vpn_show",
-    "vpn renew": "atlantis_netcfg.cli.vpn_renew",
-    "vpn revoke": "atlantis_netcfg.cli.vpn_revoke",
-    "vpn sync": "atlantis_netcfg.cli.vpn_sync",
-    "vpn status": "atlantis_netcfg.cli.vpn_status",
-    "vpn audit": "atlantis_netcfg.cli.vpn_audit",
-    "vpn accept": "atlantis_netcfg.cli.vpn_accept",
-    "vpn install": "atlantis_netcfg.cli.vpn_install",
-    "version": "atlantis_netcfg.cli.version",
-    "help": "atlantis_netcfg.cli.help",
+    "run": "atlantis_netcfg.cli.runs:site",
+    "validate": "atlantis_netcfg.cli.declaration:validate",
+    "adopt": "atlantis_netcfg.cli.adopt:adopt",
+    "trust": "atlantis_netcfg.cli.adopt:trust",
+    "backup": "atlantis_netcfg.cli.devices:backup",
+    "drift": "atlantis_netcfg.cli.devices:drift",
+    "links": "atlantis_netcfg.cli.links:links",
+    "prove": "atlantis_netcfg.cli.links:prove",
+    "verify": "atlantis_netcfg.cli.devices:verify",
+    "dds": "atlantis_netcfg.cli.declaration:dds",
+    "check": "atlantis_netcfg.cli.checklist:check",
+    "report list": "atlantis_netcfg.cli.checklist:report_list",
+    "report show": "atlantis_netcfg.cli.checklist:report_show",
+    "report verify": "atlantis_netcfg.cli.checklist:report_verify",
+    "runs": "atlantis_netcfg.cli.runs:runs",
+    "resume": "atlantis_netcfg.cli.runs:resume",
+    "rollback": "atlantis_netcfg.cli.runs:rollback",
+    "restore": "atlantis_netcfg.cli.devices:restore",
+    "upgrade": "atlantis_netcfg.cli.devices:upgrade",
+    "image": "atlantis_netcfg.cli.media:image",
+    "bundle": "atlantis_netcfg.cli.media:bundle",
+    "vpn init": "atlantis_netcfg.cli.vpn_authority:vpn_init",
+    "vpn onboard": "atlantis_netcfg.cli.vpn_members:vpn_onboard",
+    "vpn list": "atlantis_netcfg.cli.vpn_authority:vpn_list",
+    "vpn show": "atlantis_netcfg.cli.vpn_authority:vpn_show",
+    "vpn renew": "atlantis_netcfg.cli.vpn_members:vpn_renew",
+    "vpn revoke": "atlantis_netcfg.cli.vpn_members:vpn_revoke",
+    "vpn sync": "atlantis_netcfg.cli.vpn_network:vpn_sync",
+    "vpn status": "atlantis_netcfg.cli.vpn_network:vpn_status",
+    "vpn audit": "atlantis_netcfg.cli.vpn_authority:vpn_audit",
+    "vpn accept": "atlantis_netcfg.cli.vpn_members:vpn_accept",
+    "vpn install": "atlantis_netcfg.cli.vpn_network:vpn_install",
+    "version": "atlantis_netcfg.cli.help:version",
+    "help": "atlantis_netcfg.cli.help:help",
 }
-"""Name -> module, in the order of the help; a name of two words is typed as two words."""
+"""Name -> module and its entry in it, in the order of the help; a name of two words is typed as two words."""
 
 
-def load(name: str, table: Mapping[str, str]) -> CommandModule:
-    """The module of a command."""
-    return cast("CommandModule", import_module(table[name]))
+def load(name: str, table: Mapping[str, str]) -> LoadedCommand:
+    """Import the module of a command; `module:name` has the declaration `NAME` and the function `run_name`."""
+    module, _, entry = table[name].partition(":")
+    imported = import_module(module)
+    return LoadedCommand(getattr(imported, entry.upper()), getattr(imported, f"run_{entry}"))
 
 
 def choose(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
@@ -77,7 +87,7 @@ def _means_default(typed: Sequence[str], first: int, table: Mapping[str, str]) -
     """Also where `site=coastal` was meant and `site = coastal` or `--site coastal` was typed."""
     if "=" in typed[first]:
         return True
-    words = [word.name for word in load(DEFAULT, table).COMMAND.words]
+    words = [word.name for word in load(DEFAULT, table).command.words]
     return typed[first] in words or (first > 0 and typed[first - 1].lstrip("-") in words)
 
 

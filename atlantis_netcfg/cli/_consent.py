@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._outcome import signal_of
+from atlantis_netcfg.cli._output import signal_of
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, UsageError
 from atlantis_netcfg.operations.costs import unpaid

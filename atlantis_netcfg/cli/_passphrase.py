@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.operations.vault import Vault
 
+
 PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
 _MOST = 1024
 _WORDS = "the passphrase of the CA key"

@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.operations.ansible_settings import import_ansible, load_used_plugins
-from atlantis_netcfg.operations.play_control import PlayControl
+from atlantis_netcfg.operations.play_control import PlayControl, other_ends, without_result
 from atlantis_netcfg.operations.request import shared
-from atlantis_netcfg.operations.unreported import other_ends, without_result
+from atlantis_netcfg.operations.vault import import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
-from atlantis_netcfg.operations.lte import is_unit
+from atlantis_netcfg.operations.kinds import is_unit
 from atlantis_netcfg.report.run import Pass
 
 if TYPE_CHECKING:

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
-from atlantis_netcfg.cli._outcome import Stopped, as_typed, carried
+from atlantis_netcfg.cli._output import Stopped, as_typed, carried, progress
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
-from atlantis_netcfg.cli._progress import progress
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
 from atlantis_netcfg.declaration import choose, load
@@ -28,8 +27,7 @@ from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import beforehand, gate
-from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.lte import is_unit
+from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.terminals import is_terminal
 from atlantis_netcfg.report.run import RunReport, consent_question
 
@@ -140,7 +138,7 @@ class Session:
         declared = self._declared(mode)
         # What their tasks need is imported before these, which are forked children, and only where they take part.
         if any(is_unit(host) for host in declared):
-            import_module("atlantis_netcfg.operations.lte.converge")
+            import_module("atlantis_netcfg.operations.lte")
         if any(is_computer(host) for host in declared):
             from atlantis_netcfg.operations.computers.parts import refuse_unfounded
 

@@ -26,7 +26,6 @@ __all__ = [
     "AGAIN",
     "AUTHORITY",
     "CLOCK",
-    "INVENTORY",
     "NO_PUSH",
     "declared",
     "folder",
@@ -120,19 +119,19 @@ def tell(
     errors: Sequence[NetcfgError] = (),
 ) -> ExitCode:
     """Print the result: one JSON object, or lines on the output and errors as every error is told."""
-    from atlantis_netcfg.cli import _outcome
+    from atlantis_netcfg.cli import _output
 
-    typed = _outcome.carried(arguments)
+    typed = _output.carried(arguments)
     for error in errors:
-        error.hint = error.hint and _outcome.as_typed(error.hint, typed)
+        error.hint = error.hint and _output.as_typed(error.hint, typed)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({"exit": int(code), "errors": rows, **values}, ensure_ascii=False))
         return code
     for line in lines:
-        print(printable.line(_outcome.as_typed(line, typed)))
+        print(printable.line(_output.as_typed(line, typed)))
     sys.stdout.flush()
-    _outcome.tell(errors)
+    _output.tell(errors)
     return code
 
 

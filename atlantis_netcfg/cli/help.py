@@ -1,10 +1,15 @@
-"""`provision help`: the overview; `provision COMMAND --help` tells one command."""
+"""`provision help` and `provision version`.
+
+`provision help`: the overview; `provision COMMAND --help` tells one command.
+
+`provision version`: what to quote in a question to us.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import Command
+from atlantis_netcfg.cli._arguments import JSON, Command
 from atlantis_netcfg.cli._commands import load
 from atlantis_netcfg.core.errors import ExitCode
 
@@ -13,10 +18,11 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.cli._arguments import Arguments
 
-COMMAND = Command("help", "print this overview")
+
+HELP = Command("help", "print this overview")
 
 
-def run(_arguments: Arguments) -> ExitCode:
+def run_help(_arguments: Arguments) -> ExitCode:
     """Print the commands and the exit codes."""
     from atlantis_netcfg.cli._commands import COMMANDS
 
@@ -41,7 +47,7 @@ _WIDTH = 100
 
 def overview(table: Mapping[str, str]) -> str:
     """What `provision --help` prints."""
-    commands = [load(name, table).COMMAND for name in table]
+    commands = [load(name, table).command for name in table]
     return "\n".join(
         [
             "provision: declare, plan, guard, apply and verify the sites of the ATLANTIS pilot",
@@ -93,3 +99,31 @@ def _columns(rows: Iterable[tuple[str, str]]) -> list[str]:
     table = list(rows)
     width = max((len(left) for left, _ in table), default=0)
     return [f"  {left:<{width}}  {right}" for left, right in table]
+
+
+VERSION = Command("version", "print the versions of provision, Python and ansible-core", flags=(JSON,))
+
+
+def run_version(arguments: Arguments) -> ExitCode:
+    """Print the versions without importing what they belong to."""
+    versions = _versions()
+    if arguments.flag("json"):
+        import json
+
+        print(json.dumps({"exit": int(ExitCode.DONE), "errors": [], "versions": versions}))
+    else:
+        print("\n".join(f"{name} {version}" for name, version in versions.items()))
+    return ExitCode.DONE
+
+
+def _versions() -> dict[str, str]:
+    import platform
+    from importlib import metadata
+
+    from atlantis_netcfg import __version__
+
+    return {
+        "provision": __version__,
+        "Python": platform.python_version(),
+        "ansible-core": metadata.version("ansible-core"),
+    }

@@ -1,4 +1,9 @@
-"""`provision links`: how every link of a site is, which one carries the traffic, and what is wrong."""
+"""Commands that measure links: `links` and `prove`.
+
+`provision links`: how every link of a site is, which one carries the traffic, and what is wrong.
+
+`provision prove`: whether the satellite lets through what is declared, and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +12,19 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.links.look import LinksStatus
     from atlantis_netcfg.report.links import LinksReport
 
-COMMAND = Command(
+
+LINKS = Command(
     "links",
     "say how every link of a site is, which one carries the traffic, and what is wrong",
     words=(
@@ -35,7 +46,7 @@ COMMAND = Command(
 )
 
 
-def run(arguments: Arguments) -> ExitCode:
+def run_links(arguments: Arguments) -> ExitCode:
     """Ask every box of the site's links at once, and tell."""
     import json
 
@@ -44,7 +55,7 @@ def run(arguments: Arguments) -> ExitCode:
     _one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if opened.rehearsal is not None:
-            _configure(opened)
+            _configure_links(opened)
         report = _report(opened, _look(opened))
     print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else report.as_text())
     return report.exit
@@ -58,7 +69,7 @@ def _one_site(site: str) -> None:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
 
 
-def _configure(opened: Session) -> None:
+def _configure_links(opened: Session) -> None:
     """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links.
 
     A check that fails is for the look to tell.
@@ -75,7 +86,7 @@ def _look(opened: Session) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
-    from atlantis_netcfg.cli._progress import progress
+    from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.links.look import look
     from atlantis_netcfg.operations.request import refuse_examples
@@ -91,3 +102,160 @@ def _report(opened: Session, status: LinksStatus) -> LinksReport:
     twins = opened.rehearsal
     missing = twins.not_rehearsed if twins is not None else ()
     return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing)
+
+
+_NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"
+
+PROVE = Command(
+    "prove",
+    "try what the satellite lets through, and what it must not, within 20 kB",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
+        Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"),
+        Flag(
+            "try-all", "also try TCP targets and the time, for which rows are added under safe mode and removed again"
+        ),
+        Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+    ),
+    details=(
+        "The router pings from the satellite's own address, targets of yours only. Silence counts after 90 s, "
+        "because gaps of 70 s are ordinary. Exit code 0: all is proved, 6: something failed or could not be proved, "
+        "7: nothing was tried."
+    ),
+    changes=True,
+    again="type the same again: rows that it has added go with its session, by the safe mode of the router",
+)
+
+
+def run_prove(arguments: Arguments) -> ExitCode:
+    """Ask what it may cost, probe, tell."""
+    import json
+
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.operations.allow_list_test.site import satellite_of
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        choose(declaration, arguments.word("site"), ())
+        return (satellite_of(declaration, arguments.word("site"), arguments.optional("bearer")).router,)
+
+    with session(
+        arguments,
+        rehearse=arguments.flag("rehearse"),
+        via=arguments.optional("via"),
+        chosen=chosen,
+    ) as opened:
+        proof, expected, paid = _prove(opened)
+    beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
+    if opened.as_json:
+        document = {
+            "rehearsed": opened.rehearsed,
+            "not_rehearsed": beyond,
+            "expected": [item.as_dict() for item in expected],
+            "cost": paid[proof.bearer].as_dict(),
+            "costs": {name: bill.as_dict() for name, bill in paid.items()},
+        }
+        print(json.dumps({**proof.as_json(), **document}, ensure_ascii=False))
+    else:
+        would = "would have " if opened.rehearsed else ""
+        costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]
+        print("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)]))
+    return proof.exit
+
+
+def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
+    """The proof, what it was expected to cost at most, and by link what it did: only what is paid by the byte."""
+    import time
+    from contextlib import ExitStack
+    from dataclasses import replace
+
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
+    from atlantis_netcfg.operations.request import refuse_examples
+
+    found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
+    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
+    declared = _declared(opened, found.terminal)
+    with ExitStack() as stack:
+        notify = stack.enter_context(progress(quiet=opened.as_json))
+        if opened.rehearsal is not None:
+            _configure(opened)
+        proving = found.proving(
+            opened.declaration,
+            open_filter=opened.arguments.flag("open-filter"),
+            try_all=opened.arguments.flag("try-all"),
+            rehearsed=opened.rehearsed,
+            via=opened.arguments.optional("via"),
+        )
+        proving.notify = notify
+        expected = tuple(preview for preview in previews(opened.declaration, proving) if preview.link.metered)
+        _pay(opened, expected)
+        if proving.open_filter or proving.try_all:
+            stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
+        begun = time.monotonic()
+        proof = try_out(opened.declaration, found.router, _request(opened), proving)
+    paid = bills(opened.declaration, proof, time.monotonic() - begun)
+    dear = {name: bill for name, bill in paid.items() if name == proof.bearer or _metered(opened, name)}
+    return replace(proof, findings=(*proof.findings, *declared)), expected, dear
+
+
+def _metered(opened: Session, name: str) -> bool:
+    from atlantis_netcfg.operations.costs import link_of
+
+    return link_of(opened.declaration, opened.site, name).metered
+
+
+def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
+    """What the terminal's evidence and the names of the allow-list say; in a rehearsal no name is asked for."""
+    from datetime import UTC, datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.allow_list_test.site import names_of
+    from atlantis_netcfg.operations.terminals import look
+
+    backup = opened.arguments.optional("backup")
+    today = datetime.now(UTC).astimezone().date()
+    named = None if backup is None else Path(backup)
+    seen = look(opened.declaration, terminal, opened.store, today=today, backup=named)
+    names = () if opened.rehearsed else names_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
+    return (*seen.findings, *names)
+
+
+def _configure(opened: Session) -> None:
+    """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
+    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+    from atlantis_netcfg.operations import Mode
+
+    report = opened.perform(Mode.APPLY)
+    if report.exit is not ExitCode.DONE:
+        raise NetcfgError(f"the emulated router could not be configured:\n{report.as_text()}")
+
+
+def _request(opened: Session) -> Request:
+    from atlantis_netcfg.operations import Mode
+
+    return opened.request(Mode.DRIFT)
+
+
+def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
+    """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
+    from atlantis_netcfg.cli._consent import pay
+
+    words = [item.words for item in expected]
+    if opened.rehearsed:
+        if words and not opened.as_json:
+            print(f"a real proof asks first: {'; '.join(words)}")
+        return
+    for item in expected:
+        if item.over_cap:
+            raise item.refusal()
+    pay(words, accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)

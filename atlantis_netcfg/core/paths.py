@@ -77,6 +77,15 @@ def private_directory(path: Path) -> Path:
     return path
 
 
+def write_private(path: Path, data: bytes) -> None:
+    """Write `data` to `path` atomically, in a folder that is made if need be."""
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.new")
+    with os.fdopen(os.open(draft, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as file:
+        file.write(data)
+    draft.replace(path)
+
+
 def hold_own(folder: Path, hint: str) -> None:
     """Hold that a folder, and the link that leads to it, belong to who works. Raises UsageError, OSError.
 

@@ -34,21 +34,8 @@ __all__ = [
 __getattr__ = homes(
     __name__,
     {
-        "declaration": (
-            "ALL",
-            "Declaration",
-            "Host",
-            "choose",
-        ),
-        "findings": (
-            "Finding",
-            "InventoryInvalid",
-            "Mark",
-            "report",
-        ),
-        "loading": (
-            "load",
-            "validate",
-        ),
+        "declaration": ("ALL", "Declaration", "Host", "choose"),
+        "findings": ("Finding", "InventoryInvalid", "Mark", "report"),
+        "loading": ("load", "validate"),
     },
 )

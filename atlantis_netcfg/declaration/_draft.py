@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.findings import Finding
 from atlantis_netcfg.declaration.model import Router
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration._hosts import Layout
-    from atlantis_netcfg.declaration._node import Node
-    from atlantis_netcfg.declaration.findings import Mark
-    from atlantis_netcfg.declaration.model import Device, Model, Partner, Pilot, Site, Vehicle
+    from collections.abc import Iterator
 
-_Box = TypeVar("_Box", bound="Model")
+    from atlantis_netcfg.declaration._hosts import Layout
+    from atlantis_netcfg.declaration._yaml import Node
+    from atlantis_netcfg.declaration.findings import Mark
+    from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration.model import Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,9 @@ class Draft:
         """What a host is: its own word, else its group's."""
         device = self.devices.get(host)
         return device.kind if device is not None else self.layout.kinds.get(host)
+
+
+_Box = TypeVar("_Box", bound="Model")
 
 
 Rule = Callable[[Draft], Iterator[Finding]]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.declaration._near import meant, why_no_name
-from atlantis_netcfg.declaration.findings import Finding, Mark
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.declaration.findings import Finding, Mark, meant, why_no_name
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration._node import Node
+    from atlantis_netcfg.declaration._yaml import Node
 
 KIND_GROUPS = {
     "routers": "router",

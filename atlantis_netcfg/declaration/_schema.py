@@ -1,7 +1,11 @@
-"""The model's fields as data: which keys a block has, and what each of them wants, in words."""
+"""The model's fields as data: which keys a block has, and what each of them wants, in words.
+
+pydantic's errors in a technician's words, each at the place of the value it is about.
+"""
 
 from __future__ import annotations
 
+from datetime import date
 from enum import Enum
 from ipaddress import IPv4Address, IPv4Network
 from types import NoneType, UnionType
@@ -10,10 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_
 from pydantic import BaseModel
 
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import Device
+from atlantis_netcfg.declaration.model._base import NOT_TEXT, WRONG
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pydantic_core import ErrorDetails
+
+    from atlantis_netcfg.declaration._yaml import Node
 
 
 def unwrap(annotation: Any) -> Any:  # noqa: ANN401 - a type, whatever it is
@@ -101,3 +111,140 @@ DEVICES: dict[str, type[BaseModel]] = {
 """`kind` -> the model of its device."""
 MODEL = "atlantis_netcfg.declaration.model"
 """The package that holds the models."""
+
+
+FALLBACK = "cannot be understood"
+"""Of a message for an error type that nobody has put into words; tests hold that none is reachable."""
+_Path = tuple[str | int, ...]
+
+
+def explain(error: ErrorDetails, root: Node, model: type[BaseModel], name: str) -> Finding:
+    """One error of a block called `name`."""
+    path = error["loc"]
+    if error["type"] == "missing":
+        return _missing(path, root, model, name)
+    node, field = root.at(*path), at(model, path)
+    label = label_of(path, name)
+    message, hint = _of_value(error, node, field, label)
+    place = node.place if isinstance(node.value, dict | list) else node.mark
+    return Finding.at(place, message, hint)
+
+
+def label_of(path: _Path, name: str) -> str:
+    """What a person calls the place: its key, or the list it is an entry of."""
+    if not path:
+        return f"`{name}`"
+    if isinstance(path[-1], int):
+        return f"entry {path[-1] + 1} of {label_of(path[:-1], name)}"
+    return f"`{path[-1]}`"
+
+
+def _missing(path: _Path, root: Node, model: type[BaseModel], name: str) -> Finding:
+    parent, key = path[:-1], str(path[-1])
+    hint = f"add `{key}:` with {expected_type(at(model, path))}"
+    return Finding.at(root.at(*parent).place, f"{label_of(parent, name)} has no `{key}`", hint)
+
+
+def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+    if error["type"] == WRONG:
+        return str(error["ctx"]["what"]), str(error["ctx"]["hint"])
+    if what := _wrong_shape(error, node):
+        return f"{label} {what}", f"write {expected_type(field)}"
+    if (what := _misread(node)) and error["type"] in _TEXTUAL:
+        return _unquoted(node, field, label, what)
+    words = _WORDS.get(error["type"])
+    if words is not None:
+        return words(label, node, error.get("ctx", {}), field)
+    return f"{label} {FALLBACK}", f"write {expected_type(field)}"
+
+
+def _wrong_shape(error: ErrorDetails, node: Node) -> str:
+    """What is wrong before the value itself is looked at; empty if nothing is."""
+    if isinstance(node.value, Secret):
+        return "cannot be vaulted: only passwords and keys may be"
+    if node.value is None:
+        return "has no value"
+    if error["type"] == "too_short":
+        return f"has too few entries: {error['ctx']['min_length']} is the least"
+    if error["type"] in _STRUCTURE or isinstance(node.value, dict | list):
+        return f"is {_shape(node)}"
+    return ""
+
+
+def _shape(node: Node) -> str:
+    if isinstance(node.value, dict):
+        return "a block of keys here"
+    return "a list here" if isinstance(node.value, list) else "a single value here"
+
+
+def _misread(node: Node) -> str:
+    """As what YAML has read a text without quotes."""
+    if isinstance(node.value, bool):
+        return "yes or no"
+    if isinstance(node.value, int | float):
+        return "a number"
+    return "a date" if isinstance(node.value, date) else ""
+
+
+def _unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+    if unwrap(field) is Secret:
+        return f"YAML reads {label} as {what}", "write it in quotes"
+    known = choices_of(field)
+    if known and node.text not in known:
+        return f"`{node.text}` is no word for {label}", meant(node.text, map(str, known), none="")
+    return f"YAML reads `{node.text}` as {what}, {label} wants a text", f'write it in quotes: "{node.text}"'
+
+
+def _number(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    if isinstance(node.value, str) and node.text.strip().replace(".", "", 1).isdigit():
+        return f"{label} wants a number, here is a text", f"write it without quotes: {node.text.strip()}"
+    kind = "a whole number" if isinstance(node.value, float) else "a number"
+    return f"{label} wants {kind}, here is `{node.text}`", "write digits only"
+
+
+def _flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} wants true or false, here is `{node.text}`", "write true or false, without quotes"
+
+
+def _word(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
+    if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
+        return _number(label, node, context, field)
+    return f"`{node.text}` is no word for {label}", meant(node.text, map(str, choices_of(field)), none="")
+
+
+def _least(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    bound = context.get("ge", context.get("gt"))
+    if "gt" in context:
+        return f"{label} is {node.text}: it must be more than {bound:g}", f"write a number above {bound:g}"
+    return f"{label} is {node.text}: {bound:g} is the least", f"write {bound:g} or more"
+
+
+def _most(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} is {node.text}: {context['le']:g} is the most", f"write {context['le']:g} or less"
+
+
+def _long(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    most = context["max_length"]
+    return f"{label} has {len(str(node.value))} characters: {most} are the most", "choose a shorter one"
+
+
+def _finite(label: str, node: Node, _context: Mapping[str, Any], _field: object) -> tuple[str, str]:
+    return f"{label} is `{node.text}`, which is no number to count with", "write digits only"
+
+
+_TEXTUAL = frozenset({NOT_TEXT, "string_type", "enum", "literal_error"})
+_STRUCTURE = frozenset({"model_type", "model_attributes_type", "dict_type", "tuple_type"})
+_WORDS: dict[str, Callable[[str, Node, Mapping[str, Any], Any], tuple[str, str]]] = {
+    "int_type": _number,
+    "int_from_float": _number,
+    "float_type": _number,
+    "bool_type": _flag,
+    "enum": _word,
+    "literal_error": _word,
+    "greater_than_equal": _least,
+    "greater_than": _least,
+    "less_than_equal": _most,
+    "string_too_long": _long,
+    "too_long": _long,
+    "finite_number": _finite,
+}

@@ -4,24 +4,136 @@ The C parser of PyYAML gives nodes with their marks; this turns them into `Node`
 aliases and keys that are not text. PyYAML itself silently keeps the last of two equal keys, and so does Ansible.
 
 PyYAML's complaints in a technician's words.
+
+A value of the inventory and where it stands.
+
+Values that ansible-vault has encrypted (`!vault |`).
+
+Without a `decrypt` callable they stay sealed: that is enough to validate an inventory, and no password is asked for.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import date
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
 
-from atlantis_netcfg.declaration._near import shown_key
-from atlantis_netcfg.declaration._node import Node, Scalar
-from atlantis_netcfg.declaration._vault import TAG, UNTAGGED, Decrypt, VaultError, unseal
-from atlantis_netcfg.declaration.findings import Finding, Mark
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.findings import Finding, Mark, shown_key
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from yaml.nodes import MappingNode, SequenceNode
 
-    from atlantis_netcfg.core.secret import Secret
+
+Scalar = str | int | float | bool | date | Secret | None
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A value of the inventory and where it stands."""
+
+    mark: Mark
+    value: dict[str, Node] | list[Node] | Scalar
+    text: str = ""
+    """A scalar as it was typed."""
+    plain: bool = False
+    """A scalar without quotes: YAML may read it as something else than text."""
+    key: Mark | None = None
+    """Where the value's own key stands, if it has one."""
+    reported: bool = False
+    """Its error is told already: what it should have been cannot be known."""
+
+    @property
+    def keys(self) -> dict[str, Node]:
+        """The values of a block; nothing for anything else."""
+        return self.value if isinstance(self.value, dict) else {}
+
+    @property
+    def place(self) -> Mark:
+        """Where a person looks for it: at its key, else at the value."""
+        return self.key or self.mark
+
+    def at(self, *path: str | int) -> Node:
+        """What stands at a path, or the nearest above it that is written out (the rest are defaults)."""
+        node = self
+        for step in path:
+            below: dict[Any, Node] = {}
+            if isinstance(node.value, dict):
+                below = node.value
+            elif isinstance(node.value, list):
+                below = dict(enumerate(node.value))
+            if step not in below:
+                break
+            node = below[step]
+        return node
+
+    def data(self) -> Any:  # noqa: ANN401 - what YAML holds
+        """The value without its places."""
+        if isinstance(self.value, dict):
+            return {key: node.data() for key, node in self.value.items()}
+        if isinstance(self.value, list):
+            return [node.data() for node in self.value]
+        return self.value
+
+    def scalars(self) -> Iterator[Node]:
+        """Every scalar at or below this node."""
+        if isinstance(self.value, dict):
+            for node in self.value.values():
+                yield from node.scalars()
+        elif isinstance(self.value, list):
+            for node in self.value:
+                yield from node.scalars()
+        else:
+            yield self
+
+
+TAG = "!vault"
+UNTAGGED = "!vault-encrypted"
+"""The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
+CLOSED = "this secret cannot be decrypted"
+Decrypt = Callable[[str], str]
+"""Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
+
+
+class VaultError(UsageError):
+    """A vaulted value that is damaged or does not open."""
+
+
+class SealedSecret(Secret):
+    """A secret that nobody has decrypted: equal only to the same vault text, and it cannot be revealed."""
+
+    __slots__ = ()
+
+    def reveal(self) -> NoReturn:
+        """Refuse: the value is not known here."""
+        raise UsageError(
+            "a secret of the inventory is still encrypted",
+            hint="give the vault's password: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …, or `--ask-vault-pass`",
+        )
+
+
+def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret:
+    """The secret in a vault text; sealed if there is nothing to decrypt it with.
+
+    Raises VaultError, or the UsageError of a `decrypt` that has no password at all.
+    """
+    if strict and not text.startswith("$ANSIBLE_VAULT;"):
+        raise VaultError("this is not a vaulted value", hint="make one: ansible-vault encrypt_string")
+    if decrypt is None or not strict:
+        return SealedSecret(text)
+    try:
+        value = decrypt(text)
+    except UsageError:
+        raise
+    except Exception as error:
+        raise VaultError(CLOSED, hint="check the vault's password: it is not the one of this value") from error
+    return Secret(value.rstrip("\r\n"))
 
 
 _WORDS: tuple[tuple[str, str, str], ...] = (

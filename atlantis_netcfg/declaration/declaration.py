@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.declaration._near import choices
+from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.declaration.findings import choices
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -1,11 +1,15 @@
-"""What is wrong in the inventory, where, and what to type instead: the form in which every error of it is told."""
+"""What is wrong in the inventory, where, and what to type instead: the form in which every error of it is told.
+
+Hints about words of the inventory: near misses, what else there is, and what a name may look like.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -61,3 +65,36 @@ def report(findings: Sequence[Finding], where: str = "in the inventory; no devic
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
     count = "1 error" if len(findings) == 1 else f"{len(findings)} errors"
     return "\n".join([*lines, f"{count} {where}"])
+
+
+_MANY = 12
+
+
+def meant(word: str, known: Iterable[str], *, none: str) -> str:
+    """The hint for an unknown word: the near miss, else all that is known, else `none`."""
+    words = list(known)
+    near = nearest(word, words)
+    if near is not None:
+        return f"did you mean `{near}`?"
+    return f"there are: {choices(words)}" if words else none
+
+
+def choices(words: Iterable[str]) -> str:
+    """The words, comma-separated; a long list is cut."""
+    every = list(words)
+    return ", ".join(every[:_MANY]) + (f" … ({len(every)} in all)" if len(every) > _MANY else "")
+
+
+def shown_key(key: str) -> str:
+    """A key as errors may show it: only its first word, because a slip of the finger can put a password behind it."""
+    word = re.match(r"[\w.-]*", key)
+    return key if word is None or word.group() == key else f"{word.group()}…"
+
+
+def why_no_name(text: str) -> tuple[str, str] | None:
+    """What is wrong with a name and what to type instead; None if it is an RFC 1123 label of at most 32 characters."""
+    if re.fullmatch(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?", text):
+        return None
+    near = re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:32].strip("-")
+    rule = "lower-case letters, digits and hyphens inside, 32 at most"
+    return f"`{text}` is no name: a name has {rule}", near or "a name is like coastal-router"

@@ -13,17 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.suggest import nearest
-from atlantis_netcfg.declaration._near import choices, shown_key
+from atlantis_netcfg.core.errors import UsageError, nearest
 from atlantis_netcfg.declaration._yaml import parse
-from atlantis_netcfg.declaration.findings import Finding
+from atlantis_netcfg.declaration.findings import Finding, choices, shown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration._node import Node
+    from atlantis_netcfg.declaration._yaml import Node
 
 _BYTES = 1_000_000
 _ROWS = 10_000

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from pydantic import BaseModel
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration._near import choices, meant
-from atlantis_netcfg.declaration._node import Node
-from atlantis_netcfg.declaration._yaml import parse
-from atlantis_netcfg.declaration.findings import Finding, Mark
+from atlantis_netcfg.declaration._yaml import Node, parse
+from atlantis_netcfg.declaration.findings import Finding, Mark, choices, meant
 from atlantis_netcfg.declaration.loading import build
 
 if TYPE_CHECKING:

@@ -14,8 +14,18 @@ from ipaddress import collapse_addresses
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import DdsPath, Gateway
-from atlantis_netcfg.gateway.network import GatewayNetwork, gateway_network
-from atlantis_netcfg.gateway.parts import Check, Configuration, File, Link, Package, Step, Unit, WayIn
+from atlantis_netcfg.gateway.parts import (
+    Check,
+    Configuration,
+    File,
+    GatewayNetwork,
+    Link,
+    Package,
+    Step,
+    Unit,
+    WayIn,
+    gateway_network,
+)
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:

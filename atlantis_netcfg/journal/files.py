@@ -45,6 +45,8 @@ class NoSuchRun(NothingMatched):
 
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
 _STAMP = re.compile(r"\d{8}T\d{6}Z")
 
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bootstrap.run import FirstContact, features_of
-from atlantis_netcfg.bootstrap.target import FACTORY_ADDRESS, Adopted, Status, Target
-from atlantis_netcfg.console.serial_line import open_serial
+from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, Status, Target
 from atlantis_netcfg.console.ssh import host_key_of, open_ssh
+from atlantis_netcfg.console.terminal import open_serial
 from atlantis_netcfg.console.types import ConsoleUnreachable
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.journal import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.bootstrap.target import ConsoleRoute
+    from atlantis_netcfg.bootstrap.steps import ConsoleRoute
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.manifest import Keys, require_programs, run
 from atlantis_netcfg.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.bundle.requirements import (
     BundleRefused,
@@ -26,15 +27,13 @@ from atlantis_netcfg.bundle.requirements import (
     read_target,
 )
 from atlantis_netcfg.bundle.resolve import archive
-from atlantis_netcfg.bundle.signing import Keys, require_programs, run
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.declaration import choose
 from atlantis_netcfg.declaration.model import Gateway, ImageLayout
-from atlantis_netcfg.image.ext4 import Ext4, require_tools
+from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
-from atlantis_netcfg.image.layouts import LAYOUTS, find
 from atlantis_netcfg.image.source import checksum, expand
 from atlantis_netcfg.operations.computers._access import is_gateway, key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns

@@ -21,10 +21,9 @@ from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.declaration.model import AddressBy, Gateway
-from atlantis_netcfg.image.customise import customise
-from atlantis_netcfg.image.ext4 import PROGRAMS, require_tools
+from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, Layout, require_tools
 from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, Static
-from atlantis_netcfg.image.layouts import LAYOUTS, Layout
+from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import Expanded, Kind, checksum, expand, segments
 from atlantis_netcfg.image.writer import Card, Meter, Progress, Step, Written, write
 from atlantis_netcfg.journal import Store, write_atomically

@@ -13,7 +13,7 @@ from atlantis_netcfg.journal import Journal, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.operations.restore import confirmed_state, restored
-from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
+from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import from_export, read

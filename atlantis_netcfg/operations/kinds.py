@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Ptp
     from atlantis_netcfg.render import Prerequisite
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration, Host
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,3 +336,8 @@ def managed(declaration: Declaration, host: Host) -> Managed:
         if kind.takes(host):
             return kind(declaration, host)
     raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")
+
+
+def is_unit(host: Host) -> bool:
+    """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
+    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS

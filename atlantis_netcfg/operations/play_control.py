@@ -3,6 +3,8 @@
 Ansible makes callback plugins by itself and hands them nothing. So the play that `provision` runs stands here while it
 runs; in plain `ansible-playbook` there is none. Tasks run in forked children, which see what stood here when they
 began.
+
+Hosts of a run without a result: what the journal, written beforehand, says of them.
 """
 
 from __future__ import annotations
@@ -11,11 +13,23 @@ import os
 import signal
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.core.crash_report import write_log
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.routeros.apply import DeviceResult, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from types import FrameType
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.journal import Run
+    from atlantis_netcfg.operations.request import Request
+
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, `kill`, and a terminal that is closed: each stops a run in the same way."""
@@ -79,3 +93,114 @@ def when_cut_off(cleanup: Callable[[str], None]) -> None:
     """Have this called, with the reason, if the play ends without its last event."""
     if _current:
         _current[-1].cleanups.append(cleanup)
+
+
+_READING = (DeviceObserved, StateSaved, Planned)
+"""Records of a device on which nothing was changed or armed yet: whatever does that is recorded before it is sent."""
+
+
+def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
+    names: Sequence[str],
+    requested: Collection[str],
+    declaration: Declaration,
+    request: Request,
+    runs: Mapping[str, Mapping[str, str]],
+    reason: NetcfgError | str,
+    output: str,
+) -> dict[str, dict[str, Any]]:
+    """Give each name a result that says what is known, never nothing; `asked` for were these and the other ends.
+
+    `left-as-found` (4), `unknown` (5), or how the journal says that it has ended: that is not green (6), for nobody has
+    seen the run to its end.
+
+    `reason` is why they have none, as far as that is known; `output` is what Ansible has printed. It is kept in a log
+    file, except after a refusal of ours, which says all there is.
+    """
+    if not names:
+        return {}
+    note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
+    others = other_ends(names, declaration, request)
+    for name in names:
+        site = declaration.hosts[name].site
+        run, written = _journal(name, site, runs.get(site, {}).values(), request)
+        # The far end of a bridge was reached from the site of the near one.
+        start = name if name in requested else others.get(name, name)
+        hint = f"provision resume site={declaration.hosts[start].site} run={run}"
+        if handled(declaration.hosts[name]):
+            hint = f"{_TAKES_BACK}; then:  {hint}"
+        result = _result(name, run, written, str(reason) or "it has ended without a result", hint, request)
+        if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
+            # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
+            result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
+        results[name] = {**result.as_dict(), "notes": note, "other_end": others.get(name)}
+    return results
+
+
+def other_ends(names: Sequence[str], declaration: Declaration, request: Request) -> dict[str, str]:
+    """The ends of all bridges that one of these is an end of, each with the other one: both have a result."""
+    from atlantis_netcfg.operations.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
+
+    try:
+        members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
+    except NetcfgError:  # then nothing was begun on any of them
+        return {}
+    bridged = [member.bridge.ends for member in members if member.bridge is not None]
+    return {end.name: other.name for ends in bridged for end, other in (ends, ends[::-1])}
+
+
+def _result(  # noqa: PLR0913, PLR0917 - as above
+    name: str, run: str, written: Run | None, reason: str, hint: str, request: Request
+) -> DeviceResult:
+    if request.mode.reads_only:
+        return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"not read: {reason}", _AGAIN)
+    if written is not None and name in written.settled:
+        return _recorded(written, name, reason)
+    if (run and written is None) or (written is not None and _is_touched(written, name)):
+        return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is not known: {reason}", hint)
+    return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"nothing was changed: {reason}", _AGAIN)
+
+
+_AGAIN = "type the same command again"
+_TAKES_BACK = "what was not confirmed the device takes back by itself, within ten minutes if the link has died"
+
+
+def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tuple[str, Run | None]:
+    """Find the run that was begun for this host among those of its site, and read it; without a name none was begun.
+
+    A name without a journal: that is gone, which proves nothing.
+    """
+    store = Store(request.state, rehearsed=request.rehearsed)
+    for begun in dict.fromkeys(filter(None, runs)):
+        try:
+            written = store.run(site, begun)
+        except NetcfgError:
+            return begun, None
+        if written.started is None:
+            return begun, None
+        if name in written.started.hosts:
+            return begun, written
+    return "", None
+
+
+def _is_touched(written: Run, name: str) -> bool:
+    """Whether anything was, or may have been, sent that changes the device."""
+    records = written.log.records
+    return any(getattr(record, "device", None) == name and not isinstance(record, _READING) for record in records)
+
+
+def _recorded(written: Run, name: str, reason: str) -> DeviceResult:
+    """Tell how it has ended; whoever wrote that has not lived to tell it, and `resume` has nothing to do there."""
+    outcome = written.outcomes[name]
+    message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproved
+    confirmed = len(written.confirmed(name))
+    return DeviceResult(name, Status(outcome.status), code, message, _AGAIN, confirmed=confirmed)
+
+
+def _logged(output: str, request: Request) -> list[str]:
+    """Keep what Ansible has printed in a log file, and name it."""
+    if not output:
+        return []
+    try:
+        return [f"what Ansible has printed is in {write_log(output + chr(10), request.command, request.state)}"]
+    except (NetcfgError, OSError) as error:
+        return [f"no log file could be written: {error}"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.target import FACTORY_ADDRESS, FACTORY_USER
+from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import ignore
@@ -33,9 +33,8 @@ from atlantis_netcfg.emulator.routeros import (
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
-from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.lte import is_unit
-from atlantis_netcfg.operations.lte.emulation import EmulatedUnit, emulated_units, not_rehearsed
+from atlantis_netcfg.operations.kinds import handled, is_unit, managed
+from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, not_rehearsed
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import members_of, with_other_ends
 from atlantis_netcfg.routeros.assumptions import unconfirmed

@@ -1,19 +1,126 @@
 """The passwords of the inventory's vault: those that Ansible itself would use, else what a person types once.
 
 Our loader and Ansible need the same ones: `Vault.secrets` is what both take (`DataLoader.set_vault_secrets`).
+
+What Ansible reads when it is imported: our configuration, and a folder of ours for its temporary files.
+
+And what a start need not do: all that reaches into Ansible to save time stands here.
 """
 
 from __future__ import annotations
 
+import atexit
+import hashlib
+import json
+import os
+import sys
+from contextlib import ExitStack, suppress
+from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.ansible_settings import import_ansible
+from atlantis_netcfg.journal import write_atomically
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.core.secret import Secret
+
+
+_USED = {"connection_loader": ("local", "ssh"), "shell_loader": ("sh",), "become_loader": ("sudo",)}
+"""What runs use of Ansible's plugins, by the names that its executor has for their loaders."""
+_LARGE = 50_000
+"""Bytes of a collection's metadata that are worth keeping as read; those of Ansible's own collection are 400,000."""
+
+
+@cache
+def import_ansible() -> None:
+    """Import Ansible's settings with ours, once a process; what we start later does not inherit them.
+
+    The folder for its temporary files goes when the process ends.
+    """
+    stack = ExitStack()
+    atexit.register(stack.close)
+    ours = {
+        "ANSIBLE_CONFIG": str(paths.checkout() / "ansible.cfg"),
+        "ANSIBLE_LOCAL_TEMP": str(stack.enter_context(temporary.folder("run"))),
+        "ANSIBLE_NOCOLOR": "1",
+        "ANSIBLE_STDOUT_CALLBACK": "atlantis.netcfg.events",
+    }
+    before = {name: os.environ.get(name) for name in ours}
+    os.environ.update(ours)
+    try:
+        import_module("ansible.constants")
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+    _leave_out_paramiko()
+    _keep_metadata()
+
+
+def load_used_plugins() -> None:
+    """Have Ansible load, before the first task, the plugins that runs use; it would load all of their kinds.
+
+    Tasks run in processes of their own, and loading them there would cost more. Whatever else a host asks for is
+    loaded by the task that needs it.
+    """
+    executor: Any = import_module("ansible.executor.playbook_executor")
+    loaders: Any = import_module("ansible.plugins.loader")
+    for kind, names in _USED.items():
+        setattr(executor, kind, _Loader(getattr(loaders, kind), names))
+
+
+class _Loader:
+    """Stands for a loader of plugins where all of them are loaded."""
+
+    def __init__(self, loader: Any, names: Sequence[str]) -> None:  # noqa: ANN401 - Ansible's; it has no types
+        self._loader, self._names = loader, names
+
+    def all(self, *, class_only: bool) -> list[object]:
+        return [self._loader.get(name, class_only=class_only) for name in self._names]
+
+
+def _leave_out_paramiko() -> None:
+    """To Ansible paramiko is a library that may be missing; it would import it for a connection that we do not use."""
+    if "paramiko" in sys.modules:
+        return
+    sys.modules["paramiko"] = None  # type: ignore[assignment]  # what Python documents for "not to be imported"
+    try:
+        import_module("ansible.module_utils.compat.paramiko")
+    finally:
+        del sys.modules["paramiko"]
+
+
+def _keep_metadata() -> None:
+    """Keep the metadata of Ansible's own collection as JSON: its YAML took a twentieth of a run that changes nothing.
+
+    Ansible's `_meta_yml_to_dict` says of itself that others may put their own in its place, and keep what it gives.
+    """
+    finder: Any = import_module("ansible.utils.collection_loader._collection_finder")
+    parse = finder._meta_yml_to_dict  # noqa: SLF001 - as above
+
+    def kept(text: bytes | str, content: object) -> Mapping[str, Any]:
+        folder = paths.private_cache("ansible") if isinstance(text, bytes) and len(text) > _LARGE else None
+        if folder is None:
+            read: Mapping[str, Any] = parse(text, content)
+            return read
+        assert isinstance(text, bytes)  # noqa: S101 - see above
+        path = folder / f"{hashlib.sha256(text).hexdigest()}.json"
+        with suppress(OSError, ValueError):
+            if isinstance(known := json.loads(path.read_bytes()), dict):
+                return known
+        read = parse(text, content)
+        with suppress(OSError):
+            write_atomically(path, json.dumps(read).encode())
+        return read
+
+    finder._meta_yml_to_dict = kept  # noqa: SLF001 - as above
+
 
 _PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 """In place of a file: Ansible's words for an identity whose password is typed."""

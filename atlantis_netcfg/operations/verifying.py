@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.jobs import endpoint_of

@@ -9,9 +9,8 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import LanBox
-from atlantis_netcfg.render._declared import RenderError, address_in_site, hosts_of, router_of
 from atlantis_netcfg.render._environment import environment
-from atlantis_netcfg.render._links import in_network, management_port, ports, served, uplinks
+from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render.view import (
     BRIDGE,
     Forwarded,
@@ -21,8 +20,12 @@ from atlantis_netcfg.render.view import (
     Named,
     Prerequisite,
     Remote,
+    RenderError,
     RouterView,
     Tunnel,
+    address_in_site,
+    hosts_of,
+    router_of,
 )
 
 if TYPE_CHECKING:
@@ -32,7 +35,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.declaration.model import Pilot, Router, Site
-    from atlantis_netcfg.render._declared import Declared, DeclaredHost
+    from atlantis_netcfg.render.view import Declared, DeclaredHost
 
 
 def _server(declaration: Declared) -> DeclaredHost:
@@ -136,10 +139,6 @@ def _named(declaration: Declared, host: DeclaredHost, name: str) -> DeclaredHost
     if name not in declaration.hosts:
         raise RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
     return declaration.hosts[name]
-
-
-API_CERTIFICATE = "atlantis-api"
-"""Made on the device when it is adopted; service api-ssl presents it and we pin it."""
 
 
 def router(declaration: Declared, host: DeclaredHost) -> str:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.core.verdicts import worst as worst_verdict
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.events import worst as worst_verdict
 from atlantis_netcfg.report.run import cost_lines
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.core.errors import UsageError, nearest
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 
 if TYPE_CHECKING:

@@ -1,25 +1,37 @@
-r"""One action as the device takes it: a console line for a script, or a sentence of the API.
+r"""Actions as text for a device, and the check of a plan by the device's own parser.
+
+One action as the device takes it: a console line for a script, or a sentence of the API.
 
 Both hold secrets in clear.
 
 Console: manual, Scripting, and Configuration Management. Values in quotes are escaped so that `$`, `\`, `"` and line
 ends arrive as they are: inside quotes the console would replace `$name` without a word.
 Sentence: manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to stand before).
+
+A plan before the device's own parser: which commands it would refuse, told before anything is sent.
+
+`:put [:parse "..."]` prints what RouterOS makes of a text and executes nothing of it (recorded on 7.20.8 to 7.23.3:
+tikoci/centrs, test/fixtures/parse-oracle.json). It looks at names; of values that come from a closed list
+`/console/inspect` offers the list. An accepted text is printed whole, so a loop on the device prints refusals alone.
+Each script ends with a command that has to be refused: without that refusal nothing was proved, and silence is no yes.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import Verb
 from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.menus import MENUS, Kind, canonical
-from atlantis_netcfg.rsc import quote
+from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
+from atlantis_netcfg.rsc import in_quotes, quote
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._types import Action
+    from atlantis_netcfg.routeros._types import Action, Row
+    from atlantis_netcfg.routeros.api import Reply
 
 
 def console(action: Action) -> str:
@@ -70,3 +82,227 @@ def sentence(action: Action) -> tuple[str, tuple[tuple[str, str], ...]]:
 def executed(text: str) -> Command:
     """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
     return Command("/execute", (("script", text), ("as-string", "")))
+
+
+ROOM: Final = 18
+"""Sentences that fit beside what is read before a change, in one flight."""
+_LINES = 25
+"""Commands of one script: so many are parsed before the device says something again."""
+_BYTES = 40_000
+"""Of the lines of one script, before they are quoted twice: `/execute` takes 64 kB (manual, API and Scripting)."""
+# Recorded of other menus and arguments; where it is taken instead, that is said. Assumption: parse-words
+_CONTROL = "/system/identity/set atlantis=no"
+"""What every version refuses: it has no such argument."""
+_PLACEHOLDER = "00000000"
+"""Stands for a secret, which the parser need not see."""
+# Recorded on 7.22.1 (tikoci/restraml, docs/mikrotik-bug-native-api-inspect.md), where of 47 words with one property
+# each some were lost once in a hundred times, and of 15 none. Assumption: inspect-whole
+_COMPLETE = 30
+"""Words of an offered list that is taken for whole: over the API long ones lose some."""
+ENUMERATIONS: Final = frozenset(
+    {
+        ("/interface/bridge", "protocol-mode"),
+        ("/interface/bridge/port", "frame-types"),
+        ("/interface/ovpn-client", "protocol"),
+        ("/ip/firewall/filter", "action"),
+        ("/ip/firewall/mangle", "action"),
+        ("/ip/firewall/nat", "action"),
+        ("/routing/rule", "action"),
+        ("/system/ntp/client", "mode"),
+        ("/tool/netwatch", "type"),
+    }
+)
+"""Menus and arguments that take a word of a closed list, and nothing else."""
+
+_ANSWER = re.compile(r"^(\d+) ", re.MULTILINE)
+_PLACE_OF = r"\(line \d+ column (\d+)\)"
+_REFUSALS = (
+    re.compile(rf"\(evl (bad parameter [^\s()]+) {_PLACE_OF} "),
+    re.compile(rf"\(<%% (bad command name [^\s()]+) {_PLACE_OF} "),
+    re.compile(rf"((?:expected|missing) [a-z]+(?: [a-z]+)*|syntax error) {_PLACE_OF}\Z"),
+    re.compile(rf"(bad (?:parameter|command name) [^\s()]+) {_PLACE_OF}\Z"),
+)
+_NOT_UNDERSTOOD = "its parser answers in words that are not known here"
+
+_Argument = tuple[str, str]
+"""Menu and name."""
+
+
+def script(lines: Iterable[str]) -> str:
+    """Return the script that has the device parse each line, and prints its number and the code of all but good ones.
+
+    Each line is text in a text in a text: of the array, of the inner script, of `:parse`.
+    """
+    # Public scripts do so. Assumption: parse-nested
+    texts = ";".join(in_quotes(in_quotes(line)[1:-1]) for line in lines)
+    return (
+        f":foreach n,s in={{{texts}}} do={{"
+        ':local v [:execute script=(":put [:parse \\"".$s."\\"]") as-string];'
+        ':if ($v~"^\\\\(evl /") do={} else={:put "$n $v"}}'
+    )
+
+
+@dataclass(slots=True)
+class Examination:
+    """What a device was asked of a plan, and what it has answered; the wire is somebody else's."""
+
+    refused: dict[str, str] = field(default_factory=dict)
+    """By line: the device's words, empty for a line that it takes."""
+    unclear: str = ""
+    """Why not every line was judged."""
+    _scripts: list[list[str]] = field(default_factory=list)
+    _values: list[tuple[_Argument, tuple[str, ...]]] = field(default_factory=list)
+    _good: set[tuple[_Argument, str]] = field(default_factory=set)
+    _lists: dict[_Argument, tuple[str, ...] | None] = field(default_factory=dict)
+    """Whole lists; None: the device offers none, or not surely all of it."""
+    _whole: list[_Argument] = field(default_factory=list)
+
+    def questions(self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]) -> tuple[Command, ...]:
+        """Return what is still to be asked of these actions; no more than ROOM. `answered` reads the answers.
+
+        A value that a row of the menu has already needs no question.
+        """
+        self._whole = [each for each, _ in self._values if each not in self._lists and self._missing(each)]
+        self._values = list(self._requested(actions, rows))
+        lines = [] if self.unclear else [line for line in map(_line, actions) if line not in self.refused]
+        lines = list(dict.fromkeys(lines))
+        self._scripts = _cut(lines, ROOM - len(self._values) - len(self._whole))
+        return (
+            *(executed(script([*part, _CONTROL])) for part in self._scripts),
+            *(offered(*argument) for argument in self._whole),
+            *(offered(*argument, among=values) for argument, values in self._values),
+        )
+
+    def _requested(
+        self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]
+    ) -> Iterator[tuple[_Argument, tuple[str, ...]]]:
+        found: dict[_Argument, dict[str, None]] = {}
+        for action in actions:
+            for name, value in action.values:
+                argument = (action.menu, name)
+                known = (argument, value) in self._good or argument in self._lists or argument in self._whole
+                if (
+                    value
+                    and argument in ENUMERATIONS
+                    and not known
+                    and all(row.get(name) != value for row in rows.get(action.menu, ()))
+                ):
+                    found.setdefault(argument, {})[value] = None
+        return ((argument, tuple(values)) for argument, values in found.items())
+
+    def _missing(self, argument: _Argument) -> bool:
+        """Tell whether a value that was asked for did not come."""
+        return any(
+            (each, value) not in self._good for each, values in self._values if each == argument for value in values
+        )
+
+    def answered(self, replies: Sequence[Reply]) -> None:
+        """Read the answers to the last `questions`."""
+        scripts, whole = len(self._scripts), len(self._whole)
+        for part, reply in zip(self._scripts, replies, strict=False):
+            self._judged(part, reply)
+        for argument, reply in zip(self._whole, replies[scripts:], strict=False):
+            words = _words(reply)
+            self._lists[argument] = words if 0 < len(words) <= _COMPLETE else None
+        for (argument, _), reply in zip(self._values, replies[scripts + whole :], strict=False):
+            self._good |= {(argument, word) for word in _words(reply)}
+
+    def _judged(self, lines: Sequence[str], reply: Reply) -> None:
+        if reply.trap is not None or reply.ret is None:
+            text = f" ({reply.trap.message})" if reply.trap is not None else ""
+            self.unclear = f"the device does not run a script that only parses{text}"
+            return
+        answers = _answers(reply.ret.replace("\r\n", "\n"))
+        if not refusal(answers.pop(len(lines), "")) or any(number > len(lines) for number in answers):
+            self.unclear = _NOT_UNDERSTOOD
+            return
+        for number, line in enumerate(lines):
+            found = refusal(answers[number], line) if number in answers else ""
+            if found is None:
+                self.unclear = _NOT_UNDERSTOOD
+            else:
+                self.refused[line] = found
+
+    def doubt(self, actions: Iterable[Action]) -> str:
+        """Say that and why nobody knows whether the device takes all that it does not object to; or nothing."""
+        named = {(action.menu, name) for action in actions for name, _ in action.values}
+        lists = sorted(each for each, words in self._lists.items() if words is None and each in named)
+        values = (f"it does not tell which words `{name}` of {MENUS[menu].title} takes" for menu, name in lists)
+        why = "; ".join((*((self.unclear,) if self.unclear else ()), *values))
+        return f"INCONCLUSIVE whether this device takes every command of the plan: {why}" if why else ""
+
+    def objections(self, actions: Iterable[Action], source: str) -> Iterator[str]:
+        """Yield what the device does not take, with the line of the text where that declares it."""
+        for action in actions:
+            words = self.refused.get(_line(action), "") or next(self._foreign(action), "")
+            if words:
+                place = f"{source}, line {action.line}: " if action.line else ""
+                what = f"{action.verb.value} {action.subject} in {MENUS[action.menu].title}"
+                yield f"{place}the device's own parser does not take this ({what}): {words}"
+
+    def _foreign(self, action: Action) -> Iterator[str]:
+        """Yield what is wrong with values of a closed list."""
+        for name, value in action.values:
+            words = self._lists.get((action.menu, name))
+            if words is not None and value not in words:
+                yield f"`{name}` is one of {', '.join(words)}, not {value}"
+
+
+def _cut(lines: Sequence[str], room: int) -> list[list[str]]:
+    """Cut lines into as few scripts as keep a device busy for a moment only, and never more than `room` if they fit."""
+    most = max(_LINES, -(-len(lines) // room))
+    scripts: list[list[str]] = []
+    size = 0
+    for line in lines:
+        if not scripts or len(scripts[-1]) == most or size + len(line) > _BYTES:
+            scripts.append([])
+            size = 0
+        scripts[-1].append(line)
+        size += len(line)
+    return scripts
+
+
+def _line(action: Action) -> str:
+    """Return the command of an action for the parser: one row is as good as a thousand, and no secret is needed."""
+    values = tuple((name, _PLACEHOLDER if name in action.secrets else value) for name, value in action.values)
+    return console(replace(action, ids=action.ids[:1], values=values))
+
+
+def offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
+    """Ask for the list of an argument, or which of some values are in it."""
+    verb = "add" if MENUS[menu].shape is Shape.LIST else "set"
+    path = ",".join((*menu.strip("/").split("/"), verb, name))
+    arguments = (("request", "completion"), ("path", path), (".proplist", "completion"))
+    # A device that ignores the queries sends all, which is as good. Assumption: inspect-whole
+    alternatives = [f"?completion={value}" for value in among]
+    return Command("/console/inspect", arguments, (*alternatives, *["?#|"] * (len(alternatives) - 1)))
+
+
+def _words(reply: Reply) -> tuple[str, ...]:
+    return tuple(row.get("completion", "") for row in reply.rows) if reply.trap is None else ()
+
+
+def _answers(text: str) -> dict[int, str]:
+    """Cut the output at the numbers, which only grow."""
+    starts: list[tuple[int, re.Match[str]]] = []
+    for found in _ANSWER.finditer(text):
+        if not starts or int(found[1]) > starts[-1][0]:
+            starts.append((int(found[1]), found))
+    ends = [found.start() for _, found in starts] + [len(text)]
+    return {number: text[found.end() : end].strip() for (number, found), end in zip(starts, ends[1:], strict=True)}
+
+
+def refusal(code: str, line: str = "") -> str | None:
+    """Read a refusal; None if it is none that we know. What a device repeats of the line is not told."""
+    for refusal in _REFUSALS:
+        found = refusal.match(code)
+        if found is not None:
+            words, name = found[1], _name_at(line, int(found[2]))
+            return words if words.startswith("bad ") or not name else f"{words} at `{name}`"
+    return None
+
+
+def _name_at(line: str, column: int) -> str:
+    """Return the argument at a column, 1-based; what is quoted is skipped."""
+    names = re.finditer(r' (!?[\w.-]+)(?:=(?:"(?:\\.|[^"\\])*"|[^\s"]*))?(?= |\Z)', line)
+    return next((found[1] for found in names if found.start(1) < column <= found.end() + 1), "")

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Layer, Verb, is_bare
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
-from atlantis_netcfg.routeros.commands import console
+from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS
 from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
-from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 

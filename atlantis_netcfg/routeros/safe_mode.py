@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._job import Channel
+    from atlantis_netcfg.routeros.api._values import Channel
 
 BUDGET = 80
 """Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them

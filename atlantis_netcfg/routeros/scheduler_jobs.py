@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Facts, Row
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._job import Channel
+    from atlantis_netcfg.routeros.api._values import Channel
 
 DEAD_MAN, PAIR = "atlantis-dead-man", "atlantis-pair"
 MENU = "/system/scheduler"

@@ -15,11 +15,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
-from atlantis_netcfg.routeros.commands import executed
-from atlantis_netcfg.routeros.parsing import offered, refusal
+from atlantis_netcfg.routeros.commands import executed, offered, refusal
 from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, Sim, monitor_of, sim_of
 
 if TYPE_CHECKING:

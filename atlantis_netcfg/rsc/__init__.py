@@ -14,11 +14,13 @@ from atlantis_netcfg.rsc._print import (
     WIDTH,
     console_path,
     drop_volatile,
+    in_quotes,
     is_volatile,
     print_export,
     print_statement,
+    quote,
+    unquote,
 )
-from atlantis_netcfg.rsc._values import in_quotes, quote, unquote
 
 __all__ = [
     "VOLATILE_COMMENTS",

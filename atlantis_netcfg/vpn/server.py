@@ -16,8 +16,8 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package, Step, Unit
 from atlantis_netcfg.render import environment, template_folder
-from atlantis_netcfg.vpn.firewall import TABLE, firewall
 from atlantis_netcfg.vpn.identity import TIMERS, Link
+from atlantis_netcfg.vpn.policy import TABLE, firewall
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

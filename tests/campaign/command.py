@@ -26,7 +26,7 @@ ORPHAN_S = 3.0
 """What a process may need to notice that it is not wanted any more."""
 _POLL_S = 0.02
 _REMINDER = b"  still at work, "
-"""How `provision` begins what it says while it waits (`cli/_progress.py`)."""
+"""How `provision` begins what it says while it waits (`cli/_output.py`)."""
 _NO_RESULT = ("not handled yet", "SKIP")
 _EXEMPT = (signal.SIGKILL, signal.SIGSTOP)
 """Who was struck by these cannot speak."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.cli._progress import _reminder
+from atlantis_netcfg.cli._output import _reminder
 from atlantis_netcfg.core.events import Event, Stage
 from campaign import advice
 from campaign.command import Command, end, living

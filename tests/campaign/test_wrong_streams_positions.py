@@ -21,7 +21,7 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Rows, Transcript, Trouble, acoustic, usbl
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, RouterosGps, StreamGps
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 from campaign import positions

@@ -27,13 +27,12 @@ from atlantis_netcfg.checklist.probes import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
+from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
-from atlantis_netcfg.checklist.probes.lte import _registered
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import EthernetEndpoint, WifiEndpoint
 from campaign import senders
 from campaign.senders import (

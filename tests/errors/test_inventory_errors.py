@@ -6,7 +6,7 @@ import inventory_cases
 import pytest
 
 from atlantis_netcfg.declaration import InventoryInvalid, load, validate
-from atlantis_netcfg.declaration._words import FALLBACK
+from atlantis_netcfg.declaration._schema import FALLBACK
 
 
 @pytest.mark.parametrize("path", inventory_cases.cases(), ids=lambda path: path.stem)

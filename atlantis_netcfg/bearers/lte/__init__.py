@@ -6,6 +6,6 @@ A driver only asks: what it may send is data, an allow-list that a test holds ev
 
 from __future__ import annotations
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 
 __all__ = ["LteReading", "Registration"]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import serial
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from jeepney import DBusAddress, HeaderFields, MessageFlag, MessageType, new_method_call
 from jeepney.io.blocking import open_dbus_connection
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 from atlantis_netcfg.bearers.status import Finding
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -15,8 +15,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
-from atlantis_netcfg.bearers.query import Query, decibels, yes
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
+from atlantis_netcfg.bearers.status import Query, decibels, yes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

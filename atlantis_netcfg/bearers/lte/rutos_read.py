@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 from atlantis_netcfg.bearers.lte.rutos_client import NotOffered, RutosLoginFailed, RutosRefused, Wire
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.lte.record import LteReading, Registration
+from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.secret import MASK
 

@@ -9,31 +9,34 @@ thing is.
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.probes.requests import (
+from atlantis_netcfg.checklist.probes.step import (
+    SITE,
     AllowListTestRequest,
-    DdsDiscoverRequest,
-    DhcpDiscoverRequest,
-    LinkStatusRequest,
-    Listen,
-    Place,
-    Question,
-    RouterOsQuery,
-    Run,
-    Say,
-)
-from atlantis_netcfg.checklist.probes.results import (
     AllowListTestResult,
     Answer,
+    Cell,
     CommandResult,
+    Consent,
+    DdsDiscoverRequest,
     DdsDiscoverResult,
+    DhcpDiscoverRequest,
     DhcpOffer,
     DhcpOffers,
+    Judged,
+    LinkStatusRequest,
     LinkStatusResult,
+    Listen,
+    Place,
+    Probe,
+    Question,
+    RouterOsQuery,
     Rows,
+    Run,
+    Say,
+    Step,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.step import SITE, Cell, Consent, Judged, Probe, Step
 
 __all__ = [
     "SITE",

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
     Pinged,
@@ -26,19 +26,26 @@ from atlantis_netcfg.checklist.probes.ping import (
     read_route,
     route_request,
 )
-from atlantis_netcfg.checklist.probes.requests import Place, RouterOsQuery
-from atlantis_netcfg.checklist.probes.results import Rows
-from atlantis_netcfg.checklist.probes.step import PLACES, Judged, Step, not_run, read, rows_of, unasked
+from atlantis_netcfg.checklist.probes.step import (
+    PLACES,
+    Judged,
+    Place,
+    RouterOsQuery,
+    Rows,
+    Step,
+    not_run,
+    read,
+    rows_of,
+    unasked,
+)
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ETHERNET
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Question
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import EthernetEndpoint
 

@@ -14,16 +14,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import Run
-from atlantis_netcfg.checklist.probes.results import CommandResult
-from atlantis_netcfg.checklist.probes.step import PLACES, Judged, measured, not_run
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.checklist.probes.step import PLACES, CommandResult, Judged, Run, measured, not_run
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.checklist.probes.requests import Place
-    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Answer, Place
 
 
 _LOOPBACK = "lo"

@@ -1,20 +1,27 @@
-"""Which module speaks for which column, and the step of a cell that no program can see."""
+"""Which module speaks for which column, and the step of a cell that no program can see.
+
+What a probe may run or send: closed lists, checked once more before a request leaves.
+
+Programs on a gateway or a laptop only read. Messages into a stream come from the list of each device's language.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import (
     acoustic,
+    bearer_probe,
     ethernet,
     gps,
-    lte,
     rc_rf,
     satellite,
     site_checks,
     usbl,
     wifi,
 )
+from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
 from atlantis_netcfg.checklist.probes.step import SITE, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.declaration.model import ETHERNET, Column
@@ -22,7 +29,8 @@ from atlantis_netcfg.declaration.model import ETHERNET, Column
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Cell, Listen
+
 
 TITLES: Mapping[str, str] = {
     Column.WIFI: "Wi-Fi",
@@ -43,7 +51,7 @@ _STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
     Column.SATELLITE: satellite.steps,
     Column.USBL: usbl.steps,
     Column.RC_RF: rc_rf.steps,
-    Column.LTE: lte.steps,
+    Column.LTE: bearer_probe.steps,
     Column.GPS: gps.steps,
     ETHERNET: ethernet.steps,
     SITE: site_checks.steps,
@@ -70,3 +78,49 @@ def by_a_person(cell: Cell) -> Step:
 
 _PHASES: Mapping[str, Phase] = {Column.GPS: Phase.QUAY, Column.ACOUSTIC: Phase.WATER, Column.USBL: Phase.WATER}
 """Where a person would look: under an open sky, in water; all else on the bench."""
+
+
+PROGRAMS: tuple[str, ...] = (
+    r"ip -j(son)? (-s )?(-d )?(addr|link|route|neigh|rule)( show)?( (dev|table|to|default|exclude|from)( \S+)?)*",
+    r"ip -j route get \d+(\.\d+){3}",
+    r"iw dev \S+ (link|info|station dump)",
+    r"iw reg get",
+    r"ping -n -c \d{1,2} -i \d(\.\d)? -W \d{1,2} (-I \S+ )?\d+(\.\d+){3}",
+    r"timedatectl show",
+    r"chronyc -n -c (tracking|sources)",
+    r"cat /etc/resolv\.conf",
+    r"cat /etc/netplan/10-atlantis\.yaml",
+    r"cat /etc/network/interfaces",
+    r"cat /etc/systemd/network/05-atlantis\.network",
+    r"cat /proc/net/udp",
+    r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
+)
+"""Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
+_COMPILED = tuple(re.compile(program) for program in PROGRAMS)
+
+
+def allowed(argv: tuple[str, ...]) -> bool:
+    """Whether a command line is on the list."""
+    if any(not argument or re.search(r"\s", argument) for argument in argv):
+        return False
+    return any(pattern.fullmatch(" ".join(argv)) for pattern in _COMPILED)
+
+
+PLAIN: tuple[bytes, ...] = (rb'\?WATCH=\{"enable":true,"json":true\};?\r?\n', rb"\?(VERSION|DEVICES|POLL);?\r?\n")
+"""Full matches of whole sayings that only read, where a device's language needs no table: gpsd's."""
+_PLAIN = tuple(re.compile(saying) for saying in PLAIN)
+
+
+def refused(listen: Listen, *, active: bool) -> str | None:
+    """Say what of a script must not be sent, and why; None: all of it may.
+
+    `active`: the script belongs to an active step, and a person has consented. Nothing is said to a UDP port.
+    """
+    if listen.say and listen.transport == "udp":
+        return "nothing is ever sent to a stream that arrives by UDP"
+    for say in listen.say:
+        if any(plain.fullmatch(say.data) for plain in _PLAIN):
+            continue
+        if reason := refused_reason(say.data, active=active):
+            return reason
+    return None

@@ -13,19 +13,24 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
-from atlantis_netcfg.checklist.probes.requests import AllowListTestRequest
-from atlantis_netcfg.checklist.probes.results import AllowListTestResult
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, measured, unasked
+from atlantis_netcfg.checklist.probes.step import (
+    AllowListTestRequest,
+    AllowListTestResult,
+    Consent,
+    Judged,
+    Step,
+    measured,
+    unasked,
+)
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Column
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
 

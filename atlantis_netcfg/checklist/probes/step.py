@@ -2,27 +2,288 @@
 
 A probe is two functions: `asks` gives its requests, `judge` gives findings and evidence. Here are also the findings for
 a request without a complete result, from which nothing follows, and evidence in one line each.
+
+What a probe may ask, as data: nothing else is ever sent.
+
+What came back of a question. Silence is an answer, and is never mixed up with a refusal.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import Place
-from atlantis_netcfg.checklist.probes.results import CommandResult, Rows, Trouble
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict, worst
+from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Site
+
+
+class Place(StrEnum):
+    """Where a question is asked from."""
+
+    GATEWAY = "gateway"
+    """The site's gateway computer: all its questions travel in one SSH command."""
+    LAPTOP = "laptop"
+    """This computer."""
+    ROUTER = "router"
+    """A RouterOS device, by its API: all its questions in one session."""
+
+
+@dataclass(frozen=True, slots=True)
+class Say:
+    """Something sent into a stream, and what ends the waiting for its answer."""
+
+    data: bytes
+    until: bytes
+    """Regular expression, searched in what has come since; the next thing is said when it matches.
+
+    When it does not match within the time, nothing more is said: whatever stands after it in the script depends on it,
+    a transmission on the answer that allows it. The listening (`Listen.listen_s`) goes on all the same.
+    """
+    within_s: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Listen to a stream, saying some things first.
+
+    Many devices serve one client: identical questions of several items are asked once, and different ones to the same
+    end (place, transport, address and port, or device) one after the other, in the order of the items.
+    """
+
+    name: str
+    """Of the answer, unlike all others of the same probe."""
+    place: Place
+    transport: Literal["tcp", "udp", "serial"]
+    """udp: datagrams that arrive at `port` are taken, nothing is sent."""
+    address: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = 0
+    say: tuple[Say, ...] = ()
+    listen_s: float = 0.0
+    """After the last thing was said; the stream is closed then."""
+    enough: bytes = b""
+    """Regular expression over all that was heard: listening ends early; empty: it does not."""
+    connect_s: float = 10.0
+    max_bytes: int = 262_144
+    turn: str = ""
+    """Questions with the same word are asked one after another, whatever end they go to: they share a medium."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Run a program that only reads; it must stand in `checklist/probes/registry.py`."""
+
+    name: str
+    place: Place
+    argv: tuple[str, ...]
+    within_s: float = 20.0
+    turn: str = ""
+    """Questions with the same word are asked one after another, in the order of the items."""
+
+
+@dataclass(frozen=True, slots=True)
+class DhcpDiscoverRequest:
+    """Ask a segment for the DHCP servers on it: DISCOVER is broadcast, every OFFER is kept, and none is taken."""
+
+    name: str
+    place: Place
+    interface: str
+    """Its name, or an address: then the interface that has that address, since few sites declare a name."""
+    within_s: float = 8.0
+    cards: tuple[str, ...] = ()
+    """In whose name it is asked besides: a server may answer only those that it knows. Of the interface, always."""
+
+
+@dataclass(frozen=True, slots=True)
+class DdsDiscoverRequest:
+    """Ask for the DDS participants at an address of the computer that asks: one without topics comes, and leaves."""
+
+    name: str
+    place: Place
+    address: str
+    """Where others of the pilot look for them."""
+    domain: int
+    ports: tuple[int, ...]
+    """Where they hear announcements."""
+    within_s: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class RouterOsQuery:
+    """One reading command of RouterOS' API."""
+
+    name: str
+    host: str
+    query: Query
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatusRequest:
+    """How a bearer of the site is: the look of `provision links`, taken once for all who ask."""
+
+    name: str
+    bearer: str
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+@dataclass(frozen=True, slots=True)
+class AllowListTestRequest:
+    """Whether the satellite lets through what is declared and nothing else: `provision prove`. It costs."""
+
+    name: str
+    bearer: str
+    place: Literal[Place.ROUTER] = Place.ROUTER
+
+
+Question = (
+    Listen | Run | DhcpDiscoverRequest | DdsDiscoverRequest | RouterOsQuery | LinkStatusRequest | AllowListTestRequest
+)
+
+
+class Trouble(StrEnum):
+    """Why there is no whole answer."""
+
+    REFUSED = "refused"
+    """A computer is there, but nothing listens, or it turned us away."""
+    SILENT = "silent"
+    """Nobody answered at that address within the time."""
+    UNREACHABLE = "unreachable"
+    """No route, or no such host."""
+    BUSY = "busy"
+    """Another program holds the serial port, or the UDP port on which a stream arrives."""
+    MISSING = "missing"
+    """No such serial port, no such program on that computer."""
+    DENIED = "denied"
+    """We may not."""
+    CLOSED = "closed"
+    """The other end hung up at once, as one does that serves one client only."""
+    NO_PLACE = "no place"
+    """The computer or router that should have asked was not reached: nothing is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transcript:
+    """What was heard on a stream."""
+
+    trouble: Trouble | None
+    words: str = ""
+    """The trouble in the words of the system or of the place."""
+    chunks: tuple[tuple[float, bytes], ...] = ()
+    """Seconds since `began`, and what came then: as it came from a stream, one datagram each from UDP."""
+    began: float = 0.0
+    """Seconds since 1970 by the clock of the computer that listened."""
+    ended_s: float = 0.0
+    """When the listening ended, seconds since `began`."""
+    senders: tuple[str, ...] = ()
+    """Of UDP: the address that each of `chunks` came from; empty: nobody has looked, or it is no UDP."""
+
+    @property
+    def data(self) -> bytes:
+        """All of it."""
+        return b"".join(data for _, data in self.chunks)
+
+
+@dataclass(frozen=True, slots=True)
+class CommandResult:
+    """What a program printed."""
+
+    trouble: Trouble | None
+    words: str = ""
+    rc: int = 0
+    out: str = ""
+    err: str = ""
+    began: float = 0.0
+    """Seconds since 1970 by the clock of the computer that ran it."""
+    asked: float = 0.0
+    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    heard: float = 0.0
+    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Rows of a RouterOS menu."""
+
+    trouble: Trouble | None
+    words: str = ""
+    rows: tuple[Mapping[str, str], ...] | None = None
+    """None: the device does not know the menu, or refused."""
+    asked: float = 0.0
+    """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
+    heard: float = 0.0
+    """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatusResult:
+    """How a bearer is; the dictionary of `operations.links.Looked.as_dict` for it."""
+
+    trouble: Trouble | None
+    words: str = ""
+    bearer: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AllowListTestResult:
+    """What the proof of the satellite's allow-list has found."""
+
+    trouble: Trouble | None
+    words: str = ""
+    findings: tuple[Finding, ...] = ()
+    bill: str = ""
+    """What it has cost, in words."""
+    seconds: float = 0.0
+    """How long silent targets were asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class DhcpOffer:
+    """What one DHCP server offers."""
+
+    server: str
+    """Its identifier (RFC 2132, option 54), else the address that the packet came from."""
+    mac: str | None
+    """Of the card that sent it, in lower case with colons; None: the system does not tell."""
+    address: str
+    """That it would give."""
+    router: str | None = None
+    """Default gateway that it would give (option 3), the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class DhcpOffers:
+    """Which DHCP servers answered on a segment; without trouble and without offers: nobody within the time."""
+
+    trouble: Trouble | None
+    words: str = ""
+    offers: tuple[DhcpOffer, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DdsDiscoverResult:
+    """What DDS participants have sent to one that announced itself; nothing without trouble: nobody answered."""
+
+    trouble: Trouble | None
+    words: str = ""
+    prefix: bytes = b""
+    """Identity of the one that announced itself, made up anew each time (GUID prefix, DDSI-RTPS 9.3.1)."""
+    datagrams: tuple[tuple[str, bytes], ...] = ()
+    """Address of the sender, and the message."""
+
+
+Answer = Transcript | CommandResult | Rows | LinkStatusResult | AllowListTestResult | DhcpOffers | DdsDiscoverResult
 
 
 @dataclass(frozen=True, slots=True)

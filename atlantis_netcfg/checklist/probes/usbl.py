@@ -29,16 +29,14 @@ from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
 from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.requests import Listen, Question
-    from atlantis_netcfg.checklist.probes.results import Answer, Transcript
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Listen, Question, Transcript
     from atlantis_netcfg.declaration.model import UsblEndpoint
 
 _IDLE = rb"(?i)\$3A3B[0-9A-F]{4}[\r\n]"

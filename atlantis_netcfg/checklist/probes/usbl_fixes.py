@@ -21,15 +21,14 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
 )
 from atlantis_netcfg.checklist.probes.step import Judged
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.requests import Listen, Question
-    from atlantis_netcfg.checklist.probes.results import Answer, Transcript
+    from atlantis_netcfg.checklist.probes.step import Answer, Listen, Question, Transcript
 
 
 _USUAL_MPS = 1500.0

@@ -9,11 +9,10 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._grid import grid
-from atlantis_netcfg.checklist.report._states import State, state
+from atlantis_netcfg.checklist.report._shapes import State, grid, state
 from atlantis_netcfg.checklist.report._words import closing, evidence_words, signed
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.report._xml import add, clean, count, skip, tell, written
+from atlantis_netcfg.report.junit import add, clean, count, skip, tell, written
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

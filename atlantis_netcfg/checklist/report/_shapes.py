@@ -1,16 +1,97 @@
-"""What a drawing is made of, for whoever paints it: boxes, badges and wires, in pixels."""
+"""How a checklist is drawn: shapes, colours, the grid of Table 3, states with their symbols.
+
+What a drawing is made of, for whoever paints it: boxes, badges and wires, in pixels.
+
+The colours of the states, in light and in dark; each is told by a symbol and a word as well.
+
+Every ink has a contrast of at least 4.5 to its paper, every edge one of 3 to the page (WCAG 2.2, 1.4.3 and 1.4.11); a
+test measures them.
+
+Table 3 as a grid: rows and columns in the report's order, and apart from them what we check beside the table.
+
+What a page shows of an item: a verdict, or why there is none, each with a symbol for whoever sees no colours.
+"""
 
 from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._states import SYMBOLS
+from atlantis_netcfg.checklist.report.document import Row
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report._states import State
+    from collections.abc import Iterable, Mapping
+
+    from atlantis_netcfg.checklist.report.document import Document, Item
+
+
+class State(StrEnum):
+    """Worst last."""
+
+    SKIP = "SKIP"
+    PASS = "PASS"  # noqa: S105 - a verdict
+    WARN = "WARN"
+    OVERRIDDEN = "OVERRIDDEN"
+    """It did not pass, and a person has taken the responsibility."""
+    NOT_CHECKED = "NOT CHECKED"
+    """A cell of the table without an item: the checklist was narrowed."""
+    OPEN = "OPEN"
+    """Nobody has looked or answered yet."""
+    INCONCLUSIVE = "INCONCLUSIVE"
+    FAIL = "FAIL"
+    ERROR = "ERROR"
+
+
+_ORDER = tuple(State)
+GREEN = frozenset({State.SKIP, State.PASS, State.WARN, State.OVERRIDDEN})
+"""What does not keep a checklist from being green, as `Document.exit` has it."""
+
+SYMBOLS = {
+    State.SKIP: "–",  # noqa: RUF001 - a dash
+    State.PASS: "✓",
+    State.WARN: "!",
+    State.OVERRIDDEN: "✎",
+    State.NOT_CHECKED: "…",
+    State.OPEN: "○",
+    State.INCONCLUSIVE: "?",
+    State.FAIL: "✗",
+    State.ERROR: "■",
+}
+"""None of them has a form as an emoji, so that every phone prints them in the colour of the text."""
+ASCII = {
+    State.SKIP: "-",
+    State.PASS: "+",
+    State.WARN: "!",
+    State.OVERRIDDEN: "*",
+    State.NOT_CHECKED: ".",
+    State.OPEN: "o",
+    State.INCONCLUSIVE: "?",
+    State.FAIL: "X",
+    State.ERROR: "#",
+}
+"""For a console, which may know no others."""
+
+_TAKEN_OVER = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR})
+_GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
+
+
+def state(item: Item) -> State:
+    """What is shown of one item."""
+    if item.override is not None and (item.open or item.verdict in _TAKEN_OVER):
+        return State.OVERRIDDEN
+    if item.open and item.verdict not in _GRAVE:
+        return State.OPEN
+    return State(item.verdict.value)
+
+
+def worst_state(items: Iterable[Item]) -> State:
+    """The worst of some items; of none, that nothing was checked."""
+    return max(map(state, items), key=_ORDER.index, default=State.NOT_CHECKED)
+
 
 LETTER = 6.1
 """Width of a letter of 10 pixels' height, on the large side: fonts differ."""
@@ -95,3 +176,130 @@ def cut(text: str, room: float, dots: str = "…") -> str:
             break
         kept += letter
     return f"{kept.rstrip()}{dots}"
+
+
+@dataclass(frozen=True, slots=True)
+class Tint:
+    """Colours of one state."""
+
+    ink: str
+    paper: str
+    edge: str
+
+
+TINTS: Mapping[State | None, Tint] = {
+    None: Tint("#1c2730", "#ffffff", "#6b7884"),
+    State.SKIP: Tint("#46525c", "#eef1f3", "#75818c"),
+    State.PASS: Tint("#0a5226", "#e2f5e6", "#2c8a4b"),
+    State.WARN: Tint("#5f3d00", "#fff0c2", "#a87400"),
+    State.OVERRIDDEN: Tint("#6d2f00", "#ffe6d1", "#b65a14"),
+    State.NOT_CHECKED: Tint("#46525c", "#ffffff", "#75818c"),
+    State.OPEN: Tint("#0b4470", "#e2f0fc", "#3279b3"),
+    State.INCONCLUSIVE: Tint("#4a2786", "#efe7fc", "#8160bd"),
+    State.FAIL: Tint("#8c0c12", "#fde1df", "#c8332f"),
+    State.ERROR: Tint("#ffffff", "#7a0d3d", "#7a0d3d"),
+}
+DARK: Mapping[State | None, Tint] = {
+    None: Tint("#e6edf3", "#1b232c", "#8b98a5"),
+    State.SKIP: Tint("#b7c2cc", "#262f38", "#7b8894"),
+    State.PASS: Tint("#a5ebb9", "#0f3a20", "#3f9e62"),
+    State.WARN: Tint("#ffdf85", "#463300", "#b78a1d"),
+    State.OVERRIDDEN: Tint("#ffc9a0", "#4a2608", "#cf7a3a"),
+    State.NOT_CHECKED: Tint("#b7c2cc", "#12181f", "#7b8894"),
+    State.OPEN: Tint("#a9d6fb", "#0d3353", "#4c93cd"),
+    State.INCONCLUSIVE: Tint("#d6c3fa", "#352058", "#9a7cd6"),
+    State.FAIL: Tint("#ffb8b3", "#561317", "#e0605b"),
+    State.ERROR: Tint("#ffffff", "#8f1b50", "#e67cab"),
+}
+
+
+def css_class(state: State | None) -> str:
+    """The class that a page gives to whatever shows a state."""
+    return "s-none" if state is None else f"s-{state.lower().replace(' ', '-')}"
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Where a row and a column meet."""
+
+    column: str
+    table3: bool
+    """The report marks it; of a location, the declaration."""
+    beside: bool
+    """It is checked though the table does not mark it."""
+    items: tuple[Item, ...]
+
+    @property
+    def empty(self) -> bool:
+        """There is nothing to check."""
+        return not (self.table3 or self.beside)
+
+    @property
+    def state(self) -> State:
+        """The worst of its items."""
+        return worst_state(self.items)
+
+    @property
+    def first(self) -> Item | None:
+        """The item that makes it so."""
+        return next((item for item in self.items if state(item) is self.state), None)
+
+
+@dataclass(frozen=True, slots=True)
+class GridRow:
+    """A vehicle, or the location."""
+
+    row: Row
+    cells: tuple[Cell, ...]
+    """One for each column of the table, then one for each beside it."""
+    items: tuple[Item, ...]
+
+    @property
+    def is_location(self) -> bool:
+        """It stands below the vehicles."""
+        return self.row.kind == "location"
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The table."""
+
+    columns: tuple[str, ...]
+    beside: tuple[str, ...]
+    """Columns that Table 3 does not have."""
+    rows: tuple[GridRow, ...]
+
+
+def grid(document: Document) -> Grid:
+    """Arrange a document. An item whose row nobody declared gets a row: none is left out."""
+    rows = [*document.rows, *_undeclared(document)]
+    named = [endpoint for row in rows for endpoint in (*row.table3, *row.beside)]
+    every = dict.fromkeys([*named, *(item.endpoint for item in document.items)])
+    beside = tuple(endpoint for endpoint in every if endpoint not in document.columns)
+    columns = (*document.columns, *beside)
+    return Grid(document.columns, beside, tuple(_row(document, row, columns) for row in rows))
+
+
+def _undeclared(document: Document) -> list[Row]:
+    known = {(row.key, row.kind == "location") for row in document.rows}
+    keys = dict.fromkeys((item.vehicle or item.location, item.vehicle is None) for item in document.items)
+    return [
+        Row(key=key, name=key, kind="location" if place else "vehicle", table3=())
+        for key, place in keys
+        if (key, place) not in known
+    ]
+
+
+def _row(document: Document, row: Row, columns: tuple[str, ...]) -> GridRow:
+    place = row.kind == "location"
+    here = [
+        entry
+        for entry in document.items
+        if (entry.vehicle or entry.location, entry.vehicle is None) == (row.key, place)
+    ]
+    cells = []
+    for column in columns:
+        items = tuple(item for item in here if item.endpoint == column)
+        marked = column in row.table3 or any(item.table3 for item in items)
+        cells.append(Cell(column, marked, not marked and (column in row.beside or bool(items)), items))
+    return GridRow(row, tuple(cells), tuple(here))

@@ -17,20 +17,23 @@ from enum import Enum
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeAlias
 
-from atlantis_netcfg.checklist.report._colours import TINTS, css_class
 from atlantis_netcfg.checklist.report._shapes import (
     BADGE_HEIGHT,
+    SYMBOLS,
+    TINTS,
     Badge,
     Box,
     Layout,
+    State,
     Wire,
     badge_text,
     badge_width,
+    css_class,
     cut,
     letters_of,
+    worst_state,
 )
-from atlantis_netcfg.checklist.report._states import SYMBOLS, State, worst_state
-from atlantis_netcfg.report._xml import clean
+from atlantis_netcfg.report.junit import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

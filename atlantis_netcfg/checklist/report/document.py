@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.verdicts import Verdict, worst
+from atlantis_netcfg.core.events import Verdict, worst
 
 
 class _Data(BaseModel):

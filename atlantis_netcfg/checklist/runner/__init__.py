@@ -8,14 +8,11 @@ by the byte, before somebody has agreed to pay; a place that cannot be asked ans
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.runner._ears import Ears, OnAnswer, Questions
-from atlantis_netcfg.checklist.runner._laptop import ask_here
-from atlantis_netcfg.checklist.runner._real import RealEars
+from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
 from atlantis_netcfg.checklist.runner._way_in import NotReached, WayIn, way_in
 from atlantis_netcfg.checklist.runner.cost import previews
-from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
-from atlantis_netcfg.checklist.runner.progress import telling
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, unanswered
 
 __all__ = [
     "Ears",

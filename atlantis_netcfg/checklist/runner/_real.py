@@ -3,14 +3,23 @@
 The RouterOS devices of a site: questions to each in one session, links by one look, the satellite by a proof.
 
 The gateway computer as a place: one SSH command carries the program that listens, and all questions with it.
+
+This computer as a place: the program that listens, in a process of its own.
+
+The program that listens, at whatever place: packed with its questions, and read line by line.
+
+Who carries questions to their places and brings the answers back.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
+import sys
 import time
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
@@ -22,12 +31,11 @@ from atlantis_netcfg.checklist.probes import (
     Rows,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.agent import BOOT
-from atlantis_netcfg.checklist.runner._laptop import ask_here, last_line
-from atlantis_netcfg.checklist.runner._listener import Listener
+from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
 from atlantis_netcfg.checklist.runner._way_in import NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
-from atlantis_netcfg.checklist.runner.no_result import all_unanswered, unanswered
+from atlantis_netcfg.checklist.runner.remote_process import Carrier
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, ignore
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
@@ -39,17 +47,87 @@ from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.operations.request import Mode, refuse_examples
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._ears import OnAnswer, Questions
     from atlantis_netcfg.checklist.runner._way_in import WayIn
-    from atlantis_netcfg.checklist.runner.remote_process import Carrier
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.allow_list_test.prove import Proving
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.api import Reply
+
+
+@dataclass(slots=True)
+class Listener:
+    """One turn of the program at one place."""
+
+    questions: Questions
+    tell: OnAnswer
+    """Called in the loop in which `hear` runs."""
+    grace_s: float
+    """What the way there may take on top of the questions."""
+    answers: dict[str, Answer] = field(default_factory=dict)
+    _requests: float = 0.0
+    _faults: list[RuntimeError] = field(default_factory=list)
+
+    async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, Answer]:
+        """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered.
+
+        Raises RuntimeError if the program itself has failed at a question, once all others are answered and told.
+        """
+        made, loop = batch(self.questions), asyncio.get_running_loop()
+        by_key, words = dict(self.questions), ["it did not answer"]
+
+        def line(text: bytes) -> None:
+            loop.call_soon_threadsafe(self._line, text, time.time())
+
+        carrier = Carrier(program(made.asked), line, made.within_s + self.grace_s)
+        self._requests = time.time()
+        await carrier.beside(lambda: words.append(carry(carrier)))
+        if self._faults:
+            raise self._faults[0]
+        rest = {key: unanswered(by_key[key], words[-1]) for key in by_key if key not in self.answers}
+        return {**self.answers, **rest}
+
+    def _line(self, text: bytes, now: float) -> None:
+        """Take a line; a broken one says nothing, and its question counts as not answered."""
+        by_key = dict(self.questions)
+        try:
+            result = json.loads(text)
+            question = by_key[result["key"]]
+            answer = read_result(result, question, self._requests, now)
+        except RuntimeError as fault:
+            self._faults.append(fault)
+            return
+        except (ValueError, LookupError, TypeError, RecursionError):
+            return
+        self.answers[result["key"]] = answer
+        self.tell(result["key"], answer)
+
+
+_GRACE_S = 15.0
+
+
+async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str] = ()) -> Mapping[str, Answer]:
+    """Ask this computer by the program that listens; `before`: words of a program that starts it.
+
+    What cannot be asked answers NO_PLACE.
+    """
+    return await Listener(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
+
+
+def _here(carrier: Carrier, before: Sequence[str]) -> str:
+    try:
+        ended = carrier.run([*before, sys.executable, "-I", "-c", BOOT])
+    except OSError as error:
+        return f"the program that listens does not start on this computer: {error}"
+    return f"the program that listens has ended on this computer: {last_line(ended.err) or f'exit {ended.rc}'}"
+
+
+def last_line(data: bytes) -> str:
+    """What a program said last."""
+    return next((line.strip() for line in reversed(data.decode(errors="replace").splitlines()) if line.strip()), "")
 
 
 _NO_SUCH = 127
@@ -250,3 +328,16 @@ class RealEars:
             Place.ROUTER: f"{self.site}: links",
         }
         return host or names[place]
+
+
+class Ears(Protocol):
+    """The seam between the checklist and the site: real devices behind one side, twins behind the other."""
+
+    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+        """Ask all questions of one place in one turn, and give one answer for each key.
+
+        `host`: the RouterOS device of questions `RouterOsQuery`; None for all others. `result` is called as the answers
+        come; whoever gets them all at once need not call it, for what is returned counts. What cannot be asked is an
+        answer with a trouble, never an exception.
+        """
+        ...

@@ -12,22 +12,22 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, Run
-from atlantis_netcfg.checklist.probes.allowed import allowed, refused
+from atlantis_netcfg.checklist.probes.registry import allowed, refused
 from atlantis_netcfg.checklist.report import Finding, Kind
-from atlantis_netcfg.checklist.runner.no_result import unanswered
+from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.core.verdicts import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.query import Query
+    from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Place, Question
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.checklist.runner._ears import Ears
+    from atlantis_netcfg.checklist.runner._real import Ears
     from atlantis_netcfg.core.crash_report import Crashed
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.checklist.probes import Question
-    from atlantis_netcfg.checklist.runner._ears import Questions
+    from atlantis_netcfg.checklist.runner.results import Questions
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from atlantis_netcfg.declaration.model._base import (
+    Access,
     Address,
     Currency,
     Day,
     DnsName,
     HostName,
+    LanBox,
     MacAddress,
     Model,
     Name,
     Network,
     PortName,
+    PowerSource,
     SecretText,
     Sha256,
     Ssid,
     Text,
+    Transport,
 )
-from atlantis_netcfg.declaration.model._box import Access, LanBox, PowerSource
 from atlantis_netcfg.declaration.model.dds import Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
 from atlantis_netcfg.declaration.model.device import (
     ControlCentre,
@@ -85,7 +88,6 @@ from atlantis_netcfg.declaration.model.pilot import (
     Partner,
     Pilot,
     TimeServer,
-    Transport,
     Vehicle,
     VehicleKind,
     Vpn,

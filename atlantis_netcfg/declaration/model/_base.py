@@ -1,20 +1,23 @@
 """What every part of the declaration shares: strict models, and the syntax of the values in them.
 
 A value that cannot be understood is refused with `wrong`, in words for a technician; the validator adds file and line.
+
+What the boxes of a site have in common.
 """
 
 from __future__ import annotations
 
 import re
 from datetime import date
+from enum import StrEnum
 from ipaddress import IPv4Address, IPv4Network
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, PlainSerializer
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, StrictInt
 from pydantic_core import PydanticCustomError
 
 from atlantis_netcfg.core.secret import MASK, Secret
-from atlantis_netcfg.declaration._near import why_no_name
+from atlantis_netcfg.declaration.findings import why_no_name
 
 WRONG = "atlantis"
 """Error type of a value that one of the types below refuses; its context holds `what` and `hint`."""
@@ -214,3 +217,57 @@ Text = Annotated[str, BeforeValidator(_line)]
 Ssid = Annotated[str, BeforeValidator(_ssid)]
 """At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
 SecretText = Annotated[Secret, BeforeValidator(_secret), PlainSerializer(lambda _: MASK, return_type=str)]
+
+
+class PowerSource(Model):
+    """The PoE port that feeds a device."""
+
+    device: HostName
+    """The router of the same site."""
+    port: PortName
+    """A port of it that has `poe`."""
+
+
+class Box(Model):
+    """What every box has."""
+
+    model: Text | None = None
+    """What is printed on it; null until the partner has told."""
+    mac: MacAddress | None = None
+    """Of its network card."""
+    powered_by: PowerSource | None = None
+    """None if it has a supply of its own."""
+
+
+class LanBox(Box):
+    """A host of the site's LAN."""
+
+    address: Address
+    """In the site's LAN."""
+    vpn_address: Address | None = None
+
+
+class Access(Model):
+    """How the toolkit reaches a RouterOS device."""
+
+    address: Address
+    """A router's on its management port, a CPE's in the network of its link."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] = 8729
+    """Of service `api-ssl`."""
+    user: Text = "provision"
+    """In group `full`."""
+    password: SecretText
+    """Vaulted, or EXAMPLE-…."""
+    fingerprint: Fingerprint | None = None
+    """Of its certificate; None: it is known on this computer alone, by `provision adopt` or `provision trust`."""
+    host_key: HostKey | None = None
+    """Of its SSH server; None: it is known on this computer alone, by `provision adopt`."""
+    via: Name = "lan"
+    """`lan` from the management port, or the bearer over which the technician works."""
+
+
+class Transport(StrEnum):
+    """What carries the tunnel."""
+
+    UDP = "udp"
+    TCP = "tcp"

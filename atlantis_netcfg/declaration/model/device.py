@@ -17,11 +17,14 @@ from typing import Annotated, Literal
 from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.declaration.model._base import (
+    Access,
     Address,
+    Box,
     Day,
     Fingerprint,
     HostKey,
     HostName,
+    LanBox,
     Model,
     Name,
     PortName,
@@ -29,10 +32,9 @@ from atlantis_netcfg.declaration.model._base import (
     Sha256,
     Ssid,
     Text,
+    Transport,
 )
-from atlantis_netcfg.declaration.model._box import Access, Box, LanBox
 from atlantis_netcfg.declaration.model.gateway import Gateway, Ssh
-from atlantis_netcfg.declaration.model.pilot import Transport
 
 
 class LteDriver(StrEnum):

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.declaration.model._base import Model, Text, plain, wrong
-from atlantis_netcfg.declaration.model._box import LanBox
+from atlantis_netcfg.declaration.model._base import LanBox, Model, Text, plain, wrong
 
 _KINDS = (
     "ssh-ed25519",

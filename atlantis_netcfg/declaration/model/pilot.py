@@ -7,17 +7,10 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text
+from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
 from atlantis_netcfg.declaration.model.dds import Dds
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
-
-
-class Transport(StrEnum):
-    """What carries the tunnel."""
-
-    UDP = "udp"
-    TCP = "tcp"
 
 
 class TimeServer(Model):

@@ -21,9 +21,10 @@ from atlantis_netcfg.declaration.model._base import (
     Name,
     Network,
     Text,
+    Transport,
 )
 from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
-from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column, Transport
+from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column
 
 
 class Reservation(Model):

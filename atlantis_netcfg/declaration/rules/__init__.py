@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.rules import (
-    clock,
     dds,
     endpoints,
     gateways,
@@ -56,6 +55,6 @@ RULES: tuple[Rule, ...] = (
     *dds.RULES,
     *vehicles.RULES,
     *endpoints.RULES,
-    *clock.RULES,
+    *management.CLOCK_RULES,
     *secrets.RULES,
 )

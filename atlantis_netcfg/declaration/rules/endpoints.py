@@ -10,7 +10,7 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import choices, meant
+from atlantis_netcfg.declaration.findings import choices, meant
 from atlantis_netcfg.declaration.model import (
     ETHERNET,
     Column,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._draft import Draft, Part
 from atlantis_netcfg.declaration.model import (
     ControlCentre,
     Cpe,
@@ -23,6 +23,7 @@ from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
     from atlantis_netcfg.declaration.model import Bearer, Device, Site
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.findings import meant
 from atlantis_netcfg.declaration.model import BEARER_TRAITS, BearerKind, Cpe
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 

@@ -1,23 +1,28 @@
 """How the toolkit reaches a RouterOS device, and that the device's own firewall lets it in.
 
 hosts.yml and the devices agree on what every host is.
+
+Time: the zone and the servers.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
+from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
-from atlantis_netcfg.declaration._near import meant
-from atlantis_netcfg.declaration.findings import Finding
+from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from ipaddress import IPv4Address
 
     from atlantis_netcfg.declaration.model import Access, Site
+
 
 _LAN = "lan"
 
@@ -151,3 +156,37 @@ def one_router(draft: Draft) -> Iterator[Finding]:
 
 
 GROUPS_RULES: tuple[Rule, ...] = (grouped, one_router)
+
+
+def zone(draft: Draft) -> Iterator[Finding]:
+    """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""
+    if draft.pilot is None or _exists(draft.pilot.time_zone):
+        return
+    known = available_timezones()
+    if known:
+        near = nearest(draft.pilot.time_zone, known)
+        hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
+        yield draft.wrong(Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint)
+
+
+def _exists(name: str) -> bool:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError, OSError):  # OSError: a folder of the database, like `Europe`
+        return False
+    return True
+
+
+def servers(draft: Draft) -> Iterator[Finding]:
+    """A time server stands once."""
+    if draft.pilot is None:
+        return
+    seen: dict[IPv4Address, str] = {}
+    for index, time_server in enumerate(draft.pilot.time_servers):
+        if time_server.address in seen:
+            message = f"{time_server.address} is already the address of {seen[time_server.address]}"
+            yield draft.wrong(Part("pilot"), ("time_servers", index, "address"), message, "name another server")
+        seen.setdefault(time_server.address, time_server.name)
+
+
+CLOCK_RULES: tuple[Rule, ...] = (zone, servers)

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._draft import Draft, Part
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from ipaddress import IPv4Address
 
+    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
 
 

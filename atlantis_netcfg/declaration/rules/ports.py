@@ -9,7 +9,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.findings import meant
 from atlantis_netcfg.declaration.model import PoeMode, Port, PortUse, Router
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import choices, meant
-from atlantis_netcfg.declaration._vault import SealedSecret
+from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.declaration.findings import choices, meant
 from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from atlantis_netcfg.core.secret import EXAMPLE_PREFIX, Secret
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._vault import SealedSecret
+from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding
 
 if TYPE_CHECKING:

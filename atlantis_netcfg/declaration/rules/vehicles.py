@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import yaml
 from pydantic import TypeAdapter
 
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import meant
+from atlantis_netcfg.declaration.findings import meant
 from atlantis_netcfg.declaration.model import Column, Model, VehicleKind
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration._near import choices, meant
-from atlantis_netcfg.declaration._vault import SealedSecret
+from atlantis_netcfg.declaration._yaml import SealedSecret
+from atlantis_netcfg.declaration.findings import choices, meant
 from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Router, VpnServer
 from atlantis_netcfg.declaration.rules.networks import claims, example_in, why_unusable
 

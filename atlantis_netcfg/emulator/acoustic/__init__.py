@@ -8,10 +8,13 @@ single value, the first two fields of SeaTrac's information record, the answer t
 with one seat hangs up on the second client at once.
 """
 
+from __future__ import annotations
+
 from atlantis_netcfg.emulator.acoustic._evologics import EvologicsSpec, RunningEvologics
 from atlantis_netcfg.emulator.acoustic._seatrac import RunningSeatrac, SeatracSpec
 
 __all__ = ["NOT_REHEARSED", "EvologicsSpec", "RunningEvologics", "RunningSeatrac", "SeatracSpec"]
+
 
 NOT_REHEARSED = (
     "an acoustic modem: sound in water, real times of travel and retries, connections and their data, more firmware",

@@ -13,10 +13,8 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
         gateway.power_cut()
 """
 
-from atlantis_netcfg.emulator.lab._programs import MachineFailed
-from atlantis_netcfg.emulator.lab.hosts import Machine
+from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineFailed
 from atlantis_netcfg.emulator.lab.lab import Lab, open_lab, provide, why_not
-from atlantis_netcfg.emulator.lab.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.emulator.lab.relay import Traffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
 

@@ -5,6 +5,10 @@ systemd-nspawn with a machine's disk and network: what is running, or has been u
 Network namespaces, the links between them, and sockets that live in one of them.
 
 A machine's disk: the shared tree below, and what the machine writes above it, in memory and of a size of its own.
+
+Run the programs of the system that containers are made of, and say what went wrong in words for a person.
+
+What machines do not stand for.
 """
 
 from __future__ import annotations
@@ -27,13 +31,42 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.emulator.lab._programs import MachineFailed, output_of, program
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
 from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from ipaddress import IPv4Interface
+
+
+class MachineFailed(NetcfgError):
+    """A machine could not be built, started, or asked; nothing beyond this computer was touched."""
+
+
+def output_of(
+    words: Sequence[str], *, text: str | None = None, timeout_s: float | None = None, keep: Sequence[int] = ()
+) -> subprocess.CompletedProcess[str]:
+    """Run a program and give what came of it, whatever that is; `keep`: file descriptors that it inherits."""
+    return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
+        words,
+        input="" if text is None else text,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+        timeout=timeout_s,
+        pass_fds=keep,
+    )
+
+
+def program(*words: str) -> str:
+    """Run a program that has to succeed; give its output."""
+    done = output_of(words)
+    if done.returncode:
+        raise MachineFailed(f"{' '.join(words)}: {done.stderr.strip() or f'ended with {done.returncode}'}")
+    return done.stdout
+
 
 _PAUSE_S = 0.02
 _END_S = 20.0
@@ -440,3 +473,17 @@ def _card(root: Path, spec: MachineSpec) -> str:
 def _file(path: Path, text: str, mode: int) -> None:
     path.write_text(text, encoding="utf-8")
     path.chmod(mode)
+
+
+NOT_REHEARSED = (
+    "the clock: it is this computer's and cannot be set, and chrony does not start",
+    "the kernel: it is this computer's, with its modules and its processor, not the board's; none can be loaded",
+    "kernel settings outside net.*: they cannot be written, nor those of net.* that a namespace does not have",
+    "reboot: a machine that reboots ends; power can be cut and given again",
+    "the watchdog, the eMMC and the card, U-Boot, serial ports, GPS: there are none",
+    "what a power cut costs: whatever was written is kept, also what was never fsynced",
+    "Ubuntu: the machine is a Debian",
+    "limits of memory and processor time of a service: they are accepted, and hold where this computer hands them down",
+    "the network beyond the yard: there is none",
+)
+"""What a run against machines says nothing about; the rehearsal's report prints it."""

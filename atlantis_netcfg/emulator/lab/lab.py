@@ -21,8 +21,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.lab import reaper
-from atlantis_netcfg.emulator.lab._programs import MachineFailed, output_of, program
-from atlantis_netcfg.emulator.lab.hosts import BRIDGE, Inside, Machine, MachineSpec, add_namespace
+from atlantis_netcfg.emulator.lab.hosts import (
+    BRIDGE,
+    Inside,
+    Machine,
+    MachineFailed,
+    MachineSpec,
+    add_namespace,
+    output_of,
+    program,
+)
 from atlantis_netcfg.emulator.lab.rootfs import in_use
 
 if TYPE_CHECKING:

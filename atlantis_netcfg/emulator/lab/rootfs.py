@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.paths import cache_dir
-from atlantis_netcfg.emulator.lab._programs import MachineFailed, output_of, program
+from atlantis_netcfg.emulator.lab.hosts import MachineFailed, output_of, program
 from atlantis_netcfg.emulator.lab.reaper import remove, unmount
 
 if TYPE_CHECKING:

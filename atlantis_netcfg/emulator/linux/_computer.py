@@ -13,18 +13,19 @@ from zoneinfo import ZoneInfo
 from atlantis_netcfg.emulator.linux._ip import ip, iw, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
+    CertificateSpec,
     ComputerSpec,
+    DdsSpec,
     EchoSpec,
     InterfaceSpec,
     NeighbourSpec,
     OfferSpec,
     RouteSpec,
+    UdpSpec,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-
-    from atlantis_netcfg.emulator.linux._spec import CertificateSpec, DdsSpec, UdpSpec
 
 
 _UNSYNCHRONISED = (

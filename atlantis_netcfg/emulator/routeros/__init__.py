@@ -12,32 +12,41 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import NOT_REHEARSED
     from atlantis_netcfg.emulator.routeros.control import COMMANDS, TwinRefused
+    from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.environment import Called, Environment, Load, Validity
-    from atlantis_netcfg.emulator.routeros.lte import CellSpec, ModemSpec, SimSpec
-    from atlantis_netcfg.emulator.routeros.not_rehearsed import NOT_REHEARSED
     from atlantis_netcfg.emulator.routeros.radio import Air, RadioLink, RadioPair
     from atlantis_netcfg.emulator.routeros.router import Router
     from atlantis_netcfg.emulator.routeros.running import RunningSite, SpawnedSite, TwinsFailed, spawn
-    from atlantis_netcfg.emulator.routeros.services import Service
     from atlantis_netcfg.emulator.routeros.site import Site
     from atlantis_netcfg.emulator.routeros.spec import (
+        Called,
+        CellSpec,
         Deviation,
         DeviceMode,
+        Environment,
         Execute,
+        Load,
         Management,
         Mode,
+        ModemSpec,
         Radio,
         RouterSpec,
+        SimSpec,
         SiteSpec,
         TwinSpec,
         User,
+        Validity,
     )
-    from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind
-    from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
-    from atlantis_netcfg.emulator.routeros.wire.link import Link
-    from atlantis_netcfg.emulator.routeros.wire.tally import Counters, TrafficCounters
+    from atlantis_netcfg.emulator.routeros.wire.link import (
+        Counters,
+        Fault,
+        FaultKind,
+        Link,
+        TrafficCounters,
+        WireBehaviour,
+    )
 
 __all__ = [
     "COMMANDS",
@@ -82,23 +91,33 @@ __all__ = [
 __getattr__ = homes(
     __name__,
     {
-        "environment": ("Environment", "Called", "Load", "Validity"),
+        "answers": ("NOT_REHEARSED",),
         "control": ("COMMANDS", "TwinRefused"),
+        "core": ("Service",),
         "device": ("Device",),
-        "lte": ("CellSpec", "ModemSpec", "SimSpec"),
-        "not_rehearsed": ("NOT_REHEARSED",),
         "radio": ("Air", "RadioLink", "RadioPair"),
         "router": ("Router",),
         "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
-        "services": ("Service",),
         "site": ("Site",),
         "spec": (
-            *("Deviation", "DeviceMode", "Execute", "Management", "Mode", "Radio", "RouterSpec"),
-            *("SiteSpec", "TwinSpec", "User"),
+            "Called",
+            "CellSpec",
+            "Deviation",
+            "DeviceMode",
+            "Environment",
+            "Execute",
+            "Load",
+            "Management",
+            "Mode",
+            "ModemSpec",
+            "Radio",
+            "RouterSpec",
+            "SimSpec",
+            "SiteSpec",
+            "TwinSpec",
+            "User",
+            "Validity",
         ),
-        "wire.faults": ("Fault", "FaultKind"),
-        "wire.knobs": ("WireBehaviour",),
-        "wire.link": ("Link",),
-        "wire.tally": ("Counters", "TrafficCounters"),
+        "wire.link": ("Counters", "Fault", "FaultKind", "Link", "TrafficCounters", "WireBehaviour"),
     },
 )

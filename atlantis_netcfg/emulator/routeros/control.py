@@ -13,12 +13,10 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.environment._spec import move
-from atlantis_netcfg.emulator.routeros.lte._modem import refit
+from atlantis_netcfg.emulator.routeros.environment import move
+from atlantis_netcfg.emulator.routeros.modem import refit
 from atlantis_netcfg.emulator.routeros.site import describe
-from atlantis_netcfg.emulator.routeros.wire.faults import Fault
-from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.link import Link
+from atlantis_netcfg.emulator.routeros.wire.link import Fault, Link, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping

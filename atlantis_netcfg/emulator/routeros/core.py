@@ -1,4 +1,7 @@
-"""The inside of a router twin: rows, history, sessions, files, clock. `Device` drives it, commands change it."""
+"""The inside of a router twin: rows, history, sessions, files, clock. `Device` drives it, commands change it.
+
+The undo history and safe mode (Manual, Configuration Management: Safe Mode, Undo/Redo).
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,9 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.environment._spec import connected
-from atlantis_netcfg.emulator.routeros.history import History
-from atlantis_netcfg.emulator.routeros.lte._modem import SimState
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation
-from atlantis_netcfg.emulator.routeros.store import Store
+from atlantis_netcfg.emulator.routeros.store import History, Store
 from atlantis_netcfg.emulator.routeros.topology import Topology
 
 if TYPE_CHECKING:
@@ -19,9 +19,27 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
-    from atlantis_netcfg.emulator.routeros.commands._call import Call
     from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.answers import Caller
+from ipaddress import ip_address, ip_network
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
 
 _LOG_LINES = 1000
 NETWATCH_GROUP = "*netwatch"
@@ -228,3 +246,139 @@ class Core:
                 granted = (self.store.text(groups, item, "policy") or "").split(",")
                 return frozenset(policy for policy in granted if not policy.startswith("!"))
         return frozenset()
+
+
+@dataclass(slots=True)
+class SimState:
+    """The card keeps `tries_left` without power; everything else begins anew with the modem."""
+
+    tries_left: int
+    pins_entered: int = 0
+    """How often a PIN has reached the card since the twin was made: what a test counts."""
+    unlocked: bool = False
+    refused: bool = False
+    """The latest PIN was wrong."""
+    tried: str | None = None
+    """The PIN that the modem has entered since it was started, or since another one was set."""
+    connected_since: float | None = None
+    last_line: str = ""
+    """The last line of the log about the card, so that each is written once."""
+
+    def enter(self, given: str, right: str) -> None:
+        """Let the modem enter a PIN: the card counts wrong ones, and a right one resets the count."""
+        self.tried = given
+        if self.unlocked or self.tries_left == 0:
+            return
+        self.pins_entered += 1
+        self.unlocked = given == right
+        self.refused = not self.unlocked
+        self.tries_left = 3 if self.unlocked else self.tries_left - 1
+
+    def swap(self, tries_left: int) -> None:
+        """Another card is put in, or the same one with its count as it is."""
+        self.tries_left = tries_left
+        self.last_line = ""
+        self.restart()
+
+    def restart(self) -> None:
+        """The modem starts anew: the card is locked again if it has a PIN."""
+        self.unlocked = self.refused = False
+        self.tried = None
+        self.connected_since = None
+
+
+CLIENTS = "/interface/ovpn-client"
+
+
+def connected(core: Core) -> frozenset[int]:
+    """The OpenVPN clients whose server lets them in."""
+    desired = core.spec.around.tunnels
+    if not desired or not core.schema.has_menu(CLIENTS):
+        return frozenset()
+    table = core.store.table(CLIENTS)
+    return frozenset(item.id for item in table.items if core.store.text(table, item, "name") in desired)
+
+
+@dataclass(slots=True)
+class Call:
+    """A command of a menu with its arguments."""
+
+    caller: Caller
+    menu: str
+    command: str
+    arguments: dict[str, str] = field(default_factory=dict)
+    unset: tuple[str, ...] = ()
+    queries: tuple[str, ...] = ()
+    console: bool = False
+    """Typed or scripted, not sent as an API sentence: rows may be called by their number."""
+
+    @property
+    def path(self) -> str:
+        """Menu and command in one."""
+        return f"{self.menu.rstrip('/')}/{self.command}"
+
+
+@dataclass(slots=True)
+class Result:
+    """Rows for `!re`, a value for `=ret=`, text for a console."""
+
+    rows: list[dict[str, str]] = field(default_factory=list)
+    ret: str | None = None
+    text: str = ""
+    listing: bool = False
+    """A print: without rows the API answers `!empty` from 7.18."""
+
+
+Handler = Callable[["Core", Call], Result]
+
+
+_ROBBED = "[Safe mode released by another user]"
+
+
+def notify_holder_lost(core: Core, caller: Caller) -> None:
+    """Let a console whose safe mode somebody else ends know it."""
+    holder = core.history.holder
+    if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:
+        core.notices.append((holder.number, _ROBBED))
+
+
+_CONSOLES = ("ssh", "console")
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A row of `/ip/service` as the wire needs it; `certificate` is None where none is set."""
+
+    name: str
+    port: int
+    enabled: bool
+    certificate: str | None
+    max_sessions: int
+    tls_version: str
+    address: str = ""
+    """Networks that it talks to, as `/ip/service` has them; empty is everybody."""
+
+    def admits(self, caller: str) -> bool:
+        """Does it talk to this address; others learn it from a connection that is closed (Manual, Services)."""
+        networks = [ip_network(part) for part in self.address.split(",") if part]
+        return not networks or any(ip_address(caller) in network for network in networks)
+
+
+def services_of(core: Core) -> Mapping[str, Service]:
+    """The services by name, as they are configured now."""
+    store = core.store
+    table = store.table("/ip/service")
+    found = {}
+    for item in table.items:
+        name = store.text(table, item, "name") or ""
+        certificate = store.text(table, item, "certificate")
+        found[name] = Service(
+            name=name,
+            port=int(store.text(table, item, "port") or 0),
+            enabled=store.text(table, item, "disabled") != "yes",
+            certificate=None if certificate in (None, "none") else certificate,
+            max_sessions=int(store.text(table, item, "max-sessions") or 20),
+            tls_version=store.text(table, item, "tls-version") or "any",
+            address=store.text(table, item, "address") or "",
+        )
+    return found

@@ -1,29 +1,29 @@
-"""One emulated router without sockets: sentences in, reply sentences out, time by the caller's clock."""
+"""One emulated router without sockets: sentences in, reply sentences out, time by the caller's clock.
+
+The words of an API sentence, sorted by what they are (Manual, API: API words).
+
+`/menu/listen`: rows that change, as they change (Manual, API: Command examples).
+"""
 
 from __future__ import annotations
 
 import hashlib
 import hmac
 import secrets
+from dataclasses import dataclass, field
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.emulator.routeros.access import admit, authorized, by_password
-from atlantis_netcfg.emulator.routeros.answers import DONE, EMPTY, Answer, Caller, Category, Trap
-from atlantis_netcfg.emulator.routeros.boot import boot
-from atlantis_netcfg.emulator.routeros.commands._call import Call, Result
+from atlantis_netcfg.emulator.routeros.answers import DONE, EMPTY, NOT_REHEARSED, Answer, Caller, Category, Trap
+from atlantis_netcfg.emulator.routeros.boot import boot, next_run, run_due
 from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
+from atlantis_netcfg.emulator.routeros.commands.read import _rows, emit
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
-from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend
-from atlantis_netcfg.emulator.routeros.console.typed import Printed
-from atlantis_netcfg.emulator.routeros.core import Core, File
+from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, Printed
+from atlantis_netcfg.emulator.routeros.core import Call, Core, File, Listener, Result, Service, services_of
 from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
-from atlantis_netcfg.emulator.routeros.listen import emit, listen
-from atlantis_netcfg.emulator.routeros.not_rehearsed import NOT_REHEARSED
 from atlantis_netcfg.emulator.routeros.path import path_open
-from atlantis_netcfg.emulator.routeros.scheduler import next_run, run_due
-from atlantis_netcfg.emulator.routeros.sentence import Sentence
-from atlantis_netcfg.emulator.routeros.services import Service, services_of
 from atlantis_netcfg.emulator.routeros.software import boot_with
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.storage import FileSide
@@ -34,7 +34,65 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
+
 __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
+
+
+@dataclass(slots=True)
+class Sentence:
+    """A command with its arguments; `unset` are names that came as `!name` or `=!name=`."""
+
+    menu: str
+    command: str
+    arguments: dict[str, str] = field(default_factory=dict)
+    unset: list[str] = field(default_factory=list)
+    queries: list[str] = field(default_factory=list)
+    tag: str = ""
+
+    @property
+    def path(self) -> str:
+        """Menu and command in one."""
+        return f"{self.menu.rstrip('/')}/{self.command}"
+
+    @classmethod
+    def read(cls, words: Sequence[str]) -> Sentence:
+        """Sort the words. Raises Trap on the first that is none; of an argument given twice the last counts."""
+        path, *rest = words
+        if not path.startswith("/") or path.endswith("/"):
+            raise Trap("no such command", Category.MISSING)
+        menu, _, command = path.rpartition("/")
+        sentence = cls(menu or "/", command)
+        for word in rest:
+            sentence._take(word)
+        return sentence
+
+    def _take(self, word: str) -> None:
+        if word.startswith("."):
+            name, _, value = word.partition("=")
+            if name != ".tag":
+                raise Trap(f"unknown parameter {name}")
+            self.tag = value
+        elif word.startswith("?"):
+            self.queries.append(word[1:])
+        elif word.startswith("=!"):
+            self.unset.append(word[2:].partition("=")[0])
+        elif word.startswith("="):
+            name, _, value = word[1:].partition("=")
+            self.arguments[name] = value
+        elif word.startswith("!"):
+            self.unset.append(word[1:])
+        else:
+            raise Trap(f"unknown parameter {word}")
+
+
+def listen(core: Core, call: Call, tag: str) -> list[Answer]:
+    """Begin to listen; nothing is answered before something changes."""
+    if not core.schema.has_menu(call.menu):
+        raise Trap("no such command prefix", Category.MISSING)
+    if not core.schema.has_command(call.menu, "listen"):
+        raise Trap("no such command", Category.MISSING)
+    core.listeners.append(Listener(call.caller, tag, call, _rows(core, call)))
+    return []
 
 
 class Device(ConsoleBackend, FileSide):

@@ -12,15 +12,12 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.emulator.routeros.certificates import known
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
-from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
+from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection, fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.storage import Flash
 from atlantis_netcfg.emulator.routeros.wire.host import HOST, Listeners
-from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.link import Link
+from atlantis_netcfg.emulator.routeros.wire.link import Counters, Link, TrafficCounters, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard
-from atlantis_netcfg.emulator.routeros.wire.tally import Counters, TrafficCounters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -29,9 +26,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
-    from atlantis_netcfg.emulator.routeros.wire.faults import Fault
-    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member
-    from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
+    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member, Pipe
+    from atlantis_netcfg.emulator.routeros.wire.link import Fault
 
 
 class Router:

@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.emulator.routeros.wire import host
+from atlantis_netcfg.core.paths import write_private
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -148,7 +148,7 @@ class SpawnedSite:
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec` in a process of their own and wait until they listen."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
-    host.write(file, spec.model_dump_json(indent=1).encode())
+    write_private(file, spec.model_dump_json(indent=1).encode())
     twins = (sys.executable, "-m", "atlantis_netcfg.emulator.routeros", str(file))
     with log.open("ab") as errors:
         process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)

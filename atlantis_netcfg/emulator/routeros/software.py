@@ -18,8 +18,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 _MAGIC = b"\x1e\xf1\xd0\xba"
+
+
 _SYSTEM, _MAIN = "system", "routeros"
+
+
 _INFO, _MULTIPLE, _ARCHITECTURE = 1, 18, 16
+
+
 _X86 = {"i386": "x86", "x86_64": "x86"}
 
 

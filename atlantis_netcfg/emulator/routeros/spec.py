@@ -9,15 +9,12 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from enum import StrEnum
 from ipaddress import IPv4Address, IPv4Interface
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from atlantis_netcfg.emulator.routeros.environment._spec import Environment
-from atlantis_netcfg.emulator.routeros.lte._modem import ModemSpec
 from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
-from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.link import Link
+from atlantis_netcfg.emulator.routeros.wire.link import Link, WireBehaviour
 
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
 
@@ -153,6 +150,108 @@ class Radio(_Spec):
     """The most that the card sends."""
     gain_dbi: float = 16.0
     """Of the antenna built into the box."""
+
+
+_Plmn = Annotated[str, Field(pattern=r"[0-9]{5,6}")]
+
+
+class SimSpec(_Spec):
+    """A SIM; 001-01 is the test network of 3GPP TS 36.508."""
+
+    home: _Plmn = "00101"
+    """The network whose card it is; in any other it roams."""
+    pin: Annotated[str, Field(pattern=r"|[0-9]{4,8}")] = ""
+    """Empty: the card asks for none."""
+    tries: int = Field(default=3, ge=0, le=3)
+    """Wrong PINs that it takes from now on; with none left it asks for its PUK."""
+
+
+class CellSpec(_Spec):
+    """The network at the site."""
+
+    plmn: _Plmn = "00101"
+    operator: str = "EXAMPLE"
+    bands: tuple[int, ...] = (3,)
+    """LTE bands in which it can be heard."""
+    apns: tuple[str, ...] = ()
+    """Access points that it has; none: any name will do."""
+    own_apn: str = "internet"
+    """What it gives to a modem that asks for the network's own."""
+    address: str = "100.72.9.14"
+    """What it gives to the modem: carriers translate addresses (RFC 6598)."""
+    denies: bool = False
+    """It refuses this card."""
+    rsrp_dbm: int = -97
+    rsrq_db: int = -9
+    sinr_db: int = 6
+
+
+class ModemSpec(_Spec):
+    """The modem of a board; `sim` None is an empty slot, `cell` None is no coverage."""
+
+    name: str = "lte1"
+    """Factory name."""
+    mbim: bool = True
+    """Driven by MBIM: only then `use-network-apn` means anything (Manual, LTE/5G)."""
+    bands: tuple[int, ...] = (1, 3, 7, 8, 20, 28, 38, 40)
+    """LTE bands that it has."""
+    sim: SimSpec | None = SimSpec()
+    cell: CellSpec | None = CellSpec()
+
+
+class Load(_Spec):
+    """A box that is fed by a port."""
+
+    milliamps: int = Field(default=180, ge=0)
+    volts: float = Field(default=24.0, ge=0)
+    status: str | None = None
+    """In place of `powered-on`: `short-circuit`, `overload`, `current-too-low`."""
+
+
+class Called(_Spec):
+    """A device that tells its name by MNDP, CDP or LLDP."""
+
+    identity: str
+    interface: str
+    """Of the router, on which it is heard."""
+    mac: str
+    address: str | None = None
+    platform: str = "MikroTik"
+    board: str = ""
+    version: str = ""
+
+
+class Validity(_Spec):
+    """From when until when a certificate says that it is valid."""
+
+    since: datetime
+    until: datetime
+
+
+class Environment(_Spec):
+    """Everything around a router; by default nothing is."""
+
+    cards: dict[str, str] = Field(default_factory=dict)
+    """Address to the MAC that answers there: they answer pings and ARP, like `neighbours` of the router's own spec."""
+    called: tuple[Called, ...] = ()
+    loads: dict[str, Load] = Field(default_factory=dict)
+    """PoE port (factory name) to what hangs on it."""
+    dhcp_servers: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Interface to the MACs of other DHCP servers on it: `/ip/dhcp-server/alert` tells of them where it has a row."""
+    leases: dict[str, str] = Field(default_factory=dict)
+    """Address to the `status` of its lease; others are `waiting`."""
+    tunnels: dict[str, str] = Field(default_factory=dict)
+    """OpenVPN client to the address (with prefix length) that its server gives it: it is connected."""
+    time_server: str | None = None
+    """The time server that answers; None: none does."""
+    validity: dict[str, Validity] = Field(default_factory=dict)
+    """Certificate to what `/certificate` shows of its dates; the TLS of api-ssl presents it as it was made."""
+
+    @model_validator(mode="after")
+    def _addresses(self) -> Self:
+        for address in self.tunnels.values():
+            IPv4Interface(address)
+        return self
 
 
 class RouterSpec(_Spec):

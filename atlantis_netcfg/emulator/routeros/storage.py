@@ -6,10 +6,10 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Trap
 from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.core import File
-from atlantis_netcfg.emulator.routeros.wire import host as private
 from atlantis_netcfg.emulator.routeros.wire.tls import certificate
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
+
 
 _UPLOAD = ".auto.rsc"
 
@@ -100,7 +101,7 @@ class Flash:
         text = json.dumps(snapshot)
         if text == self._written:
             return
-        private.write(self._file, text.encode())
+        write_private(self._file, text.encode())
         self._written = text
 
     def certificate(self, name: str, *, common_name: str, address: str) -> Path:
@@ -111,7 +112,7 @@ class Flash:
         """A file with this key and certificate."""
         path = self._folder / "certificates" / f"{hashlib.sha256(pem.encode()).hexdigest()[:16]}.used.pem"
         if not path.exists():
-            private.write(path, pem.encode())
+            write_private(path, pem.encode())
         return path
 
     @property

@@ -11,23 +11,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.rutos._spec import NOT_REHEARSED, RutosNetwork, RutosSim, RutosSpec
     from atlantis_netcfg.emulator.rutos._unit import RunningRutos, Rutos
+    from atlantis_netcfg.emulator.rutos._web import NOT_REHEARSED, RutosNetwork, RutosSim, RutosSpec
 
 __all__ = ["NOT_REHEARSED", "RunningRutos", "Rutos", "RutosNetwork", "RutosSim", "RutosSpec"]
 
 __getattr__ = homes(
     __name__,
-    {
-        "_spec": (
-            "NOT_REHEARSED",
-            "RutosNetwork",
-            "RutosSim",
-            "RutosSpec",
-        ),
-        "_unit": (
-            "RunningRutos",
-            "Rutos",
-        ),
-    },
+    {"_unit": ("RunningRutos", "Rutos"), "_web": ("NOT_REHEARSED", "RutosNetwork", "RutosSim", "RutosSpec")},
 )

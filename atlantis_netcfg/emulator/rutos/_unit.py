@@ -14,18 +14,16 @@ import asyncssh
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
+from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.certificates import issue
-from atlantis_netcfg.emulator.routeros.shell.hostkey import fingerprint, host_key
-from atlantis_netcfg.emulator.routeros.wire import host as private
-from atlantis_netcfg.emulator.rutos._modem import Modem
-from atlantis_netcfg.emulator.rutos._web import UciRefused, Web, factory
+from atlantis_netcfg.emulator.routeros.shell.ssh import fingerprint, host_key
+from atlantis_netcfg.emulator.rutos._web import Modem, UciRefused, Web, factory
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from atlantis_netcfg.emulator.rutos._spec import RutosSpec
-    from atlantis_netcfg.emulator.rutos._web import Uci
+    from atlantis_netcfg.emulator.rutos._web import RutosSpec, Uci
 
 
 class Gate(asyncssh.SSHServer):
@@ -189,7 +187,7 @@ class Rutos:
         path = self._flash / "certificate.pem"
         if not path.exists():
             template = {"common-name": self.spec.name, "key-size": "prime256v1", "key-usage": "tls-server"}
-            private.write(path, issue(template, now=datetime.now(UTC) - timedelta(days=1)).encode())
+            write_private(path, issue(template, now=datetime.now(UTC) - timedelta(days=1)).encode())
         certificate = x509.load_pem_x509_certificate(path.read_bytes())
         self.pin = hashlib.sha256(certificate.public_bytes(_DER)).hexdigest()
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

@@ -21,8 +21,7 @@ from atlantis_netcfg.bearers.satellite import (
     judge_factory_address,
 )
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, complete
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     TEMPORARY_ROWS,

@@ -1,8 +1,13 @@
-"""The computers of a rehearsal: real Debian computers with systemd, where this computer can run them."""
+"""The computers of a rehearsal: real Debian computers with systemd, where this computer can run them.
+
+The authority of a rehearsal: made for it, in its folder, sealed by a passphrase that nobody is ever told.
+"""
 
 from __future__ import annotations
 
 import base64
+import hashlib
+import secrets
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from ipaddress import IPv4Interface
@@ -12,16 +17,22 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
-from atlantis_netcfg.emulator.lab.stubs.git_server import serve_git
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
-from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects
+from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
+from atlantis_netcfg.operations.vpn.members import server_names
+from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.authority.model import HandoutFile
+from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.server import PACKAGES as VPN
 
 if TYPE_CHECKING:
@@ -31,6 +42,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.vpn.identity import Identity
+
 
 _CODENAME = lab.TreeSpec().release
 _STATE = (
@@ -101,9 +114,7 @@ def rehearsed_computers(
 
 def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Make an authority for the server; gives its folder, and what it does not stand for."""
-    from atlantis_netcfg.operations.computers import _founding  # noqa: PLC0415 - most rehearsals have no such server
-
-    return _founding.found(declaration, folder / "vpn"), _founding.NOT_REHEARSED
+    return found(declaration, folder / "vpn"), NOT_REHEARSED
 
 
 def _introduced(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -181,3 +192,28 @@ def _key(path: Path) -> str:
     path.touch(mode=0o600)
     path.write_bytes(private)
     return key.public_key().public_bytes(_KEYS, serialization.PublicFormat.OpenSSH).decode() + " rehearsal"
+
+
+NOT_REHEARSED = (
+    "the VPN: its authority, its keys and its members are made for the rehearsal; partners' devices are not among them",
+    "the VPN's server: the port that its own router forwards, and the internet before it",
+    "the VPN's server: its own firewall besides the VPN's, and whatever else runs on the real computer",
+)
+_WHO = "rehearsal"
+
+
+def found(declaration: Declaration, folder: Path) -> Path:
+    """Make it, with an identity for every declared host that is a client of the VPN; gives the folder."""
+    passphrase = Secret(secrets.token_urlsafe(24))
+    authority = Authority.init(folder, passphrase, server_names(declaration), _WHO)
+    hosts = folder / "hosts"
+    hosts.mkdir(mode=0o700, exist_ok=True)
+
+    def deliver(identity: Identity) -> HandoutFile:
+        path, data = hosts / f"{identity.member.name}.identity", identity_file(identity).reveal().encode()
+        write_atomically(path, data)
+        return HandoutFile(str(path), hashlib.sha256(data).hexdigest())
+
+    with authority.unlocked(lambda: passphrase, _WHO) as signer:
+        signer.issue([request_of(declaration, DeviceWords(host=name)) for name in computers(declaration)], deliver)
+    return folder

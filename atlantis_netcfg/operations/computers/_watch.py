@@ -18,7 +18,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.journal import NOT_RECORDED, ActionsConfirmed, Outcome, conclude
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
 from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of
-from atlantis_netcfg.operations.site_run import RunName, SiteRun
+from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:

@@ -36,7 +36,7 @@ from atlantis_netcfg.operations.links.status import (
     read_routeros,
     twice,
 )
-from atlantis_netcfg.operations.lte.unit import Unit
+from atlantis_netcfg.operations.lte import Unit
 from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.routeros.estimate import on_the_wire
 

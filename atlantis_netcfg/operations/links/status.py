@@ -13,7 +13,7 @@ from atlantis_netcfg.bearers.lte import Registration, judge, routeros
 from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
 from atlantis_netcfg.bearers.wifi import Family, WifiExpected, queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Cpe, LteDriver, PtpMode
 from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.operations.terminals import is_terminal, look
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.links.session import Echo, Port, ReadOnlySession, RouterReading
-    from atlantis_netcfg.operations.lte.unit import Unit
+    from atlantis_netcfg.operations.lte import Unit
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.api import Reply, Session
 

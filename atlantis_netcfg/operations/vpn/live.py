@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.model import SessionObservation
     from atlantis_netcfg.vpn.identity import MembershipList
 
+
 __all__ = [
     "Crl",
     "Evidence",
@@ -53,6 +54,7 @@ __all__ = [
     "sessions",
     "verify",
 ]
+
 
 _TRIES: Final = 3
 

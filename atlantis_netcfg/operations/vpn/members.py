@@ -18,7 +18,7 @@ from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.vpn.requests import computers
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile, IssueResult, ServerNames
-from atlantis_netcfg.vpn.enrolment_package.package import OneTimePassphrase, Recipient, handout, host_identity
+from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, handout, host_identity
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, server_name
 from atlantis_netcfg.vpn.names import check_free
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
 from atlantis_netcfg.vpn.identity import CertificateStatus

@@ -14,8 +14,7 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.core.suggest import nearest
+from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest

@@ -11,7 +11,7 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.vpn.link import AnswerLost
-from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
+from atlantis_netcfg.vpn.policy import ADMITTED, TABLE
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
 
 if TYPE_CHECKING:

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Final, Self
 from atlantis_netcfg.core.errors import DeviceFailed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.routeros._types import Row
+from typing import TYPE_CHECKING, Protocol
 
 
 class Unreachable(DeviceFailed):
@@ -189,3 +190,18 @@ class Traffic:
             sum(item.received for item in each),
             sum(traffic.connections for traffic in each),
         )
+
+
+class Channel(Protocol):
+    """What the executor needs of a session; `api.Session` is one."""
+
+    traffic: Traffic
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        """Send one command and wait for its answer."""
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        """Send commands in batches, one round trip each; the order of execution within a batch is not known."""
+
+    async def close(self, *, wait: bool = True) -> None:
+        """End the session, and `wait` until the device knows that; never raises."""

@@ -6,11 +6,10 @@ everything back from a new session and releases. After a failure it finds out by
 
 from __future__ import annotations
 
+from atlantis_netcfg.routeros.api._values import Channel
 from atlantis_netcfg.routeros.apply._executor import converge
-from atlantis_netcfg.routeros.apply._fitting import StateVariants
 from atlantis_netcfg.routeros.apply._job import (
     Admission,
-    Channel,
     Connect,
     CostPolicy,
     DeviceJob,
@@ -20,6 +19,7 @@ from atlantis_netcfg.routeros.apply._job import (
     NoHistory,
     Patience,
     SshEndpoint,
+    StateVariants,
     Status,
 )
 

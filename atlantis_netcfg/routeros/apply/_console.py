@@ -21,13 +21,21 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._job import Channel, OpenConsole, SshEndpoint
+    from atlantis_netcfg.routeros.api._values import Channel
+    from atlantis_netcfg.routeros.apply._job import OpenConsole, SshEndpoint
 
 T = TypeVar("T")
 
+
 _ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
+
+
 _CONSOLES = ("ssh", "console", "telnet", "winbox", "mac-telnet", "local", "web")
+
+
 _LOOK = ':put "atlantis"'
+
+
 _US = "our SSH session"
 
 

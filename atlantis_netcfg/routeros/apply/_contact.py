@@ -8,21 +8,17 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.routeros.api import (
-    WINDOW,
-    CertificateChanged,
-    CertificateUnknown,
-    Command,
-    LoginRefused,
-    Traffic,
-)
+from atlantis_netcfg.routeros.api import WINDOW, CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
+from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, Unfit
 from atlantis_netcfg.routeros.safe_mode import Holder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+    from atlantis_netcfg.routeros.api._values import Channel
+    from atlantis_netcfg.routeros.apply._job import DeviceJob
     from atlantis_netcfg.routeros.safe_mode import SafeMode
+
 
 _GROWTH = 1.5
 
@@ -127,3 +123,24 @@ class Contact:
 
     def _say(self, message: str) -> None:
         self._job.events(Event(self._job.name, Stage.WAITING, message))
+
+
+async def fitted(channel: Channel, job: DeviceJob) -> DeviceJob:
+    """Return the job with the state that fits the device; one round trip. Raises Unfit, SessionLost.
+
+    A device with radios in both menus gets the state of the first of them that is declared.
+    """
+    if job.fitting is None:
+        return job
+    replies = await channel.flight([Command(f"{menu}/print", ((".proplist", "default-name"),)) for menu in _MENUS])
+    found = []
+    for menu, reply in zip(_MENUS, replies, strict=True):
+        if reply.trap is not None and reply.trap.message.startswith(_MISSING):
+            continue
+        if any(row.get("default-name") for row in reply.checked().rows):
+            found.append(menu)
+    for menu, desired in job.fitting.states.items():
+        if menu in found:
+            return replace(job, desired=desired, fitting=None)
+    message, hint = job.fitting.why(found)
+    raise Unfit(message, hint=hint)

@@ -1,4 +1,7 @@
-"""One device from first contact to last word: observe, plan, judge, change, and an honest end whatever happens."""
+"""One device from first contact to last word: observe, plan, judge, change, and an honest end whatever happens.
+
+Reading a device to say what differs: like a plan, and with what the device and the journal remember.
+"""
 
 from __future__ import annotations
 
@@ -11,15 +14,10 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
-from atlantis_netcfg.routeros.apply._begin import safe_mode_first
-from atlantis_netcfg.routeros.apply._change import change
-from atlantis_netcfg.routeros.apply._claim import claimed_by
-from atlantis_netcfg.routeros.apply._contact import Contact
-from atlantis_netcfg.routeros.apply._drift import compared, drift
-from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
+from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
+from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._job import Mode, Status
-from atlantis_netcfg.routeros.apply._prerequisites import missing
+from atlantis_netcfg.routeros.apply._job import Mode, Status, Unfit
 from atlantis_netcfg.routeros.apply._protection import (
     Choice,
     Interfered,
@@ -28,13 +26,10 @@ from atlantis_netcfg.routeros.apply._protection import (
     console_safe_mode,
     safe_mode_of,
 )
-from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._stages import cut
-from atlantis_netcfg.routeros.apply._state import digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._telling import AGREE_APART, number_of, planned, unagreed
-from atlantis_netcfg.routeros.apply._work import RunContext
-from atlantis_netcfg.routeros.apply.leftovers import look
+from atlantis_netcfg.routeros.apply._state import SAVING, claimed_by, digest, fetch, invalid, plan_hash, saved
+from atlantis_netcfg.routeros.apply._work import AGREE_APART, RunContext, cut, look, number_of, planned, unagreed
+from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftKind, History, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
@@ -48,13 +43,78 @@ from atlantis_netcfg.routeros.observe import (
     samples,
     with_rows,
 )
-from atlantis_netcfg.routeros.planner import CannotPlan, plan
+from atlantis_netcfg.routeros.planner import CannotPlan, newer_than_known, plan
 from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavailable
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
+
+
+_FORGOTTEN = History()
+
+
+async def drift(work: RunContext) -> DeviceResult:
+    """End with what differs; the device's history costs one round trip, and only where something has drifted."""
+    found = work.comparison = compared(work)
+    if found.drifted:
+        reply = await work.channel.command(HISTORY)
+        if reply.trap is None:
+            found = work.comparison = compared(work, History(reply.rows))
+        result = work.result(Status.DRIFTED, _summary(found))
+    else:
+        result = work.result(Status.UNCHANGED, _as_declared_text(found))
+    # Of the plan's notes only what holds for a look, too: the others are for whoever carries it out.
+    return replace(result, notes=(*newer_than_known(work.seen.facts.version), *work.notes))
+
+
+def compared(work: RunContext, history: History = _FORGOTTEN) -> Comparison:
+    """Compare with the declaration, and with the last confirmed state as far as that can be read."""
+    found = compare(work.job.desired, work.seen, work.aim, _past(work), history)
+    left = work.left.differences()
+    menus = dict.fromkeys((*found.menus, *(difference.menu for difference in left)))
+    return replace(found, menus=tuple(menus), differences=(*found.differences, *left))
+
+
+def _differs(work: RunContext) -> bool:
+    return bool(work.aim.actions or work.aim.drift)
+
+
+def _past(work: RunContext) -> Past | None:
+    confirmed = work.job.confirmed
+    if confirmed is None:
+        return None
+    if not _differs(work):
+        return Past(confirmed.run, confirmed.at, {})
+    try:
+        return Past.read(confirmed.run, confirmed.at, confirmed.text())
+    except NetcfgError as error:
+        if str(error) not in work.notes:
+            work.notes.append(str(error))
+        return None
+
+
+def _as_declared_text(found: Comparison) -> str:
+    beside = [item for item in found.differences if item.kind is DriftKind.FOREIGN]
+    hidden = [difference for difference in found.differences if difference.kind is DriftKind.HIDDEN]
+    words = ["as declared"]
+    if beside:
+        words.append(f"{_count(len(beside), 'foreign row')} left alone as before")
+    if hidden:
+        words.append(f"{_count(len(hidden), 'secret')} could not be compared")
+    return "; ".join(words)
+
+
+def _summary(found: Comparison) -> str:
+    kinds = [difference.kind for difference in found.drifted]
+    parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
+    return f"{_count(len(kinds), 'difference')} from the declaration: {parts}"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
 
 _READING = (Mode.PLAN, Mode.DRIFT)
 """Ways that change nothing."""

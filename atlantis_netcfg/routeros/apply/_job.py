@@ -1,11 +1,16 @@
 """What the executor is given for one device, and what it hands back.
 
 What a run may cost: the executor asks once, when it has read the device and made its plan, and never decides.
+
+A device that decides which of several desired states fits it: by the menu in which its radio is.
+
+Menus alone tell nothing: `/interface/wifi` is there from 7.13 on without any radio of it. A radio of the board has a
+`default-name`, a virtual one has not.
 """
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
@@ -13,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.journal import NoJournal, Recorder
-from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
+from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console.types import Console
@@ -21,9 +26,17 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
-    from atlantis_netcfg.routeros.apply._fitting import StateVariants
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.routeros.api._values import Channel
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from atlantis_netcfg.routeros._items import Desired
 
 
 class Mode(StrEnum):
@@ -69,21 +82,6 @@ _EXITS = {
     Status.LEFT_AS_FOUND: ExitCode.FAILED,
     Status.UNKNOWN: ExitCode.UNKNOWN,
 }
-
-
-class Channel(Protocol):
-    """What the executor needs of a session; `api.Session` is one."""
-
-    traffic: Traffic
-
-    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
-        """Send one command and wait for its answer."""
-
-    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
-        """Send commands in batches, one round trip each; the order of execution within a batch is not known."""
-
-    async def close(self, *, wait: bool = True) -> None:
-        """End the session, and `wait` until the device knows that; never raises."""
 
 
 class History(Protocol):
@@ -298,3 +296,23 @@ class CostPolicy(Protocol):
 
         Where it spends nothing more there is nothing to refuse.
         """
+
+
+_MENUS = ("/interface/wireless", "/interface/wifi")
+
+
+_MISSING = ("no such command", "no such directory")
+
+
+class Unfit(DeviceFailed):
+    """Nothing that is declared fits this device."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateVariants:
+    """The desired states to choose from."""
+
+    states: Mapping[str, Desired]
+    """Menu of the radio to what the device should then hold."""
+    why: Callable[[Collection[str]], tuple[str, str]]
+    """Given the menus in which the device has radios: why none of the states fits, and what to do about it."""

@@ -17,9 +17,8 @@ from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
 from atlantis_netcfg.routeros.apply._job import Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, safe_mode_of
-from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
-from atlantis_netcfg.routeros.apply._work import RunContext
+from atlantis_netcfg.routeros.apply._work import RunContext, cut
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
@@ -28,7 +27,8 @@ from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, job
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
-    from atlantis_netcfg.routeros.apply._job import Channel, DeviceResult
+    from atlantis_netcfg.routeros.api._values import Channel
+    from atlantis_netcfg.routeros.apply._job import DeviceResult
     from atlantis_netcfg.routeros.safe_mode import Holder
 
 _SHOWN = 5

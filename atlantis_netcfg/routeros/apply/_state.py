@@ -1,20 +1,47 @@
-"""When two readings of a device are the same state: what was configured, not what moves by itself."""
+"""Comparing two readings of a device, the sign of a run on it, and its saved state.
+
+When two readings of a device are the same state: what was configured, not what moves by itself.
+
+A sign on the device that a run is under way, for changes during which safe mode is not held all the time.
+
+Two laptops have no lock in common. Safe mode is one, but between two pieces of a long plan nobody holds it, and without
+it there is none. The sign is an entry of an address list that nothing uses, with a time-out: the device refuses a
+second one, no export shows it, and it goes by itself when whoever put it up has died (manual, Address-lists).
+
+A dead run's sign is taken over by the computer whose journal holds it, and by whoever names that run to `resume`.
+
+The device's own text of its state, fetched before the first change, and the proof that it runs scripts for us.
+
+An export hides secrets unless asked otherwise, and is not asked otherwise: what is kept on a laptop for years is no
+place for them.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros._items import Desired, Item
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter
+from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._items import RunTime
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
+    from atlantis_netcfg.routeros.api import Reply
+    from atlantis_netcfg.routeros.api._values import Channel
+    from atlantis_netcfg.routeros.apply._job import DeviceJob
+    from atlantis_netcfg.routeros.apply._writer import Writer
+
 
 _Content = tuple[str, ...]
 """The values of a row, in the order of its menu's fields."""
@@ -112,3 +139,191 @@ def _row(menu: Menu, row: Row, shown: Iterable[Field]) -> _Content:
     return tuple(
         menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in shown
     )
+
+
+_LIST = "atlantis-run"
+SIGNS = "/ip/firewall/address-list"
+"""The menu that signs are rows of."""
+_ADDRESS = "192.0.2.1"
+"""Of a documentation range: nothing can ever be sent to it, whatever uses the list."""
+
+CLAIMS = Command(f"{SIGNS}/print", ((".proplist", ".id,list,comment,timeout"),), (f"?list={_LIST}",))
+
+
+class Claimed(DeviceFailed):
+    """Another run is under way on this device."""
+
+
+def run_of(text: str) -> str:
+    """Return the run that a sign or a job names; empty where it names none."""
+    named = re.match(r"run (\S+) of ", text)
+    return named[1] if named else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """A sign as it was read."""
+
+    id: str
+    text: str
+    timeout: str
+    """How long it stays, in the device's words; empty where the device does not say it."""
+
+    @property
+    def run(self) -> str:
+        """The run that has put it up, as `provision runs` lists it there; empty where the sign does not say it."""
+        return run_of(self.text)
+
+
+@dataclass(frozen=True, slots=True)
+class Signer:
+    """A run that puts its sign up, and knows which signs it may take over."""
+
+    job: DeviceJob
+    address: str
+    """Ours, as the device sees it."""
+
+    @property
+    def text(self) -> str:
+        """What the sign says: whose run it is, and from where."""
+        user = self.job.endpoint.user
+        who = f"{user}@{self.address}" if self.address else user
+        return f"run {self.job.run} of {who}" if self.job.run else f"a run of {who}"
+
+    def other(self, found: Iterable[Sign]) -> Sign | None:
+        """Return the sign of somebody else who may be at work; none of a dead run that may be taken over."""
+        return next((sign for sign in found if not self.is_over(sign.text)), None)
+
+    def is_over(self, text: str) -> bool:
+        """Whether the run that a sign or a job names so is over for certain, so that what it has left may be taken."""
+        run = run_of(text)
+        return text == self.text or bool(run and self.job.history.signed(run, text))
+
+
+def signs(rows: Sequence[Row]) -> tuple[Sign, ...]:
+    """Return the signs among the rows of the address lists."""
+    found = (row for row in rows if row.get("list") == _LIST)
+    return tuple(Sign(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in found)
+
+
+def seen(observed: Observed) -> tuple[Sign, ...]:
+    """Return the signs on the device as it was read."""
+    return signs(observed.rows.get(SIGNS, ()))
+
+
+def claimed_by(sign: Sign, site: str) -> Claimed:
+    """Say whose run it is, how long its sign stays, and how it is taken over."""
+    stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
+    over = f"; if that run has died, take over:  provision resume site={site} run={sign.run}" if sign.run else ""
+    return Claimed(
+        f"{sign.text} is under way on this device, or has died there",
+        hint=f"wait until it has ended, then type the same command again: the sign of a run that died goes by itself"
+        f" {stays}{over}",
+    )
+
+
+def claim(ours: str, seconds: float) -> Command:
+    """Return the command that puts the sign up."""
+    values = {"list": _LIST, "address": _ADDRESS, "timeout": f"{seconds:.0f}s", "comment": ours}
+    return Command(f"{SIGNS}/add", tuple(values.items()))
+
+
+async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: Signer) -> str:
+    """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
+
+    The sign of a dead run that may be taken over is replaced. Raises Claimed, Refused, SessionLost.
+    """
+    if reply.trap is not None:
+        rows = rows or (await session.command(CLAIMS)).checked().rows
+    other = signer.other(signs(rows))
+    if other is not None:
+        raise claimed_by(other, signer.job.site)
+    if reply.trap is not None:
+        await session.flight([withdrawing(row[".id"]) for row in rows])
+        reply = await session.command(adding)
+    return reply.checked().ret or ""
+
+
+def withdrawing(sign: str) -> Command:
+    """Return the command that takes the sign down; that it has gone by itself is as good."""
+    return Command(f"{SIGNS}/remove", ((".id", sign),))
+
+
+def is_claiming(action: str) -> bool:
+    """Whether the history calls an action so that may be the sign's: `address list entry added` (seen on 7.x)."""
+    return "address" in action and "list" in action and "added" in action
+
+
+_COMPLETE = "atlantis: all of it"
+_PROBE = "atlantis"
+_NAME = "atlantis-before"
+_CHUNK = 32_768
+
+SAVING = (executed(f'/export\n:put "{_COMPLETE}"\n'), executed(f':put "{_PROBE}"\n'))
+"""Commands whose answers `saved` reads; they go wherever a round trip is under way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Saved:
+    """What the answers to SAVING hold."""
+
+    text: str | None
+    """The whole export, or None if the device does not print it into a script's output."""
+    writer: Writer
+
+
+def saved(export: Reply, probe: Reply) -> Saved:
+    """Read the answers to SAVING."""
+    text = _whole(export.ret or "") if export.trap is None else None
+    runs = text is not None or (probe.trap is None and (probe.ret or "").strip() == _PROBE)
+    return Saved(text, ScriptWriter() if runs else SentenceWriter())
+
+
+async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> str:
+    """Get the export by way of a file on the device, or what is to be saved `instead` of it.
+
+    Before RouterOS 7.13 no file can be read over the API. Raises DeviceFailed if nothing can be saved.
+    """
+    try:
+        return await _exported(session)
+    except DeviceFailed:
+        if instead is None:
+            raise
+        return instead()
+
+
+async def _exported(session: Channel) -> str:
+    made = await session.command(Command("/export", (("file", _NAME),)))
+    if made.trap is not None:
+        raise _impossible(made.trap.message)
+    data = b""
+    while True:
+        chunk = await _chunk(session, len(data))
+        data += chunk
+        if len(chunk) < _CHUNK:
+            break
+    await session.command(Command("/file/remove", ((".id", f"{_NAME}.rsc"),)))
+    text = data.decode(errors="replace")
+    if not text.lstrip().startswith("#"):
+        raise _impossible("its export is empty")
+    return text
+
+
+async def _chunk(session: Channel, offset: int) -> bytes:
+    arguments = (("file", f"{_NAME}.rsc"), ("offset", str(offset)), ("chunk-size", str(_CHUNK)))
+    reply = await session.command(Command("/file/read", arguments))
+    if reply.trap is not None:
+        raise _impossible(reply.trap.message)
+    return "".join(row.get("data", "") for row in reply.rows).encode(errors="surrogateescape")
+
+
+def _whole(text: str) -> str | None:
+    """Return an export that was not cut off, with one newline at its end."""
+    body, found, rest = text.replace("\r\n", "\n").rpartition(_COMPLETE)
+    if not found or rest.strip() or not body.lstrip().startswith("#"):
+        return None
+    return body.strip() + "\n"
+
+
+def _impossible(words: str) -> DeviceFailed:
+    return DeviceFailed(f"the state before the change cannot be saved, so nothing is changed; the device says: {words}")

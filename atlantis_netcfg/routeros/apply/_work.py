@@ -1,38 +1,272 @@
-"""Where a run on one device stands: what was read, what was sent, what is known of it; and who is told."""
+"""The state of a run on one device: stages, what is armed on it, what is told of it.
+
+Where a run on one device stands: what was read, what was sent, what is known of it; and who is told.
+
+How a plan is cut so that safe mode never has to remember more than it can.
+
+A plan within the budget is one piece. Otherwise harmless additions may go outside safe mode: those that others name
+(address lists, pools) before it, those that name others (leases) after it. What is left is cut into pieces with a
+checkpoint between them.
+
+What a run says at its end and of its plan, the same for one device and for the two ends of a bridge.
+
+What is still armed or open on a device: safe mode, jobs of its scheduler, the marker of a run.
+
+Every reading asks for it in its one flight, also where nothing is to be changed. A plan and drift tell it. A run takes
+away what a run has left that is over, once it has read that the device is as declared; what may be in use it leaves
+alone. Only a run that sees both ends of a bridge takes the job `atlantis-pair` away.
+
+That a run is over is known of the runs of this computer: one at a time may change a site, and that one is ours.
+"""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import complete
+from atlantis_netcfg.core.errors import DeviceFailed, complete
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.journal import JournalFailed
-from atlantis_netcfg.routeros.apply._claim import Signer, withdrawing
+from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, conclude, unrecorded
+from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.routeros._types import Layer, Verb
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
-from atlantis_netcfg.routeros.apply._stages import Stages
-from atlantis_netcfg.routeros.apply._state import plan_hash
-from atlantis_netcfg.routeros.apply._telling import cleaned, ended
-from atlantis_netcfg.routeros.apply.leftovers import Leftovers
-from atlantis_netcfg.routeros.parsing import Examination
-from atlantis_netcfg.routeros.safe_mode import NoSafeMode
+from atlantis_netcfg.routeros.apply._state import CLAIMS, Sign, Signer, plan_hash, seen, withdrawing
+from atlantis_netcfg.routeros.commands import Examination
+from atlantis_netcfg.routeros.drift import Difference, DriftKind, Owner
+from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode
+from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, disarm, jobs_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.journal import Record
-    from atlantis_netcfg.routeros._types import Observed, Plan, PortCounts
+    from atlantis_netcfg.routeros._types import Action, Observed, Plan, PortCounts
     from atlantis_netcfg.routeros.api import Command
+    from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._contact import Contact
-    from atlantis_netcfg.routeros.apply._job import Channel, DeviceJob
+    from atlantis_netcfg.routeros.apply._job import DeviceJob
     from atlantis_netcfg.routeros.apply._writer import Writer
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Estimate
     from atlantis_netcfg.routeros.safe_mode import SafeMode
     from atlantis_netcfg.routeros.scheduler_jobs import DeadMan
+
+
+_NAMED, _NAMING = True, False
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """The actions of a plan by how they are sent; within each in the order of the plan."""
+
+    prepare: tuple[Action, ...] = ()
+    protected: tuple[tuple[Action, ...], ...] = ()
+    """Pieces, each within the budget of one safe mode."""
+    finish: tuple[Action, ...] = ()
+
+
+def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
+    """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for."""
+    if not protection.holds:
+        return Stages(prepare=plan.actions)
+    ways = [_cut(plan, budget, outside) for outside in ((), (_NAMED,), (_NAMING,), (_NAMED, _NAMING))]
+    return min(ways, key=_cost)
+
+
+def _cut(plan: Plan, budget: int, outside: Sequence[bool]) -> Stages:
+    """Cut with those harmless additions outside that are named by others (True), or name others (False)."""
+    out = [action for action in plan.actions if _harmless(action) and (action.layer is Layer.FOUNDATION) in outside]
+    rest = [action for action in plan.actions if action not in out]
+    return Stages(
+        prepare=tuple(action for action in out if action.layer is Layer.FOUNDATION),
+        protected=tuple(_pieces(rest, budget)),
+        finish=tuple(action for action in out if action.layer is not Layer.FOUNDATION),
+    )
+
+
+def _cost(stages: Stages) -> int:
+    """Return round trips: a preparation also keeps safe mode from being taken beside the last reading."""
+    checkpoints = max(0, len(stages.protected) - 1)
+    return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
+
+
+def _harmless(action: Action) -> bool:
+    return action.inert and action.verb is Verb.ADD
+
+
+def _pieces(actions: Sequence[Action], budget: int) -> Iterator[tuple[Action, ...]]:
+    piece: list[Action] = []
+    left = budget
+    for action in (part for whole in actions for part in _parts(whole, budget)):
+        if action.weight > left:
+            yield tuple(piece)
+            piece, left = [], budget
+        piece.append(action)
+        left -= action.weight
+    if piece:
+        yield tuple(piece)
+
+
+def _parts(action: Action, budget: int) -> Iterator[Action]:
+    """Cut one action over many rows; its parts keep its number, and it counts as done when the last one is."""
+    for start in range(0, max(1, len(action.ids)), budget):
+        yield replace(action, ids=action.ids[start : start + budget])
+
+
+AGREE_APART = (
+    "`--plan` shows them; to let them go, type the same with `--remove-foreign` (plain Ansible: with "
+    "`-e atlantis_remove_foreign=true`), for `--yes` does not say that"
+)
+
+
+def unagreed(job: DeviceJob, plan: Plan) -> str:
+    """Return why the plan needs a person's word of its own, and has none; empty: it may go on."""
+    return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
+
+
+def number_of(plan: Plan) -> str:
+    """Say how much a plan does: actions, and rows where one action is about several."""
+    number, rows = len(plan.actions), plan.weight
+    words = f"{number} action{'s' if number != 1 else ''}"
+    return words if rows == number else f"{words} on {rows} rows"
+
+
+def planned(action: Action) -> PlannedAction:
+    """Write an action for the journal, secrets masked."""
+    return PlannedAction(
+        number=action.number,
+        layer=action.layer.name.lower(),
+        menu=action.menu,
+        verb=action.verb.value,
+        subject=action.subject,
+        ids=action.ids,
+        values=action.shown(),
+    )
+
+
+def cleaned(text: str, actions: Iterable[Action]) -> str:
+    """Mask secrets of a plan in a text of the device, should it ever repeat one."""
+    for action in actions:
+        for name, value in action.values:
+            if name in action.secrets and value:
+                text = text.replace(value, MASK)
+    return text
+
+
+def ended(job: DeviceJob, result: DeviceResult, read: Observed | None) -> DeviceResult:
+    """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
+
+    A journal that cannot be written is said in the result, which is not green then.
+    """
+    outcome = Outcome(
+        device=result.name,
+        status=result.status,
+        exit=int(result.exit),
+        message=result.message,
+        open=result.left_open,
+    )
+    if read is not None:
+        try:
+            job.journal.confirm(job.name, partial(_state, job, read))
+        except JournalFailed as failure:
+            # The state is missing for drift and for a replacement; the outcome itself may still be recorded.
+            if str(failure) not in result.message:
+                result = replace(result, notes=(*result.notes, str(failure)))
+    return unrecorded(result, conclude(job.journal, outcome))
+
+
+def _state(job: DeviceJob, read: Observed) -> str:
+    """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
+    try:
+        return snapshot.write(job.name, job.desired, read)
+    except Exception as fault:
+        why = f"provision itself failed ({type(fault).__name__})"
+        raise JournalFailed(f"the confirmed state cannot be written: {why}") from fault
+
+
+IsOver = Callable[[str], bool]
+
+_WORDS = {
+    DEAD_MAN: "takes back what that run has changed",
+    PAIR: "takes this end of the bridge back if the link is lost",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Leftovers:
+    """What was read of one device; false if nothing is armed and nothing is open."""
+
+    safe_mode: str | None = None
+    """Who holds it."""
+    markers: tuple[Sign, ...] = ()
+    jobs: tuple[ArmedJob, ...] = ()
+
+    def __bool__(self) -> bool:
+        return self.safe_mode is not None or bool(self.markers or self.jobs)
+
+    def words(self) -> tuple[str, ...]:
+        """Return one sentence for each."""
+        return tuple(difference.row for difference in self.differences())
+
+    def differences(self) -> tuple[Difference, ...]:
+        """Return one difference for each, as drift tells it."""
+        return tuple(self._differences())
+
+    def _differences(self) -> Iterator[Difference]:
+        if self.safe_mode is not None:
+            words = f"{self.safe_mode} holds safe mode, and there is only one"
+            yield _open("/safe-mode", "safe mode", Owner.SESSION, words)
+        for sign in self.markers:
+            words = f"{sign.text} is under way on this device, or has died there"
+            yield _open("/ip firewall address-list", "atlantis-run", Owner.RUN, words)
+        for job in self.jobs:
+            yield _open("/system scheduler", job.name, Owner.RUN, _armed(job))
+
+    def alive(self, is_over: IsOver, *, bridge: bool = True) -> str | None:
+        """Say which job may belong to a run that is alive, and for a device alone, which belongs to a bridge."""
+        alive = (job for job in self.jobs if not is_over(job.owner) or (job.name == PAIR and not bridge))
+        return next(map(_armed, alive), None)
+
+    def armed(self, name: str) -> ArmedJob | None:
+        """Return the job of this name."""
+        return next((job for job in self.jobs if job.name == name), None)
+
+    async def remove(self, session: Channel) -> tuple[str, ...]:
+        """Take jobs and markers away, see that they are gone, and say what was removed.
+
+        The caller has read that nobody uses them, and reads the device anew afterwards: a job may have run meanwhile.
+        Raises DeviceFailed.
+        """
+        for job in self.jobs:
+            await disarm(session, job.id)
+        if self.markers:
+            removed = [sign.id for sign in self.markers]
+            *_, left = await session.flight([*map(withdrawing, removed), CLAIMS])
+            left = left if not left.rows else await session.command(CLAIMS)
+            if any(row.get(".id") in removed for row in left.rows):
+                raise DeviceFailed("the marker of a run that is over cannot be taken away")
+        jobs = (f"the job {job.name} of {job.owner}" for job in self.jobs)
+        return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
+
+
+def look(observed: Observed) -> Leftovers:
+    """Return what was armed or open when the device was read."""
+    return Leftovers(observed.facts.safe_mode_owner, seen(observed), jobs_of(observed.jobs))
+
+
+def _armed(job: ArmedJob) -> str:
+    return f"the job {job.name} of {job.owner} is armed, and {_WORDS[job.name]}"
+
+
+def _open(menu: str, subject: str, owner: Owner, words: str) -> Difference:
+    return Difference(menu, subject, DriftKind.OPEN, owner, row=words, why_unknown="the device does not say")
+
 
 _STAGES = {
     Status.UNCHANGED: Stage.DONE,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._types import Action
     from atlantis_netcfg.routeros.api import Reply
-    from atlantis_netcfg.routeros.apply._job import Channel
+    from atlantis_netcfg.routeros.api._values import Channel
 
 _AT_ONCE = 8
 """Scripts of one turn."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.guard import _access, _firewall, _link, _route
+from atlantis_netcfg.routeros.guard._access import touches_path
 from atlantis_netcfg.routeros.guard._state import INTERFACES, ManagementPath, State
-from atlantis_netcfg.routeros.guard._touch import touches_path
 from atlantis_netcfg.routeros.planner import after, simulate
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def objections(plan: Plan, observed: Observed, path: ManagementPath) -> tuple[st
     link = tuple(_link.objections(before, later))
     # Without its address or interface there is no way back either: one reason is enough.
     route = () if link else tuple(_route.objections(before, later))
-    reasons = (*link, *_firewall.objections(before, later), *_access.objections(before, later), *route)
+    reasons = (*link, *_firewall.firewall_objections(before, later), *_access.access_objections(before, later), *route)
     return tuple(dict.fromkeys(_with_names_of_today(reason, observed, before) for reason in reasons))
 
 

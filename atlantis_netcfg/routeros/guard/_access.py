@@ -1,18 +1,33 @@
-"""Whether the router lets us in: the service, its certificate, the user and the user's group."""
+"""Whether the router lets us in: the service, its certificate, the user and the user's group.
+
+Does one action touch the management path: then it needs protection, whatever the end of the plan looks like.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.guard._packet import Answer, in_networks
+from atlantis_netcfg.routeros._types import Action, Row, Verb
+from atlantis_netcfg.routeros.guard._firewall import (
+    FILTER,
+    MANGLE,
+    NAT,
+    Answer,
+    answer_of,
+    in_networks,
+    matches,
+    new_session,
+)
+from atlantis_netcfg.routeros.guard._link import interfaces
 from atlantis_netcfg.routeros.guard._state import is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.routeros._types import Row
     from atlantis_netcfg.routeros.guard._state import State
+
 
 POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
 """What provisioning cannot do without."""
@@ -20,11 +35,11 @@ POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
 _ENOUGH_SESSIONS = 2
 
 
-def objections(before: State, after: State) -> Iterator[str]:
+def access_objections(before: State, after: State) -> Iterator[str]:
     """Yield what would keep a new session of ours out."""
     yield from _service(before, after)
     yield from _user(before, after)
-    yield from _group(before, after)
+    yield from _group_harm(before, after)
 
 
 def _service(before: State, after: State) -> Iterator[str]:
@@ -78,7 +93,7 @@ def _user(before: State, after: State) -> Iterator[str]:
         )
 
 
-def _group(before: State, after: State) -> Iterator[str]:
+def _group_harm(before: State, after: State) -> Iterator[str]:
     lost = sorted((_policies(before) - _policies(after)) & POLICIES)
     if lost and after.find("/user", "name", before.path.user) is not None:
         yield f"/user group: {before.path.user} would lose the policies {', '.join(lost)}: keep them in its group"
@@ -88,3 +103,101 @@ def _policies(state: State) -> frozenset[str]:
     user = state.find("/user", "name", state.path.user) or {}
     group = state.find("/user/group", "name", user.get("group", "")) or {}
     return frozenset(word for word in group.get("policy", "").split(",") if word and not word.startswith("!"))
+
+
+def touches_path(action: Action, before: State, after: State) -> bool:
+    """Tell whether the action changes a row of the path, as it is before or as it is after."""
+    judge = _TOUCHED.get(action.menu)
+    if judge is None or action.inert or _is_cosmetic(action):
+        return False
+    return any(judge(row, state) for state in (before, after) for row in _rows(action, before, after, state))
+
+
+def _is_cosmetic(action: Action) -> bool:
+    fields = MENUS[action.menu].by_name
+    return action.verb is Verb.SET and all(fields[name.removeprefix("!")].cosmetic for name, _ in action.values)
+
+
+def _rows(action: Action, before: State, after: State, state: State) -> list[Row]:
+    """Return the rows that the action is about, as `state` has them."""
+    if action.verb is Verb.ADD:
+        old = {row[".id"] for row in before.all(action.menu)}
+        return [row for row in after.all(action.menu) if row[".id"] not in old] if state is after else []
+    # Settings are one row without an id.
+    return [row for row in state.all(action.menu) if not action.ids or row.get(".id") in action.ids]
+
+
+def _has_interface(*names: str) -> Callable[[Row, State], bool]:
+    def judge(row: Row, state: State) -> bool:
+        return bool({row.get(name) for name in names} & interfaces(state))
+
+    return judge
+
+
+def _address(row: Row, state: State) -> bool:
+    return row.get("address", "").partition("/")[0] == state.path.local or row.get("interface") in interfaces(state)
+
+
+def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[Row, State], bool]:
+    """Judge a rule of any chain that packets of ours go through; `bases` says which chains see the answers."""
+
+    def judge(row: Row, state: State) -> bool:
+        for base, is_answer in bases.items():
+            packet = (answer_of if is_answer else new_session)(state)
+            if row.get("chain") in _reached(menu, base, state) and matches(menu, row, packet, state) is not Answer.NO:
+                return True
+        return False
+
+    return judge
+
+
+def _reached(menu: str, base: str, state: State) -> set[str]:
+    chains, waiting = {base}, [base]
+    while waiting:
+        chain = waiting.pop()
+        jumps = (row for row in state.all(menu) if row.get("chain") == chain and row.get("action") == "jump")
+        fresh = {row.get("jump-target", "") for row in jumps} - chains
+        chains |= fresh
+        waiting += fresh
+    return chains
+
+
+def _list_entry(row: Row, state: State) -> bool:
+    return any(in_networks(row.get("address", ""), each) is not Answer.NO for each in (state.technician, state.local))
+
+
+def _route(row: Row, state: State) -> bool:
+    return in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not Answer.NO
+
+
+def _routing_rule(row: Row, state: State) -> bool:
+    ends = ((row.get("src-address", ""), state.local), (row.get("dst-address", ""), state.technician))
+    return all(in_networks(text, address) is not Answer.NO for text, address in ends)
+
+
+def _group_touched(row: Row, state: State) -> bool:
+    user = state.find("/user", "name", state.path.user) or {}
+    return row.get("name") == user.get("group")
+
+
+_TOUCHED: Mapping[str, Callable[[Row, State], bool]] = {
+    "/interface/bridge": _has_interface("name"),
+    "/interface/bridge/port": _has_interface("interface", "bridge"),
+    "/interface/ethernet": _has_interface("name"),
+    "/interface/list": lambda *_: True,
+    "/interface/list/member": _has_interface("interface"),
+    "/interface/ovpn-client": _has_interface("name"),
+    "/ip/address": _address,
+    "/ip/dhcp-client": _has_interface("interface"),
+    "/ip/firewall/address-list": _list_entry,
+    FILTER: _rule_touched(FILTER, {"input": False, "output": True}),
+    NAT: _rule_touched(NAT, {"dstnat": False}),
+    MANGLE: _rule_touched(MANGLE, {"prerouting": False, "input": False, "output": True}),
+    "/ip/route": _route,
+    "/ip/service": lambda row, state: row.get("name") == state.path.service,
+    "/routing/rule": _routing_rule,
+    "/routing/settings": lambda *_: True,
+    "/routing/table": lambda *_: True,
+    "/user": lambda row, state: row.get("name") == state.path.user,
+    "/user/group": _group_touched,
+}

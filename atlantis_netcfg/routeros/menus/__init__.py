@@ -10,7 +10,6 @@ from atlantis_netcfg.routeros.menus import (
     _firewall,
     _interface,
     _lte,
-    _netwatch,
     _routing,
     _service,
     _system,
@@ -34,7 +33,6 @@ _ORDER = (
     *_address.MENUS,
     *_firewall.MENUS,
     *_routing.MENUS,
-    *_netwatch.MENUS,
     *_service.MENUS,
 )
 

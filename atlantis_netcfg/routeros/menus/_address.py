@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     interface,
     kept,
@@ -19,7 +21,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     time,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _POOL = Menu(
     "/ip/pool",

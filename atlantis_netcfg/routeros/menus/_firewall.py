@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     cosmetic,
     interface,
@@ -20,7 +22,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     time,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _ADDRESS_LIST = Menu(
     "/ip/firewall/address-list",

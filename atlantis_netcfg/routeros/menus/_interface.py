@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     gone,
     interface,
@@ -22,7 +24,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     usual,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _ETHERNET = Menu(
     "/interface/ethernet",

@@ -8,9 +8,11 @@ ones, so that it is only sent while the SIM asks for one (routeros/pin.py).
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     interface,
     kept,
@@ -25,7 +27,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     usual,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _APN = Menu(
     "/interface/lte/apn",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     gone,
     kept,
@@ -24,7 +26,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     usual,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _NOBODY = "0.0.0.0"  # noqa: S104 - what the device prints where no address is set
 

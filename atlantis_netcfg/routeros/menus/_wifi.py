@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     interface,
     kept,
@@ -29,7 +31,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     time,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.menus._model import Field

@@ -8,9 +8,11 @@ it is the radios of the board, which are there already.
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._fields import (
+from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Menu,
+    Shape,
     boolean,
     interface,
     kept,
@@ -24,7 +26,6 @@ from atlantis_netcfg.routeros.menus._fields import (
     usual,
     words,
 )
-from atlantis_netcfg.routeros.menus._model import Menu, Shape
 
 _ANY_MAC = "00:00:00:00:00:00"
 

@@ -12,6 +12,6 @@ minutes only, and, where device-mode lets the scheduler run, a job that looks at
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.pair._converge import converge_pair
-from atlantis_netcfg.routeros.pair._pair import Pair, Signal
+from atlantis_netcfg.routeros.pair._end import Pair, Signal
 
 __all__ = ["Pair", "Signal", "converge_pair"]

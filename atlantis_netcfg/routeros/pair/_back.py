@@ -245,10 +245,10 @@ class _Way:
         )
 
 
-Results = tuple["DeviceResult", "DeviceResult"]
+BackResults = tuple["DeviceResult", "DeviceResult"]
 
 
-async def clear(work: Transaction, mode: Mode) -> Results | None:
+async def clear(work: Transaction, mode: Mode) -> BackResults | None:
     """Leave nothing armed or open on either end, both read anew; else how the run ends."""
     stopped = _in_use(work, mode)
     if stopped:
@@ -321,27 +321,27 @@ async def _until_run(work: Transaction) -> None:
     await returned(work)
 
 
-async def read_again(work: Transaction) -> Results | None:
+async def read_again(work: Transaction) -> BackResults | None:
     """Read both ends in new sessions; how the run ends if that fails."""
     near, far = await asyncio.gather(work.near.problem(), work.far.problem())
     if near is None and far is None:
         return None
     site = work.near.job.site
     return (
-        near or _left(work.near, site, f"{work.far.name} is away"),
-        far or _left(work.far, site, f"{work.near.name} is away"),
+        near or _left_between(work.near, site, f"{work.far.name} is away"),
+        far or _left_between(work.far, site, f"{work.near.name} is away"),
     )
 
 
-def _stopped_if(work: Transaction, why: str) -> Results | None:
+def _stopped_if(work: Transaction, why: str) -> BackResults | None:
     return _stopped(work, why) if why else None
 
 
-def _stopped(work: Transaction, why: str) -> Results:
-    return _left(work.near, work.near.job.site, why), _left(work.far, work.near.job.site, why)
+def _stopped(work: Transaction, why: str) -> BackResults:
+    return _left_between(work.near, work.near.job.site, why), _left_between(work.far, work.near.job.site, why)
 
 
-def _left(end: End, site: str, why: str) -> DeviceResult:
+def _left_between(end: End, site: str, why: str) -> DeviceResult:
     """`site`: the one that was asked for; from there both ends are reached."""
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"

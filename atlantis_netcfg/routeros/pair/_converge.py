@@ -25,7 +25,7 @@ from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
-    from atlantis_netcfg.routeros.pair._pair import Pair
+    from atlantis_netcfg.routeros.pair._end import Pair
 
 
 async def follow(work: Transaction) -> DeviceResult | None:

@@ -1,4 +1,7 @@
-"""One end of the pair while its transaction lasts: what was read, what is planned, what was sent, what is known."""
+"""One end of the pair while its transaction lasts: what was read, what is planned, what was sent, what is known.
+
+What is given for the two ends of a radio bridge.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +13,19 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import (
-    ActionsConfirmed,
-    DeviceObserved,
-    JournalFailed,
-    Planned,
-    Unrolled,
-)
+from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Unrolled
 from atlantis_netcfg.routeros.apply import DeviceResult, Mode, Status
-from atlantis_netcfg.routeros.apply._claim import Signer
-from atlantis_netcfg.routeros.apply._fitting import Unfit, fitted
-from atlantis_netcfg.routeros.apply._prerequisites import missing
-from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._telling import AGREE_APART, cleaned, ended, planned, unagreed
-from atlantis_netcfg.routeros.apply.leftovers import Leftovers, look
+from atlantis_netcfg.routeros.apply._change import missing
+from atlantis_netcfg.routeros.apply._contact import fitted
+from atlantis_netcfg.routeros.apply._job import Unfit
+from atlantis_netcfg.routeros.apply._state import Signer, differing, digest, invalid, plan_hash
+from atlantis_netcfg.routeros.apply._work import AGREE_APART, Leftovers, cleaned, ended, look, planned, unagreed
+from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
-from atlantis_netcfg.routeros.parsing import Examination
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 
 if TYPE_CHECKING:
@@ -39,6 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action, Observed, Plan
     from atlantis_netcfg.routeros.apply import Channel, DeviceJob
     from atlantis_netcfg.routeros.apply._contact import Contact
+
 
 _SHOWN = 3
 _SAFE_MODE = Version(7, 18)
@@ -316,3 +313,38 @@ class End:
         result = ended(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Between which levels a healthy link is heard, in dBm; a receiver is also spoilt by too much."""
+
+    weakest_dbm: float = -75.0
+    strongest_dbm: float = -20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """The ends of one bridge, told apart by where the technician stands: `far` is reached through `near`'s radio."""
+
+    near: DeviceJob
+    far: DeviceJob
+    near_radio: str = ""
+    """Factory name (`wlan1`); empty: the first radio of the device."""
+    far_radio: str = ""
+    link_timeout_s: float = 300.0
+    """Declared: when the link is not back and proved so long after the first change, both ends return by themselves.
+
+    It has to hold the wait for radar (60 s on DFS channels, 10 min at 5600 to 5650 MHz), association and reading back.
+    """
+    reserve_s: float = 30.0
+    """Of that time, for proving and keeping: the near end is taken back so long before the far one returns."""
+    grace_s: float = 5.0
+    """For the far end's answer to what changes its radio: the link may be gone before the answer."""
+    signal: Signal | None = None
+    """Checked at both ends before anything is kept; None: that they are registered is enough."""
+
+    @property
+    def name(self) -> str:
+        """Both names, near end first."""
+        return f"{self.near.name} and {self.far.name}"

@@ -19,9 +19,8 @@ from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._protection import Interfered
-from atlantis_netcfg.routeros.apply._saving import SAVING, fetch, saved
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
-from atlantis_netcfg.routeros.apply._state import digest
+from atlantis_netcfg.routeros.apply._state import SAVING, digest, fetch, saved
 from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
@@ -50,7 +49,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
-    from atlantis_netcfg.routeros.pair._pair import Pair, Signal
+    from atlantis_netcfg.routeros.pair._end import Pair, Signal
 
 SAFE_MODE = ApiSafeMode(silence_s=20.0)
 """For answers at the end: the link was there a moment ago, and the far end's job will soon look."""

@@ -18,21 +18,23 @@ from atlantis_netcfg.core.paths import hold_own
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Holder, sync_directory, write_atomically
 from atlantis_netcfg.vpn import ledger, pki
-from atlantis_netcfg.vpn.authority import files
+from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.check import Agreement, agreement, problems
-from atlantis_netcfg.vpn.authority.files import Lock
 from atlantis_netcfg.vpn.authority.ledger_session import (
     HEAD_FILE,
     LedgerSession,
+    SigningSession,
+    beyond_record,
+    names_of,
     new_head,
     new_operation,
+    new_server_certificate,
     read_head,
+    sign_crl,
     sign_head,
 )
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, NoAuthority, SessionObservation, os_errors_as
-from atlantis_netcfg.vpn.authority.revocation_list import beyond_record, sign_crl
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, Lock, NoAuthority, SessionObservation, os_errors_as
 from atlantis_netcfg.vpn.authority.signer import Signer
-from atlantis_netcfg.vpn.authority.signing_session import SigningSession, names_of, new_server_certificate
 from atlantis_netcfg.vpn.ledger import records
 from atlantis_netcfg.vpn.ledger.records import Founded, Resealed
 
@@ -85,8 +87,8 @@ def init_authority(folder: Path, passphrase: Secret, names: ServerNames, who: st
     else:
         _make(folder, passphrase, names, who, sealing)
     with os_errors_as("the authority cannot be completed"):
-        files.forget(folder / UNFINISHED_MARK)
-        files.sweep(folder)
+        model.forget(folder / UNFINISHED_MARK)
+        model.sweep(folder)
 
 
 def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
@@ -103,12 +105,12 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
     server, issued = new_server_certificate(ca, names, now)
     crl, published = sign_crl(ca, (), 1, now)
     written = {
-        files.SEALED[sealing]: seal_ca_key(pki.key_pem(ca.key), passphrase, sealing),
-        files.CA: pki.cert_pem(ca.certificate).encode(),
+        model.SEALED[sealing]: seal_ca_key(pki.key_pem(ca.key), passphrase, sealing),
+        model.CA: pki.cert_pem(ca.certificate).encode(),
         **server,
-        files.TLS_CRYPT_V2: pki.server_key().reveal().encode(),
-        files.TLS_CRYPT: pki.shared_key().reveal().encode(),
-        files.CRL: crl,
+        model.TLS_CRYPT_V2: pki.server_key().reveal().encode(),
+        model.TLS_CRYPT: pki.shared_key().reveal().encode(),
+        model.CRL: crl,
     }
     founded = Founded(
         ca_common_name=ca.certificate.subject.rfc4514_string().removeprefix("CN="),
@@ -122,9 +124,9 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
     written[HEAD_FILE] = new_head(ca, len(digests), digests[-1], now)
     with os_errors_as("the authority cannot be made"):
         write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
-        for other in files.SEALED.values():
+        for other in model.SEALED.values():
             (folder / other).unlink(missing_ok=True)
-        files.folders(folder)
+        model.folders(folder)
         for name, data in written.items():
             write_atomically(folder / name, data)
         write_atomically(folder / ledger.FILE, lines)
@@ -141,7 +143,7 @@ def _unfinished(folder: Path) -> None:
 
 def _remains(folder: Path) -> str | None:
     """What only an authority has, if the folder has it."""
-    kept = (files.CA, files.CRL, *files.SEALED.values())
+    kept = (model.CA, model.CRL, *model.SEALED.values())
     found = [name for name in kept if (folder / name).exists()]
     return ", ".join(found) or None
 
@@ -160,9 +162,9 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
     """The CA with its key. Raises NoAuthority, WrongPassphrase, SealDamaged, AuthorityDamaged."""
     require_authority(folder)
     with os_errors_as("the certificate authority cannot be read"):
-        certificate = (folder / files.CA).read_text(encoding="ascii")
+        certificate = (folder / model.CA).read_text(encoding="ascii")
         found = {
-            sealing: (folder / name).read_bytes() for sealing, name in files.SEALED.items() if (folder / name).exists()
+            sealing: (folder / name).read_bytes() for sealing, name in model.SEALED.items() if (folder / name).exists()
         }
     if not found:
         raise AuthorityDamaged(f"the CA key is missing in {folder}", hint="restore it from a backup of the authority")
@@ -188,17 +190,17 @@ def reseal_ca(
         ca = unseal_ca(folder, old)
     except pki.WrongPassphrase:
         # The repeat of a command that was killed at its end: done, if the new one opens it.
-        if not (folder / files.SEALED[sealing]).exists():
+        if not (folder / model.SEALED[sealing]).exists():
             raise
         ca = unseal_ca(folder, new)
     read_head(folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
     data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
     ledger_session.write([Resealed(sealed_by=sealing)], new_operation())
     with os_errors_as("the CA key cannot be written"):
-        write_atomically(folder / files.SEALED[sealing], data)
-        for other, name in files.SEALED.items():
+        write_atomically(folder / model.SEALED[sealing], data)
+        for other, name in model.SEALED.items():
             if other != sealing:
-                files.forget(folder / name)
+                model.forget(folder / name)
     return ca
 
 
@@ -293,7 +295,7 @@ class Authority:
     def opening_bytes(self) -> int:
         """Memory that opening the CA key takes; 0: none to speak of."""
         with os_errors_as("the CA key cannot be read"):
-            path = self.folder / files.SEALED["age"]
+            path = self.folder / model.SEALED["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
     def handed_out(self, common_name: str) -> records.Delivered | None:
@@ -306,12 +308,12 @@ class Authority:
         Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
         """
         with os_errors_as("the revocation list cannot be read"):
-            pem = (self.folder / files.CRL).read_bytes()
-            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+            pem = (self.folder / model.CRL).read_bytes()
+            ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
         if facts.sha256 != self.membership().crl_sha256:
             raise AuthorityDamaged(
-                f"{files.CRL} (number {facts.number}) is not the list that was recorded last",
+                f"{model.CRL} (number {facts.number}) is not the list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
             )
         return pem
@@ -319,7 +321,7 @@ class Authority:
     def beyond(self, pem: bytes) -> str | None:
         """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
         with os_errors_as("the certificate authority cannot be read"):
-            ca = pki.load_cert((self.folder / files.CA).read_text(encoding="ascii"))
+            ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         return beyond_record(self.folder, self._state(), ca, pem)
 
     def check(self, now: datetime | None = None) -> list[str]:
@@ -359,7 +361,7 @@ class Authority:
                 ca.certificate
             ):
                 raise AuthorityDamaged(
-                    f"{files.CA} is not the certificate authority of the ledger",
+                    f"{model.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
             read_head(self.folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.vpn import ledger, pki
-from atlantis_netcfg.vpn.authority import files
-from atlantis_netcfg.vpn.authority.files import is_held
-from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head
-from atlantis_netcfg.vpn.authority.model import os_errors_as
-from atlantis_netcfg.vpn.authority.revocation_list import revoked_serials
+from atlantis_netcfg.vpn.authority import model
+from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head, revoked_serials
+from atlantis_netcfg.vpn.authority.model import is_held, os_errors_as
 from atlantis_netcfg.vpn.ledger import records
 
 if TYPE_CHECKING:
@@ -25,11 +23,12 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading
 
+
 SOON = timedelta(days=30)
 """Before a list or a certificate ends."""
 CA_SOON = timedelta(days=365)
 """Before the CA ends: a new one means new files for everybody."""
-_PRIVATE = (*files.SEALED.values(), ledger.FILE, files.SERVER_KEY, files.TLS_CRYPT, files.TLS_CRYPT_V2)
+_PRIVATE = (*model.SEALED.values(), ledger.FILE, model.SERVER_KEY, model.TLS_CRYPT, model.TLS_CRYPT_V2)
 _WITHOUT_KEY = (records.Seen, records.Superseded, records.Settled, records.Delivered)
 """What is recorded while the CA key is sealed."""
 
@@ -76,7 +75,7 @@ def agreement(folder: Path) -> Agreement:
 
 def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
     reading = ledger.read(folder / ledger.FILE)
-    return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / files.CA).read_text(encoding="ascii"))
+    return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / model.CA).read_text(encoding="ascii"))
 
 
 def _is_of_ledger(state: LedgerState, ca: x509.Certificate) -> bool:
@@ -100,7 +99,7 @@ def _disagreements(
 ) -> Iterator[str]:
     """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
     if not _is_of_ledger(state, ca):
-        yield f"{files.CA} is not the certificate authority of the ledger"
+        yield f"{model.CA} is not the certificate authority of the ledger"
         return
     if isinstance(head, NetcfgError):
         yield str(head)
@@ -132,7 +131,7 @@ def _unsigned(folder: Path, reading: Reading, state: LedgerState, head: Head) ->
 def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     for item in state.issued.values():
         try:
-            made = pki.load_cert(files.copy_of(item).decode("ascii"))
+            made = pki.load_cert(model.copy_of(item).decode("ascii"))
         except NetcfgError:
             yield f"the certificate of {item.common_name} in the ledger is none"
             continue
@@ -163,63 +162,63 @@ def _ends(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime)
     if state.server is not None and state.server.not_after - now < SOON:
         yield f"the server's certificate ends on {state.server.not_after:%Y-%m-%d}"
     try:
-        pem = (folder / files.CRL).read_bytes()
+        pem = (folder / model.CRL).read_bytes()
         following = pki.read_crl(pem, ca).next_update
     except (OSError, pki.CrlRefused):
         return  # which is told as what does not agree
     try:
         pki.check_crl(pem, ca, above=None, now=now)
     except pki.CrlRefused as error:
-        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
         return
     if following - now < SOON:
-        yield f"{files.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
+        yield f"{model.CRL} ends on {following:%Y-%m-%d}, and then nobody gets in: provision vpn sync --sign"
 
 
 def _server(folder: Path, state: LedgerState) -> Iterator[str]:
     if state.server is None:
         return
     try:
-        certificate = pki.load_cert((folder / files.SERVER_CERT).read_text(encoding="ascii"))
+        certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
     except (pki.KeyDamaged, OSError, ValueError) as error:
-        yield f"{files.SERVER_CERT} cannot be read: {error}"
+        yield f"{model.SERVER_CERT} cannot be read: {error}"
         return
     if pki.sha256(certificate) != state.server.sha256:
-        yield f"{files.SERVER_CERT} is not the certificate that was recorded"
+        yield f"{model.SERVER_CERT} is not the certificate that was recorded"
 
 
 def _copies(folder: Path, state: LedgerState) -> Iterator[str]:
-    known = {f"{name}.pem": files.copy_of(item) for name, item in state.issued.items()}
-    there = {path.name: path for path in sorted((folder / files.CERTS).glob("[!.]*"))}
+    known = {f"{name}.pem": model.copy_of(item) for name, item in state.issued.items()}
+    there = {path.name: path for path in sorted((folder / model.CERTS).glob("[!.]*"))}
     for name, path in there.items():
         if name not in known:
-            yield f"{files.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
+            yield f"{model.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
         elif path.read_bytes() != known[name]:
-            yield f"{files.CERTS}/{name} is not the certificate that was recorded"
+            yield f"{model.CERTS}/{name} is not the certificate that was recorded"
     for name in known.keys() - there.keys():
-        yield f"{files.CERTS}/{name} is missing; the next command that signs writes it again"
+        yield f"{model.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
 def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     try:
-        facts = pki.read_crl((folder / files.CRL).read_bytes(), ca)
+        facts = pki.read_crl((folder / model.CRL).read_bytes(), ca)
     except OSError as error:
-        yield f"{files.CRL} cannot be read: {error.strerror}"
+        yield f"{model.CRL} cannot be read: {error.strerror}"
         return
     except pki.CrlRefused as error:
-        yield f"{files.CRL} would lock everybody out, or admit the revoked: {error}"
+        yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
         return
     membership = state.membership()
     if facts.sha256 != membership.crl_sha256:
         yield (
-            f"{files.CRL} (number {facts.number}) is not the list that was recorded last "
+            f"{model.CRL} (number {facts.number}) is not the list that was recorded last "
             f"(number {membership.crl_number})"
         )
     serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)}
     for lost in sorted(serials - facts.serials):
-        yield f"{files.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
+        yield f"{model.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
-        yield f"{files.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
+        yield f"{model.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
 
 
 def _members(state: LedgerState, now: datetime) -> Iterator[str]:

@@ -6,6 +6,12 @@ cannot be made without the key. Lines that are written without a key stand after
 An authority that an older version founded has no head until a command opens its CA key. If lines are cut off before
 that, only the certificates, the list and the server show it. Whoever cuts lines off later must also remove the head and
 every line since, which restores an old copy: the server shows that.
+
+What signing needs: the folder, the ledger open for writing, the CA with its key; held under the lock.
+
+Also the server's certificate and key, which are made and checked with it.
+
+The revocation list: made from the record, recorded, then put in place.
 """
 
 from __future__ import annotations
@@ -15,15 +21,19 @@ import json
 import secrets
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
 from cryptography.exceptions import UnsupportedAlgorithm
 
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind, os_errors_as
+from atlantis_netcfg.vpn.authority import model
+from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind, ServerNames, os_errors_as
+from atlantis_netcfg.vpn.identity import KeyType, Wrap
 from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, utc_now
-from atlantis_netcfg.vpn.ledger.records import ClockTrusted
+from atlantis_netcfg.vpn.ledger.records import Begun, ClockTrusted, Committed, RolledBack, ServerIssued
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +42,17 @@ if TYPE_CHECKING:
     from cryptography import x509
 
     from atlantis_netcfg.vpn.ledger import Record
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.vpn.authority.model import CRL
+from atlantis_netcfg.vpn.identity import CertificateStatus
+from atlantis_netcfg.vpn.ledger.records import Published
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from cryptography import x509
 
 
 SLACK = timedelta(minutes=2)
@@ -175,3 +196,207 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
 
 def _text(values: dict[str, object]) -> bytes:
     return _WHAT + json.dumps(values, sort_keys=True, separators=(",", ":")).encode()
+
+
+SOON = timedelta(days=90)
+"""With less than this until its end, whoever asks for a new one gets it."""
+
+
+def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssued]:
+    """A key and a certificate as files, and their record."""
+    key = pki.new_key(KeyType.EC)
+    certificate = pki.new_server(
+        ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
+    )
+    record = ServerIssued(
+        common_name=names.common_name,
+        dns=names.dns,
+        addresses=names.addresses,
+        serial=certificate.serial_number,
+        sha256=pki.sha256(certificate),
+        not_before=certificate.not_valid_before_utc,
+        not_after=certificate.not_valid_after_utc,
+    )
+    written = {
+        model.SERVER_KEY: pki.key_pem(key).reveal().encode(),
+        model.SERVER_CERT: pki.cert_pem(certificate).encode(),
+    }
+    return written, record
+
+
+def names_of(record: ServerIssued) -> ServerNames:
+    """The names that it is issued for."""
+    return ServerNames(record.common_name, record.dns, record.addresses)
+
+
+def needs_another(record: ServerIssued | None, names: ServerNames, now: datetime) -> bool:
+    """Whether the one that is recorded is for other names, or ends soon."""
+    return record is None or names_of(record) != names or record.not_after - now < SOON
+
+
+def is_sound(folder: Path, record: ServerIssued) -> bool:
+    """Whether the files are the recorded certificate and its key: they are written one after the other."""
+    try:
+        certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
+        key = pki.load_key(Secret((folder / model.SERVER_KEY).read_text(encoding="ascii")))
+    except (FileNotFoundError, ValueError, pki.KeyDamaged):
+        return False
+    return pki.sha256(certificate) == record.sha256 and certificate.public_key() == key.public_key()
+
+
+@dataclass(frozen=True)
+class SigningSession:
+    """What a command that signs works with; one per command."""
+
+    folder: Path
+    ledger: LedgerSession
+    ca: pki.Ca
+
+    @cached_property
+    def ca_pem(self) -> str:
+        """The CA's certificate."""
+        return pki.cert_pem(self.ca.certificate)
+
+    def wrap_key(self, wrap: Wrap, common_name: str) -> Secret:
+        """Key of a member's control channel."""
+        if wrap is Wrap.TLS_CRYPT:
+            return self._shared
+        return pki.client_key(self._server, f"cn={common_name}".encode())
+
+    def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+        """Put a list in place that says what the record says, and what a list says that is taken over."""
+        return publish_crl(self.folder, self.ledger, self.ca, operation, also)
+
+    def serve(self, names: ServerNames) -> None:
+        """Make the server a new key and certificate."""
+        operation = new_operation()
+        written, record = new_server_certificate(self.ca, names, self.ledger.now())
+        self.ledger.write([Begun(command="serve"), record], operation)
+        with os_errors_as("the server's certificate cannot be written"):
+            for name, data in written.items():
+                write_atomically(self.folder / name, data)
+        self.ledger.write([Committed()], operation)
+
+    def recover(self, *, left: bool) -> None:
+        """Finish or withdraw what commands before this one left; `left`: the last one was killed.
+
+        What is wrong is found by looking, not by remembering: this may be killed as well.
+        """
+        with os_errors_as("the authority cannot be put in order"):
+            if left or self.ledger.state.open:
+                model.sweep(self.folder)
+            model.folders(self.folder)
+            for operation in tuple(self.ledger.state.open):
+                self.ledger.write([self._end(operation)], operation)
+            model.restore_copies(self.folder, self.ledger.state.issued.values())
+            of = self.ledger.state.server
+            whole = of is None or is_sound(self.folder, of)
+        if of is not None and not whole:
+            self.serve(names_of(of))
+        if is_crl_due(self.folder, self.ledger, self.ca):
+            self.publish(new_operation())
+
+    def _end(self, operation: str) -> Committed | RolledBack:
+        state = self.ledger.state
+        lost = tuple(name for name, of in state.pending.items() if of == operation)
+        whole = state.done[operation].issuperset(state.open[operation].names)
+        return Committed() if whole and not lost else RolledBack(common_names=lost)
+
+    @cached_property
+    def _server(self) -> Secret:
+        return self._secret(model.TLS_CRYPT_V2)
+
+    @cached_property
+    def _shared(self) -> Secret:
+        return self._secret(model.TLS_CRYPT)
+
+    def _secret(self, name: str) -> Secret:
+        with os_errors_as("a key of the server cannot be read"):
+            return Secret((self.folder / name).read_text(encoding="ascii"))
+
+
+BACKDATED = timedelta(days=1)
+"""A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
+
+
+FRESH = timedelta(days=60)
+"""A list with less than this until its `nextUpdate` is signed anew in passing: who works often never sees an alarm."""
+
+
+def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:
+    """What must be on the list."""
+    ours = (
+        pki.RevokedSerial(certificate.serial, certificate.revoked)
+        for _, certificate in state.membership().certificates()
+        if certificate.standing is CertificateStatus.REVOKED and certificate.revoked is not None
+    )
+    return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in state.taken.items())]
+
+
+def sign_crl(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
+    """A list with its record. Raises CrlRefused: never one that a server could not have now."""
+    back = max(now - BACKDATED, ca.certificate.not_valid_before_utc)
+    pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + BACKDATED.days)
+    facts = pki.check_crl(pem, ca.certificate, above=number - 1, now=now)
+    current = len(facts.serials)
+    return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=current)
+
+
+def publish_crl(
+    folder: Path, ledger_session: LedgerSession, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None
+) -> bytes:
+    """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
+    path, membership, now = folder / CRL, ledger_session.state.membership(), ledger_session.now()
+    before = [entry for entry in (_in_place(path, ca.certificate), also) if entry is not None]
+    above = max(membership.crl_number, *(crl_facts.number for crl_facts in before), 0)
+    lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked_serials(ledger_session.state)}
+    # What is on a list of before stays: a ledger from an older backup lets nobody back in.
+    kept = {serial: pki.RevokedSerial(serial, item.this_update) for item in before for serial in sorted(item.serials)}
+    pem, record = sign_crl(ca, (kept | lines).values(), above + 1, now)
+    ledger_session.write([record], operation)
+    with os_errors_as("the revocation list cannot be written"):
+        pki.publish(path, pem, ca.certificate, above=above, now=now)
+    return pem
+
+
+def is_crl_due(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> bool:
+    """Whether the list in place is not the one that the record asks for, or is getting old."""
+    membership, now = ledger_session.state.membership(), ledger_session.now()
+    try:
+        facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
+    except (OSError, pki.CrlRefused):
+        return True
+    serials = frozenset(revoked_serial.serial for revoked_serial in revoked_serials(ledger_session.state))
+    return facts.sha256 != membership.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
+
+
+def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: bytes) -> str | None:
+    """What a list that a server has says beyond the record, in words; None: nothing, or it is not of this CA."""
+    try:
+        there = pki.read_crl(pem, ca)
+    except pki.CrlRefused:
+        return None
+    membership, here = state.membership(), _in_place(folder / CRL, ca)
+    known = {revoked_serial.serial for revoked_serial in revoked_serials(state)} | (
+        here.serials if here is not None else frozenset()
+    )
+    lost = there.serials - known
+    if there.sha256 == membership.crl_sha256 or (there.number < membership.crl_number and not lost):
+        return None
+    good = sorted(certificate.common_name for _, certificate in membership.certificates() if certificate.serial in lost)
+    last = membership.crl_number
+    text = f"its list of revoked certificates is number {there.number}, and the record's last one is {last}"
+    if there.number == last:
+        text = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
+    more = [f"it revokes {', '.join(good)}"] if good else []
+    if strange := len(lost) - len(good):
+        more.append(f"it revokes {strange} that the record has never issued")
+    return "; ".join([text, *more])
+
+
+def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
+    """The list of ours that is there, also an expired one."""
+    try:
+        return pki.read_crl(path.read_bytes(), ca)
+    except (OSError, pki.CrlRefused):
+        return None

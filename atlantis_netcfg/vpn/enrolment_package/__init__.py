@@ -3,4 +3,347 @@
 The content is a pure function of the declaration, the identity and the contact: page, profile and test cannot disagree.
 It exists in memory only until it is sealed: no step writes a secret to a disk. The same package reads it back
 (`accept`), so that a declared host takes the same path as every partner.
+
+One sealed file for one member: pack it, seal it, open it, and take a declared host's identity out of it.
+
+The file is sealed for a key that its reader has, or with a passphrase that is told by telephone and stored nowhere. The
+archive inside has the same bytes for the same files, and nothing is taken from one that is not ours. It is a tar and
+not a zip, since a tar is unpacked as it comes out of `age --decrypt`: no key touches the disk on its way, and every
+unpacker keeps the mode of the files.
 """
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+import secrets
+import tarfile
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.journal import write_atomically
+from atlantis_netcfg.vpn import pki, routeros
+from atlantis_netcfg.vpn.enrolment_package import page as pages
+from atlantis_netcfg.vpn.enrolment_package.page import facts, program
+from atlantis_netcfg.vpn.enrolment_package.profile import (
+    NotAnIdentity,
+    identity_file,
+    is_declared,
+    profile,
+    read_identity,
+)
+from atlantis_netcfg.vpn.identity import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+    from ipaddress import IPv4Address
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.vpn.identity import Identity
+
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9.-]{0,79}/[A-Za-z0-9][A-Za-z0-9.-]{0,79}")
+_FILES, _BYTES = 20, 1024 * 1024
+_PRIVATE = 0o600
+
+
+class NotAHandOut(UsageError):
+    """A file that is no hand-out of ours, or a damaged one."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"this is no hand-out of the VPN: {what}", hint="ask the control centre for a new one")
+
+
+def pack(folder: str, files: Mapping[str, str], modified: int) -> bytes:
+    """A tar with one folder; `modified` is in seconds since 1970, for every file."""
+    packed = io.BytesIO()
+    with tarfile.open(fileobj=packed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        for name, text in files.items():
+            data = text.encode()
+            entry = tarfile.TarInfo(f"{folder}/{name}")
+            if _NAME.fullmatch(entry.name) is None:
+                raise ValueError(f"not a name for a hand-out: {entry.name!r}")
+            entry.size, entry.mtime, entry.mode = len(data), modified, _PRIVATE
+            archive.addfile(entry, io.BytesIO(data))
+    return packed.getvalue()
+
+
+def unpack(packed: bytes) -> dict[str, str]:
+    """Names and texts, in the archive's order, without the folder. Raises NotAHandOut; nothing is written anywhere."""
+    if len(packed) > _BYTES:
+        raise NotAHandOut(f"it is larger than {_BYTES} bytes")
+    try:
+        with tarfile.open(fileobj=io.BytesIO(packed), mode="r:") as archive:
+            return _texts(archive)
+    except (tarfile.TarError, UnicodeDecodeError, ValueError, OSError):
+        raise NotAHandOut("what it contains cannot be read") from None
+
+
+def _texts(archive: tarfile.TarFile) -> dict[str, str]:
+    found: dict[str, str] = {}
+    folders: set[str] = set()
+    for entry in archive:
+        folder, _, name = entry.name.partition("/")
+        taken = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
+        if taken is None or name in found or len(found) == _FILES:
+            raise NotAHandOut(f"it contains {entry.name!a}")
+        folders.add(folder)
+        found[name] = taken.read().decode()
+    if len(folders) != 1:
+        raise NotAHandOut("it is empty" if not folders else "it contains more than one folder")
+    return found
+
+
+_GROUPS, _DIGITS = 5, 5
+_SECRET_KEY = "AGE-SECRET-KEY-"  # noqa: S105 - how such a key begins
+
+
+@dataclass(frozen=True, slots=True)
+class Recipient:
+    """Whoever holds the key of this public one."""
+
+    public: str
+    """`age1…`, or the line of an `ssh-ed25519` or `ssh-rsa` key."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneTimePassphrase:
+    """Whoever is told the passphrase that is made for this one file."""
+
+
+Sealing = Recipient | OneTimePassphrase
+
+
+def seal(data: bytes, sealing: Sealing) -> tuple[bytes, Secret | None]:
+    """The sealed bytes, and the passphrase if there is one. Raises RecipientRefused."""
+    if isinstance(sealing, Recipient):
+        return pki.seal_for(data, sealing.public), None
+    passphrase = _passphrase()
+    return pki.seal(data, passphrase), passphrase
+
+
+def unseal(data: bytes, secret: Secret) -> bytes:
+    """What was sealed; `secret` is the passphrase, or an `AGE-SECRET-KEY-1…`. Raises WrongPassphrase, NotAHandOut."""
+    by_key = secret.reveal().strip().startswith(_SECRET_KEY)
+    try:
+        return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
+    except pki.SealDamaged:
+        raise NotAHandOut("it is not sealed, or was damaged on its way") from None
+    except pki.WrongPassphrase:
+        raise WrongKey(by_key=by_key) from None
+
+
+class WrongKey(UsageError):
+    """The file is whole as far as can be seen, and what was typed does not open it."""
+
+    def __init__(self, *, by_key: bool) -> None:
+        super().__init__(
+            "this key does not open the hand-out" if by_key else "this passphrase does not open the hand-out",
+            hint="use the key that the control centre was given"
+            if by_key
+            else f"it has {_GROUPS} groups of {_DIGITS} digits: ask the control centre to read it out again",
+        )
+
+
+def _passphrase() -> Secret:
+    """25 digits, 83 bits: digits are understood by telephone in every language of the partners."""
+    groups = (f"{secrets.randbelow(10**_DIGITS):0{_DIGITS}}" for _ in range(_GROUPS))
+    return Secret("-".join(groups))
+
+
+def _as_made(typed: Secret) -> Secret:
+    """Digits may be typed with spaces, without anything between them, or as they were shown."""
+    digits = re.sub(r"[\s-]", "", typed.reveal())
+    if not re.fullmatch(rf"[0-9]{{{_GROUPS * _DIGITS}}}", digits):
+        return typed
+    return Secret("-".join(digits[at : at + _DIGITS] for at in range(0, len(digits), _DIGITS)))
+
+
+_CONTACT_MAX = 200
+_WHAT = {
+    ".ovpn": "the profile, with the private key; for nobody else",
+    ".identity": "certificates and keys; for nobody else",
+    ".rsc": "what the router runs to take the profile",
+    "README.txt": "this page",
+    "README.html": "the same for a browser",
+    "restart.conf": "starts the tunnel again whatever ended it",
+    "self-test.py": "tells whether the device is in the VPN, and if not, why",
+    "self-test.json": "what the test compares with; no secret is in it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class HandOut:
+    """What leaves the control centre."""
+
+    file_name: str
+    data: bytes = field(repr=False)
+    passphrase: Secret | None
+    """To be shown once and told by telephone; None where the file is for somebody's key."""
+
+    @property
+    def sha256(self) -> str:
+        """Of the file, hex."""
+        return hashlib.sha256(self.data).hexdigest()
+
+
+def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, contact: str) -> HandOut:
+    """Seal a member's hand-out. `contact` is whom its owner calls; nothing is written to a disk.
+
+    Raises RecipientRefused for a key that is none, UsageError for a contact that does not fit on a line.
+    """
+    name = identity.certificate.common_name
+    files = contents(declaration, identity, contact=contact)
+    packed = pack(name, files, int(identity.certificate.not_before.timestamp()))
+    data, passphrase = seal(packed, sealing)
+    return HandOut(_file_name(identity), data, passphrase)
+
+
+def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
+    """The files of a hand-out, by name; `secret` is its passphrase, or the `AGE-SECRET-KEY-1…` that it is sealed for.
+
+    Raises WrongKey, NotAHandOut.
+    """
+    return unpack(unseal(data, secret))
+
+
+def contents(declaration: Declaration, identity: Identity, *, contact: str) -> dict[str, str]:
+    """The files of a hand-out before they are sealed, the one with the key first. They hold secrets."""
+    if not contact.strip() or not contact.isprintable() or len(contact) > _CONTACT_MAX:
+        raise UsageError(
+            f"whom a partner calls has to be one line of at most {_CONTACT_MAX} characters",
+            hint="for example a name, a telephone number and a mail address",
+        )
+    local = _key_files(declaration, identity)
+    lines = (*local, "README.txt", "README.html", *_beside(identity.member.kind))
+    view = pages.page_view(
+        declaration,
+        identity,
+        contact=contact.strip(),
+        sealed_file=_file_name(identity),
+        files=[(name, _what(name)) for name in lines],
+    )
+    page = pages.page(view)
+    made = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
+    if "restart.conf" in lines:
+        made["restart.conf"] = pages.restart(view)
+    if "self-test.py" in lines:
+        ovpn = f"{identity.member.name}.ovpn"
+        made["self-test.py"] = program()
+        made["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)
+    return made
+
+
+def _file_name(identity: Identity) -> str:
+    return f"{identity.certificate.common_name}.tar.age"
+
+
+def _key_files(declaration: Declaration, identity: Identity) -> Mapping[str, str]:
+    """The file with the key, and what a router runs to take it."""
+    name = identity.member.name
+    if is_declared(identity.member):
+        return {f"{name}.identity": identity_file(identity).reveal()}
+    if identity.member.kind is Kind.ROUTER:
+        ovpn = f"{name}.ovpn"
+        text = routeros.profile(declaration, identity).reveal()
+        return {ovpn: text, f"{name}.rsc": routeros.script(declaration, identity, ovpn)}
+    return {f"{name}.ovpn": profile(declaration, identity).reveal()}
+
+
+def _what(name: str) -> str:
+    return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
+
+
+def _beside(kind: Kind) -> tuple[str, ...]:
+    """What else is in the hand-out of such a member; on a router and a declared computer nothing of ours is tried."""
+    tests = ("self-test.py", "self-test.json")
+    return {Kind.ROBOT: ("restart.conf", *tests), Kind.LAPTOP: tests}.get(kind, ())
+
+
+_ENDING = ".identity"
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """What was taken."""
+
+    identity: Identity
+    path: Path
+    already: bool
+    """Whether the same was there before."""
+
+
+def host_identity(authority: Path, host: str) -> Path:
+    """Where the identity of a declared host is kept; its mode is 0600."""
+    return authority / "hosts" / f"{host}{_ENDING}"
+
+
+def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> Accepted:
+    """Open the hand-out of a declared host, check that it is of this declaration, and keep its identity.
+
+    Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError for a host that is not declared so, for an identity that
+    has expired, and for one that is older than what is there.
+    """
+    identity = _identity(open_handout(data, secret))
+    _check(declaration, identity, now)
+    path = host_identity(authority, identity.member.name)
+    already = _already(path, identity)
+    if not already:
+        for folder in (authority, path.parent):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        write_atomically(path, identity_file(identity).reveal().encode())
+    return Accepted(identity, path, already)
+
+
+def _identity(files: dict[str, str]) -> Identity:
+    found = [text for name, text in files.items() if name.endswith(_ENDING)]
+    if len(found) != 1:
+        raise NotAHandOut("it is for a partner's device, and not for a computer of the inventory")
+    return read_identity(found[0])
+
+
+def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
+    member, certificate = identity.member, identity.certificate
+    host = declaration.hosts.get(member.name)
+    if host is None or member.partner is not None:
+        raise UsageError(
+            f"the hand-out is for {member.name}, which is no host of this inventory",
+            hint="take the inventory of the pilot that it was made for",
+        )
+    if (declared := _tunnel_address(host)) != member.address:
+        raise UsageError(
+            f"the hand-out gives {member.name} the address {member.address}; the inventory declares {declared}",
+            hint="take the newest inventory, or ask for a new hand-out",
+        )
+    if now > certificate.not_after:
+        raise UsageError(
+            f"the certificate of {member.name} has expired on {certificate.not_after:%Y-%m-%d}",
+            hint="look at this computer's clock, or ask the control centre to renew it",
+        )
+
+
+def _tunnel_address(host: Host) -> IPv4Address | None:
+    """The address in the VPN that the inventory declares for a host."""
+    if isinstance(host.device, Router):
+        return host.device.vpn_client.address if host.device.vpn_client is not None else None
+    return getattr(host.device, "vpn_address", None)
+
+
+def _already(path: Path, identity: Identity) -> bool:
+    """Whether the same is there. Raises UsageError if what is there is newer; what cannot be read is replaced."""
+    try:
+        there = read_identity(path.read_text(encoding="utf-8")).certificate
+    except (FileNotFoundError, UnicodeDecodeError, NotAnIdentity):
+        return False
+    if there.not_before > identity.certificate.not_before:
+        raise UsageError(
+            f"a newer identity of {identity.member.name} is there already: {path}",
+            hint="use the newest hand-out; to go back to this one, move that file away first",
+        )
+    return there == identity.certificate

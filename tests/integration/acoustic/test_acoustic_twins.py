@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer, Judged
     from atlantis_netcfg.checklist.runner import OnAnswer
-    from atlantis_netcfg.checklist.runner._ears import Questions
+    from atlantis_netcfg.checklist.runner.results import Questions
     from atlantis_netcfg.declaration import Declaration
 
 Twin = RunningEvologics | RunningSeatrac

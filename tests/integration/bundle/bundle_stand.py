@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.requirements import HostRequirements, Key, PackageRequirement, Source, read_target
-from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:

@@ -12,8 +12,14 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, Library
-from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
-from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.interop import (
+    EXAMPLES,
+    LIBRARY,
+    GitServer,
+    InteropProjects,
+    make_interop,
+    serve_git,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import pytest
 from bundle_stand import HOST, KEYRING, Laptop, arm64, status
 
+from atlantis_netcfg.bundle.manifest import signed_by
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, Key
-from atlantis_netcfg.bundle.signing import signed_by
 from atlantis_netcfg.emulator.lab.stubs import publish
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.declaration import load

@@ -14,10 +14,10 @@ from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
 from atlantis_netcfg.checklist.runner.simulated._faults import ROUTER_FAULTS as OF_ROUTERS
-from atlantis_netcfg.cli import check
-from atlantis_netcfg.cli._parse import parse
+from atlantis_netcfg.cli import checklist
+from atlantis_netcfg.cli._arguments import parse
 from atlantis_netcfg.cli._session import session
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
 
@@ -39,7 +39,7 @@ Seen = dict[str, tuple[Verdict, tuple[tuple[Verdict, str], ...]]]
 def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
     """The routers as they are declared."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
-    arguments = parse(check.COMMAND, [f"site={SITE}", "--rehearse", "--json"])
+    arguments = parse(checklist.CHECK, [f"site={SITE}", "--rehearse", "--json"])
     with session(
         arguments,
         rehearse=True,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
-from atlantis_netcfg.emulator.routeros.wire.faults import Faults
+from atlantis_netcfg.emulator.routeros.wire.link import Faults
 from atlantis_netcfg.journal import Journal, RunStarted, Store
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
 from atlantis_netcfg.routeros.api import Session

@@ -11,8 +11,8 @@ from engine_bench import PASSWORD, TEXT, Bench, leases, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import User
 from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
+from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.menus import MENUS, Field
-from atlantis_netcfg.routeros.parsing import Examination
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

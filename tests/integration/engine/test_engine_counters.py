@@ -12,8 +12,8 @@ from atlantis_netcfg.emulator.routeros import Link
 from atlantis_netcfg.routeros import Status
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.counters import counting, looks, read_counts, seconds
 from atlantis_netcfg.routeros.estimate import Bearer, on_the_wire
+from atlantis_netcfg.routeros.observe import counting, looks, read_counts, seconds
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,9 +10,9 @@ import pytest
 from engine_bench import Bench, on
 
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.emulator.routeros.lte import SimState
+from atlantis_netcfg.emulator.routeros.core import SimState
 from atlantis_netcfg.journal import NoJournal
-from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
+from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros import DeviceResult, Mode, converge
 from atlantis_netcfg.routeros.apply import Patience
 

@@ -9,7 +9,7 @@ import pytest
 from engine_bench import Bench, on
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.routeros import Deviation, Execute, ModemSpec, WireBehaviour
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS

@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros.api import LoginRefused
 from atlantis_netcfg.routeros.apply._change import change as changing
 from atlantis_netcfg.routeros.apply._scripts import scripts as written
-from atlantis_netcfg.routeros.parsing import Examination
+from atlantis_netcfg.routeros.commands import Examination
 from bench import wire
 from bench.job import Scenario
 from bench.proxy import Count, Proxy, Shape

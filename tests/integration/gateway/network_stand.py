@@ -17,7 +17,7 @@ from gateway_stand import ROUTER, Key
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Gateway, GatewayNetwork, NetworkTool
 from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
-from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 from gateway_stand import ROUTER, Key, gateway_tree
 
 from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Source, read_target
 from atlantis_netcfg.bundle.requirements import Key as ArchiveKey
-from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
 
 if TYPE_CHECKING:

@@ -22,8 +22,14 @@ from cryptography.x509.oid import NameOID
 from gateway_role import ROOT, Stand
 from gateway_stand import ROUTER, ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
-from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.interop import (
+    EXAMPLES,
+    LIBRARY,
+    GitServer,
+    InteropProjects,
+    make_interop,
+    serve_git,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.emulator.lab import Lab
     from atlantis_netcfg.emulator.lab.stubs import Archive
-    from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer
+    from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
 TOKEN = "a-real-interop-token"

@@ -17,13 +17,12 @@ from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, te
 from gateway_suite import checked
 
 from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import read_target
-from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
-from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
-from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, make_interop
+from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities

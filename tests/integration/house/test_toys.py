@@ -117,7 +117,7 @@ import json
 from pathlib import Path
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.checklist.plan import plan
-from atlantis_netcfg.checklist.topology import drawing
+from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.gateway.dds import profile_views
 from atlantis_netcfg.operations.costs import link_of
@@ -173,10 +173,10 @@ from atlantis_netcfg.core.errors import ExitCode
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
 
-COMMAND = Command("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
+TIDE = Command("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
 
 
-def run(arguments: Arguments) -> ExitCode:
+def run_tide(arguments: Arguments) -> ExitCode:
     print(f"high water at {arguments.word('site')}")
     return ExitCode.DONE
 '''
@@ -184,8 +184,8 @@ def run(arguments: Arguments) -> ExitCode:
 
 def test_a_command_is_a_module_and_a_line(product: Copy) -> None:
     product.append("atlantis_netcfg/cli/tide.py", COMMAND)
-    last = '    "version": "atlantis_netcfg.cli.version",\n'
-    product.replace("atlantis_netcfg/cli/_commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide",\n{last}')
+    last = '    "version": "atlantis_netcfg.cli.help:version",\n'
+    product.replace("atlantis_netcfg/cli/_commands.py", last, f'    "tide": "atlantis_netcfg.cli.tide:tide",\n{last}')
 
     assert product.provision("tide", "site=scc") == "high water at scc\n"
     assert "say how high the water is" in product.provision("help")
@@ -257,8 +257,8 @@ class Interface:
         self.router = router
 
     def asks(self):
-        from atlantis_netcfg.bearers.query import Query
-        from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
+        from atlantis_netcfg.bearers.status import Query
+        from atlantis_netcfg.checklist.probes.step import RouterOsQuery
 
         query = Query("/interface/ethernet", "print", (), ("name",))
         return (RouterOsQuery("ports", self.router, query),)
@@ -273,6 +273,6 @@ class Interface:
 
 
 def test_a_probe_is_a_step_in_the_module_of_its_column(product: Copy) -> None:
-    product.append("atlantis_netcfg/checklist/probes/lte.py", PROBE)
+    product.append("atlantis_netcfg/checklist/probes/bearer_probe.py", PROBE)
 
     assert items(product, "site=te4sea")["te4sea/4g/port"] == "PASS"

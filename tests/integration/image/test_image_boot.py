@@ -24,10 +24,9 @@ from blocks_fake import Tree, loop
 from image_made import ROOT_AT, disk, run
 
 from atlantis_netcfg.image.blocks import admit
-from atlantis_netcfg.image.customise import customise
-from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
 from atlantis_netcfg.image.facts import ImageRequest, Static
-from atlantis_netcfg.image.layouts import LAYOUTS
+from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import expand, segments
 from atlantis_netcfg.image.writer import Card, write
 

@@ -17,8 +17,8 @@ from image_made import ROOT_AT, disk, tree
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.image.customise import customise
 from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.plan import customise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
-from atlantis_netcfg.image.customise import customise
-from atlantis_netcfg.image.ext4 import Ext4
+from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
 from atlantis_netcfg.image.facts import Edit, File, ImageRefused, ImageRequest, Remove, Static
-from atlantis_netcfg.image.layouts import LAYOUTS
+from atlantis_netcfg.image.plan import customise
 
 WISH = ImageRequest(
     host="coastal-gateway",

@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import Declaration, choose, load
 from atlantis_netcfg.emulator.routeros import Link, RunningSite
-from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.links.look import LinksStatus, look
-from atlantis_netcfg.operations.lte import is_unit
-from atlantis_netcfg.operations.lte.emulation import emulated_units
-from atlantis_netcfg.operations.lte.perform import perform as perform_lte
+from atlantis_netcfg.operations.lte import emulated_units
+from atlantis_netcfg.operations.lte import perform as perform_lte
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import with_other_ends

@@ -28,8 +28,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, cast
 
+from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros import SpawnedSite
-from atlantis_netcfg.emulator.routeros.wire import host
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 
 PRELOADED = (
     *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
-    *("atlantis_netcfg.cli._outcome", "atlantis_netcfg.cli._parse", "atlantis_netcfg.cli._playbook"),
-    *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.drift", "atlantis_netcfg.cli.run"),
+    *("atlantis_netcfg.cli._output", "atlantis_netcfg.cli._arguments", "atlantis_netcfg.cli._playbook"),
+    *("atlantis_netcfg.cli._session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
     *("atlantis_netcfg.operations.jobs", "atlantis_netcfg.operations.rehearsal", "atlantis_netcfg.operations.restore"),
-    *("atlantis_netcfg.operations.simcard", "atlantis_netcfg.operations.site", "atlantis_netcfg.operations.site_run"),
+    *("atlantis_netcfg.operations.terminals", "atlantis_netcfg.operations.site", "atlantis_netcfg.operations.site"),
     *("atlantis_netcfg.operations.vault", "atlantis_netcfg.report.drift", "atlantis_netcfg.routeros.fleet"),
     *("cryptography.hazmat.primitives.kdf.pbkdf2", "cryptography.x509", "jinja2.nativetypes", "jinja2.sandbox"),
     *("multiprocessing.queues", "multiprocessing.shared_memory", "multiprocessing.synchronize", "packaging.tags"),
@@ -110,7 +110,7 @@ def run(
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec`, as `emulator.routeros.spawn` does; they end when their standard input does."""
     file, log = state_dir / "site.json", state_dir / "twins.log"
-    host.write(file, spec.model_dump_json(indent=1).encode())
+    write_private(file, spec.model_dump_json(indent=1).encode())
     hearing, writing = os.pipe()
     reading, saying = os.pipe()
     with log.open("ab") as errors, os.fdopen(hearing, "rb"), os.fdopen(saying, "wb"):

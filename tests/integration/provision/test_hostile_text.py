@@ -276,7 +276,7 @@ def _typed(
     at: Quay, *words: str, passphrase: bool = False, codes: frozenset[int] | set[int] = CODES
 ) -> subprocess.CompletedProcess[str]:
     """Type it, however it ends: refused, drifted, planned, done, not known."""
-    command = load(choose(words, COMMANDS)[0], COMMANDS).COMMAND
+    command = load(choose(words, COMMANDS)[0], COMMANDS).command
     inventory = [f"inventory={at.inventory}"] if any(word.name == "inventory" for word in command.words) else []
     with over_a_pipe(PASSPHRASE) as number:
         signs = passphrase and any(flag.name == "passphrase-fd" for flag in command.flags)

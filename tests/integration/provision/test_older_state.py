@@ -15,7 +15,7 @@ from quay import CHECKOUT, ROUTER, quay
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.vpn.enrolment_package.package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_handout
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -28,8 +28,7 @@ from matrix_stand import (
     Vpn,
 )
 
-from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE
-from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
+from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -20,9 +20,8 @@ from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
-from atlantis_netcfg.vpn.firewall import TABLE
 from atlantis_netcfg.vpn.identity import CertificateStatus, Kind
-from atlantis_netcfg.vpn.policy import policy
+from atlantis_netcfg.vpn.policy import TABLE, policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

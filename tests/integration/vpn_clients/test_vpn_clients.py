@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from clients_stand import Office, Stand, Wanted, await_words, declared, device_of, made_stand
 
-from atlantis_netcfg.vpn.enrolment_package.package import contents
+from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import pytest
 from clients_stand import CLOSED_PORT, SILENT_PORT, Office, Stand, Wanted, await_words, declared, made_stand
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.enrolment_package.package import contents
+from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
 
 if TYPE_CHECKING:

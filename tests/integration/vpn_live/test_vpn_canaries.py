@@ -22,7 +22,7 @@ from vpn_desk import over_a_pipe
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
-from atlantis_netcfg.vpn.enrolment_package.package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.pki import key_pem
 
 if TYPE_CHECKING:

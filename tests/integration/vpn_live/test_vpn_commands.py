@@ -15,7 +15,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.enrolment_package.package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 
 if TYPE_CHECKING:

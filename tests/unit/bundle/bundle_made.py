@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import BundledLibrary, File, HostPart, Manifest, content_id
+from atlantis_netcfg.bundle.manifest import BundledLibrary, File, HostPart, Keys, Manifest, content_id
 from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
-from atlantis_netcfg.bundle.signing import Keys
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.signing import Signer
+    from atlantis_netcfg.bundle.manifest import Signer
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING
 import pytest
 from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signer
 
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
 from atlantis_netcfg.bundle.requirements import BundleRefused, PackageRequirement
-from atlantis_netcfg.bundle.signing import Keys
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from atlantis_netcfg.bundle.manifest import Signer
     from atlantis_netcfg.bundle.requirements import HostRequirements
-    from atlantis_netcfg.bundle.signing import Signer
 
 __all__ = ["folder", "keys", "signer"]
 CHRONY = "pool/chrony_3.5_arm64.deb"

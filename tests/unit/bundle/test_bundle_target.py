@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.requirements import BundleRefused, read_target
 from atlantis_netcfg.bundle.resolve import archive
-from atlantis_netcfg.bundle.signing import Keys
 
 if TYPE_CHECKING:
     from pathlib import Path

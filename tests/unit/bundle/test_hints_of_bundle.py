@@ -14,7 +14,7 @@ from hints_said import advised, said
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_messages, apt_run
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import Converge
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.bundle.signing import Keys
+from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.operations import bundle as bundling
 from atlantis_netcfg.operations.computers._watch import ComputerResult
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.bundle.signing import Signer
+    from atlantis_netcfg.bundle.manifest import Manifest, Signer
 
 __all__ = ["folder", "keys", "signer"]
 KEYS_OF = Keys.of

@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from atlantis_netcfg.checklist.probes.agent.queries import _frame, _nobody, _offer
+from atlantis_netcfg.checklist.probes.agent.main import _frame, _nobody, _offer
 
 MAC, NUMBER = b"\x02\x00\x5e\x00\x01\x10", b"\x01\x02\x03\x04"
 SERVER_MAC = b"\x02\x00\x5e\x00\x01\x01"

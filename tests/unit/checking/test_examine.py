@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist import Entry
 from atlantis_netcfg.checklist.probes import (
     SITE,
@@ -33,8 +33,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, Kind, Phase
 from atlantis_netcfg.checklist.runner import _run, examine, telling
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:

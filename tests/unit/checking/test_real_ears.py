@@ -29,7 +29,7 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.runner import NotReached, RealEars, _real, _way_in, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.allow_list_test.prove import Proof
 from atlantis_netcfg.operations.bearers import bearer_of

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Entry, Head, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, Kind, Phase, Row
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration
 
 if TYPE_CHECKING:

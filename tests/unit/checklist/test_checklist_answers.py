@@ -10,7 +10,7 @@ from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk,
 
 from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, Refused
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

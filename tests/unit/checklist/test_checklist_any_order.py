@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Confirmation, Refused, last_green, verify
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 DEEDS = st.tuples(
     st.sampled_from(["settle", "confirm", "override", "close"]), st.sampled_from(EVERY), st.sampled_from(list(Verdict))

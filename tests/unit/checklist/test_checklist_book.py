@@ -33,7 +33,7 @@ from PIL.PngImagePlugin import PngInfo
 from atlantis_netcfg.checklist import Confirmation, NotSigned, Refused, Scope, State, books, verify
 from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import JournalFailed, SiteBusy
 
 if TYPE_CHECKING:

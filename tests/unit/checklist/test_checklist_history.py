@@ -9,7 +9,7 @@ from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk,
 
 from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
 from atlantis_netcfg.checklist.report import Finding
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

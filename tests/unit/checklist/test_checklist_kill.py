@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from checklist_bench import FAILSAFE, NAME, WIFI, Desk, answer, pages
 
 from atlantis_netcfg.checklist import Confirmation, State, books, verify
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _key, books, verify, verify_report
-from atlantis_netcfg.checklist._canonical import canonical, parsed, written
-from atlantis_netcfg.checklist._key import Key
-from atlantis_netcfg.checklist._signing import digest, sealed
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _signing, books, verify, verify_report
+from atlantis_netcfg.checklist._signing import Key, canonical, digest, parsed, sealed, written
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import write_atomically
 
 if TYPE_CHECKING:
@@ -263,7 +261,7 @@ def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.
         write_atomically(scratch, data)
         write_atomically(path, (tmp_path / "other").read_bytes())
 
-    monkeypatch.setattr(_key, "write_atomically", outrun)
+    monkeypatch.setattr(_signing, "write_atomically", outrun)
     assert Key.made(path).fingerprint == other.fingerprint
     assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 

@@ -11,11 +11,9 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
 from atlantis_netcfg.checklist.report import Drawing, Item, Kind, Phase, Row
-from atlantis_netcfg.cli._checking.desk import Prompt
-from atlantis_netcfg.cli._checking.flow import CheckWorkflow, shown
-from atlantis_netcfg.cli._checking.listening import Listening
+from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, shown
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
-from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.checklist.runner import OnAnswer
-    from atlantis_netcfg.cli._checking.price import Price
+    from atlantis_netcfg.cli._checklist_workflow import Price
     from atlantis_netcfg.declaration import Declaration
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)

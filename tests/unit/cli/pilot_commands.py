@@ -42,11 +42,11 @@ class Table(dict[str, str]):
         super().__init__()
         self.runs: list[Arguments] = []
         for command in (RUN, SHOW, ONBOARD):
-            name = f"stand_in_for_{command.name.replace(' ', '_')}"
-            module = ModuleType(name)
-            vars(module).update(COMMAND=command, run=self._recorded(act))
-            monkeypatch.setitem(sys.modules, name, module)
-            self[command.name] = name
+            entry = command.name.replace(" ", "_")
+            module = ModuleType(f"stand_in_for_{entry}")
+            vars(module).update({entry.upper(): command, f"run_{entry}": self._recorded(act)})
+            monkeypatch.setitem(sys.modules, module.__name__, module)
+            self[command.name] = f"{module.__name__}:{entry}"
 
     def _recorded(self, act: Callable[[Arguments], ExitCode]) -> Callable[[Arguments], ExitCode]:
         def run(arguments: Arguments) -> ExitCode:

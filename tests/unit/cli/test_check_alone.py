@@ -9,7 +9,7 @@ from check_desk import LAMP, PING, RADIO, Sitting, checklist
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist import Answers
-from atlantis_netcfg.cli._checking.price import Price
+from atlantis_netcfg.cli._checklist_workflow import Price
 
 if TYPE_CHECKING:
     from collections.abc import Callable

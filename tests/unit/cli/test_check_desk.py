@@ -9,9 +9,8 @@ from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.cli._checking.desk import Prompt, PromptAborted
-from atlantis_netcfg.cli._checking.price import Price
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path

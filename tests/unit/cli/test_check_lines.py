@@ -10,7 +10,7 @@ import pytest
 from atlantis_netcfg.checklist.probes.registry import TITLES
 from atlantis_netcfg.checklist.report import Phase
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.check import COMMAND
+from atlantis_netcfg.cli.checklist import CHECK
 
 GOLDEN = Path(__file__).with_name("golden") / "check.txt"
 CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-8").strip().split("\n\n")]
@@ -30,7 +30,7 @@ def test_what_is_said_about_a_mistake(
 
 
 def test_the_words_are_those_of_the_list() -> None:
-    endpoint, phase = COMMAND.word("endpoint"), COMMAND.word("phase")
+    endpoint, phase = CHECK.word("endpoint"), CHECK.word("phase")
     assert endpoint is not None
     assert phase is not None
     assert endpoint.choices == tuple(map(str, TITLES))

@@ -13,15 +13,12 @@ from check_desk import pilot
 
 from atlantis_netcfg.checklist import plan, report
 from atlantis_netcfg.checklist.report import Document
-from atlantis_netcfg.checklist.runner.no_result import unanswered
-from atlantis_netcfg.cli import _session, main
-from atlantis_netcfg.cli._checking import sitting
-from atlantis_netcfg.cli._checking.desk import Prompt
-from atlantis_netcfg.cli._checking.listening import Listening
-from atlantis_netcfg.cli._checking.price import price_of
-from atlantis_netcfg.cli._checking.sitting import Stopped, run_check
-from atlantis_netcfg.cli._parse import parse
-from atlantis_netcfg.cli.check import COMMAND
+from atlantis_netcfg.checklist.runner.results import unanswered
+from atlantis_netcfg.cli import _checklist_session, _session, main
+from atlantis_netcfg.cli._arguments import parse
+from atlantis_netcfg.cli._checklist_session import Stopped, run_check
+from atlantis_netcfg.cli._checklist_workflow import Listening, Prompt, price_of
+from atlantis_netcfg.cli.checklist import CHECK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -84,7 +81,7 @@ def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", nothing)
     monkeypatch.setattr(_session, "load", lambda *_, **__: pilot())
-    monkeypatch.setattr(sitting, "listening", nobody)
+    monkeypatch.setattr(_checklist_session, "listening", nobody)
     monkeypatch.setattr(report, "pages", lambda _document, _files: {"report.html": b"<p>page</p>"}, raising=False)
     return there
 
@@ -109,7 +106,7 @@ def at_desk(*typed: str, words: Sequence[str] = ROV) -> tuple[int, str]:
             raise KeyboardInterrupt
         return answer
 
-    code = run_check(parse(COMMAND, words), Prompt(ask, said.append))
+    code = run_check(parse(CHECK, words), Prompt(ask, said.append))
     assert rest == []
     return int(code), "\n".join(said)
 
@@ -222,7 +219,7 @@ def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
     ]
     for words, rehearsed, due in rows:
         opened = SimpleNamespace(
-            declaration=pilot(), site="coastal", rehearsed=rehearsed, arguments=parse(COMMAND, words)
+            declaration=pilot(), site="coastal", rehearsed=rehearsed, arguments=parse(CHECK, words)
         )
         price = price_of(cast("Session", opened), entry)
         assert price is not None

@@ -15,7 +15,7 @@ import pytest
 from pilot_commands import Table, done
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._progress import progress
+from atlantis_netcfg.cli._output import progress
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 
@@ -192,7 +192,7 @@ def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> 
             return True
 
     terminal, clock = Terminal(), iter(range(0, 10_000, 7))
-    monkeypatch.setattr("atlantis_netcfg.cli._progress.time.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("atlantis_netcfg.cli._output.time.monotonic", lambda: float(next(clock)))
     with progress(quiet=False, out=terminal) as notify:
         notify(Event("quay", Stage.CONNECTING, "to it"))
     assert re.search(r"quay +connecting  to it  \(\d+ s\)", terminal.getvalue())

@@ -23,7 +23,7 @@ def test_the_overview_names_every_command_and_exit_code(capsys: pytest.CaptureFi
     assert main(["--help"]) == ExitCode.DONE
     said = capsys.readouterr().out
     for name in COMMANDS:
-        assert re.search(rf"^  {name} +{re.escape(load(name, COMMANDS).COMMAND.summary)}$", said, re.MULTILINE)
+        assert re.search(rf"^  {name} +{re.escape(load(name, COMMANDS).command.summary)}$", said, re.MULTILINE)
     for code in ExitCode:
         assert f"  {int(code)}  {MEANING[code]}" in said
     assert main(["help"]) == ExitCode.DONE
@@ -32,9 +32,9 @@ def test_the_overview_names_every_command_and_exit_code(capsys: pytest.CaptureFi
 
 def test_every_module_of_a_command_is_in_the_table() -> None:
     modules = {path.stem for path in Path(cli.__file__).parent.glob("[a-z]*.py")}
-    assert {module.rpartition(".")[2] for module in COMMANDS.values()} == modules
+    assert {row.partition(":")[0].rpartition(".")[2] for row in COMMANDS.values()} == modules
     for name in COMMANDS:
-        assert load(name, COMMANDS).COMMAND.name == name
+        assert load(name, COMMANDS).command.name == name
 
 
 def test_the_help_of_a_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,9 +12,8 @@ import pytest
 from check_desk import RADIO, Sitting
 from hints_said import advised, said
 
-from atlantis_netcfg.checklist._canonical import written
-from atlantis_netcfg.cli import _commands, _session, main
-from atlantis_netcfg.cli._checking import sitting
+from atlantis_netcfg.checklist._signing import written
+from atlantis_netcfg.cli import _checklist_session, _commands, _session, main
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 ROOT = checkout() / "inventory"
-CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).COMMAND.changes]
+CHANGING = [name for name in COMMANDS if _commands.load(name, COMMANDS).command.changes]
 
 
 class Place:
@@ -52,7 +51,7 @@ def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     shipped = load(ROOT)
     real = replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
     monkeypatch.setattr(_session, "load", lambda *_, **__: real)
-    monkeypatch.setattr(sitting, "_look", lambda *_: None)
+    monkeypatch.setattr(_checklist_session, "_look", lambda *_: None)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     return Place(tmp_path, capsys, monkeypatch)
 
@@ -113,7 +112,7 @@ def stopped_at_the_end(at: Place) -> str:
     with Store(at.state).start(started):
         pass
     with at.monkeypatch.context() as patch:
-        patch.setattr("atlantis_netcfg.cli.run.run", stop)
+        patch.setattr("atlantis_netcfg.cli.runs.run_site", stop)
         return at.type("site=coastal", code=5)
 
 
@@ -169,7 +168,7 @@ def test_what_is_advised_is_typed(name: str, at: Place) -> None:
 def test_canaries_of_a_satellite_are_tried_by_a_person(at: Place) -> None:
     hint = "remove `canaries:`; `provision prove site={}` tries the satellite when a person asks for it"
     (words,) = advised(said(a_satellite_with_canaries(at), hint))
-    at.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", _tried(at))
+    at.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", _tried(at))
     at.type(*words, code=7)
     assert at.tried == ["coastal-router"]
 
@@ -222,18 +221,18 @@ def _no_twins(*_: object) -> Iterator[object]:
 @pytest.mark.parametrize("name", CHANGING)
 def test_what_is_said_after_a_stop_is_no_resume_that_knows_of_nothing(name: str) -> None:
     """A command that is no run of the engine goes on when it is typed again; `resume` would refuse it."""
-    command = _commands.load(name, COMMANDS).COMMAND
+    command = _commands.load(name, COMMANDS).command
     assert command.plays != command.again.replace("what was recorded stands: ", "").startswith("type the same again")
     assert "resume" not in command.again
 
 
-@pytest.mark.parametrize("name", [name for name in CHANGING if not _commands.load(name, COMMANDS).COMMAND.plays])
+@pytest.mark.parametrize("name", [name for name in CHANGING if not _commands.load(name, COMMANDS).command.plays])
 def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    at.monkeypatch.setattr(f"{COMMANDS[name]}.run", stop)
-    words = _commands.load(name, COMMANDS).COMMAND.words
+    at.monkeypatch.setattr(COMMANDS[name].replace(":", ".run_"), stop)
+    words = _commands.load(name, COMMANDS).command.words
     printed = at.type(*name.split(), *(word.typed for word in words if word.required), code=5)
     assert "type the same again" in printed
     assert not any("resume" in words for words in advised(printed))

@@ -14,8 +14,8 @@ import pytest
 from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
-from atlantis_netcfg.cli import image, main
-from atlantis_netcfg.cli._progress import progress
+from atlantis_netcfg.cli import main, media
+from atlantis_netcfg.cli._output import progress
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage
@@ -86,7 +86,7 @@ def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("builtins.input", partial(_noted, asked))
     monkeypatch.setattr("sys.stdin", Screen())
     card: Any = SimpleNamespace(shown=SimpleNamespace(serial=HOSTILE, proof=HOSTILE))
-    assert image._typed(card) == "no"
+    assert media._typed(card) == "no"
     assert "evil" in asked[0]
     assert control_characters(asked[0]) == []
 

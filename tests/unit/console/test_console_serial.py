@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from desk import Desk, DeskLine
 
-from atlantis_netcfg.console.serial_line import open_serial
+from atlantis_netcfg.console.terminal import open_serial
 from atlantis_netcfg.console.types import ConsoleUnreachable, LoginFailed
 from atlantis_netcfg.core.secret import Secret
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.steps import CLEARED
-from atlantis_netcfg.bootstrap.target import Facts, Target
+from atlantis_netcfg.bootstrap.steps import CLEARED, Facts, Target
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse

@@ -8,9 +8,7 @@ from datetime import UTC, datetime
 import pytest
 from found import DEFAULTS, NOW, WISH, adopted, facts
 
-from atlantis_netcfg.bootstrap.classify import foreign, recognise
-from atlantis_netcfg.bootstrap.steps import CLEARED, clear, close_door, prepare
-from atlantis_netcfg.bootstrap.target import DeviceState
+from atlantis_netcfg.bootstrap.steps import CLEARED, DeviceState, clear, close_door, foreign, prepare, recognise
 from atlantis_netcfg.core.versions import Version
 
 ALTERNATIVES = "subject-alt-name=IP:10.64.101.1,DNS:coastal-router"

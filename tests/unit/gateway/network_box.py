@@ -18,7 +18,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import DesiredNetwork
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import Computer, Done
-from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -13,8 +13,14 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_git import Git, configure, keep
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.emulator.lab.stubs.git_server import GitServer, serve_git
-from atlantis_netcfg.emulator.lab.stubs.interop import LIBRARY, MESSAGES, InteropProjects, make_interop
+from atlantis_netcfg.emulator.lab.stubs.interop import (
+    LIBRARY,
+    MESSAGES,
+    GitServer,
+    InteropProjects,
+    make_interop,
+    serve_git,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,7 +10,7 @@ from network_pilots import coast
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
 from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.gateway.parts import gateway_network
 from atlantis_netcfg.image.facts import File, ImageFacts
 from atlantis_netcfg.image.plan import plan
 from atlantis_netcfg.operations.image import wish_of

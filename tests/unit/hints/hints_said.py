@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.cli._arguments import parse
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
-from atlantis_netcfg.cli._parse import parse
 from atlantis_netcfg.core.errors import NetcfgError
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def untypeable(hint: Hint) -> list[str]:
         try:
             name, rest = choose(words, COMMANDS)
             if "--help" not in rest:
-                parse(load(name, COMMANDS).COMMAND, rest)
+                parse(load(name, COMMANDS).command, rest)
         except NetcfgError as error:
             wrong += [str(one) for one in getattr(error, "errors", (error,))]
     return wrong

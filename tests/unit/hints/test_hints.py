@@ -12,15 +12,15 @@ ENTRIES = register()
 NOT_TYPED = 0
 """So many hints are typed by no test yet. It may only fall."""
 OF_RUNS = (
-    "cli/resume.py",
     "cli/runs.py",
-    "cli/drift.py",
-    "cli/rollback.py",
-    "cli/restore.py",
-    "cli/backup.py",
+    "cli/runs.py",
+    "cli/devices.py",
+    "cli/runs.py",
+    "cli/devices.py",
+    "cli/devices.py",
     "journal/runs.py",
     "operations/restore.py",
-    "routeros/apply/_claim.py",
+    "routeros/apply/_state.py",
     "routeros/apply/_settle.py",
 )
 """Whoever reads these has a device that is open: none of them may be left untyped."""
@@ -75,4 +75,4 @@ Word("site", "as `provision runs` lists it")
 '''
     assert list(_texts(ast.parse(source))) == ["{}: `provision resume site={}` run=1"]
     takes_over = "; if that run has died, take over: provision resume site={} run={}"
-    assert Hint("routeros/apply/_claim.py", takes_over) in hints()
+    assert Hint("routeros/apply/_state.py", takes_over) in hints()

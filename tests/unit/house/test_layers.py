@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
+from graphlib import TopologicalSorter
+from itertools import chain
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
@@ -52,3 +54,36 @@ def test_imports_go_down_only() -> None:
         if inside in depth and depth[inside] >= depth[part]
     ]
     assert upward == []
+
+
+def graph() -> dict[str, set[str]]:
+    """Each module and the modules that it imports at its top, those that only types need included."""
+    files = {path: _dotted(path) for path in PACKAGE.rglob("*.py")}
+    found: dict[str, set[str]] = {name: set() for name in files.values()}
+    for path, name in files.items():
+        body = ast.parse(path.read_text()).body
+        inner = chain.from_iterable(node.body for node in body if isinstance(node, ast.If))
+        for node in chain(body, inner):
+            if isinstance(node, ast.ImportFrom):
+                module = _absolute(node, path)
+                names = (f"{module}.{alias.name}" for alias in node.names)
+                found[name] |= {each if each in found else module for each in names} & found.keys() - {name}
+    return found
+
+
+def _dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _absolute(node: ast.ImportFrom, path: Path) -> str:
+    if not node.level:
+        name = node.module or ""
+        return f"atlantis_netcfg.{name}" if name.startswith("ansible_collections.atlantis.") else name
+    package = path.relative_to(ROOT).parts[: -node.level]
+    return ".".join([*package, *([node.module] if node.module else [])])
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    found = graph()
+    assert sum(map(len, found.values())) > 2 * len(found)
+    TopologicalSorter(found).prepare()  # CycleError names the circle

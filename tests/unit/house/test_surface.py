@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ast
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
 
-from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli._commands import COMMANDS, load
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def keys() -> set[str]:
 
 @pytest.mark.parametrize("name", BEFORE["commands"])
 def test_a_command_takes_what_it_took(name: str) -> None:
-    command = import_module(COMMANDS[name]).COMMAND
+    command = load(name, COMMANDS).command
     taken = {f"{word.name}=" for word in command.words} | {f"--{flag.name}" for flag in command.flags}
     assert set(BEFORE["commands"][name].split()) <= taken
 

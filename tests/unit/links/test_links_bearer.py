@@ -11,7 +11,7 @@ import yaml
 
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState
 from atlantis_netcfg.bearers.policy import Route
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, RouterReading
 from atlantis_netcfg.operations.links.status import BoxesStatus, Seen, Silent, bearer_status, ranked, twice
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.bundle.signing import Keys, signed_by
+from atlantis_netcfg.bundle.manifest import Keys, signed_by
 from atlantis_netcfg.emulator.lab.stubs.archive import publish
 
 GPG = """\

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 PROGRAM = """
 import json, sys
-from atlantis_netcfg.operations.ansible_settings import import_ansible
+from atlantis_netcfg.operations.vault import import_ansible
 import_ansible()
 import ansible.executor.playbook_executor
 left_out = "paramiko" not in sys.modules

@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch
 from atlantis_netcfg.operations.computers.parts import PARTS, fetching, narrowed, perform
 from atlantis_netcfg.operations.request import Mode, Request, StandIns, Target
-from atlantis_netcfg.operations.site_run import RunName, SiteRun
+from atlantis_netcfg.operations.site import RunName, SiteRun
 from atlantis_netcfg.report.drift import drift_lines
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from atlantis_netcfg.operations import Request, Target
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.operations.simcard import PinRecorder, TriedPin
+from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 BOX = DECLARATION.hosts["coastal-4g"]

@@ -19,7 +19,7 @@ from atlantis_netcfg.journal import (
     Store,
 )
 from atlantis_netcfg.operations import Mode, Request
-from atlantis_netcfg.operations.unreported import other_ends, without_result
+from atlantis_netcfg.operations.play_control import other_ends, without_result
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration

@@ -15,13 +15,13 @@ from test_proving import ADDED, SATELLITE, prove, proving
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
-from atlantis_netcfg.checklist.probes.results import AllowListTestResult
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
-from atlantis_netcfg.cli import _outcome
+from atlantis_netcfg.checklist.probes.step import AllowListTestResult
+from atlantis_netcfg.cli import _output
 from atlantis_netcfg.console.ssh import PinnedKey
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.core.verdicts import Verdict
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.terminals import look
@@ -60,9 +60,9 @@ def reached(laptop: Laptop) -> list[str]:
         seen.append("trust")
         raise NothingBehindIt("it would be shown")
 
-    laptop.monkeypatch.setattr("atlantis_netcfg.cli.trust._trust_device", trust)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._trust_device", trust)
     laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    laptop.monkeypatch.setattr("atlantis_netcfg.cli.prove._prove", proof)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", proof)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     return seen
 
@@ -71,7 +71,7 @@ def of_an_error(typed: tuple[str, ...], act: Callable[[], object]) -> str:
     """The hint of an error as the last door tells it, after what was typed."""
     with pytest.raises(NetcfgError) as told:
         act()
-    return _outcome.as_typed(str(told.value.hint), typed)
+    return _output.as_typed(str(told.value.hint), typed)
 
 
 def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the evidence

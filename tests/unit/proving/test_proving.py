@@ -13,7 +13,7 @@ from proving_router import Fake
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.satellite import Expected, Outcome, Probe
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks

@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.report import (
     Signature,
     SinceGreen,
 )
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 AT = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
 COLUMNS = ("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps")

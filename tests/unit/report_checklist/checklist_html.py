@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report._xml import clean
+from atlantis_netcfg.report.junit import clean
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Document

@@ -25,7 +25,7 @@ from atlantis_netcfg.checklist.report import (
     Row,
     SinceGreen,
 )
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,12 +14,12 @@ from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
 from atlantis_netcfg.checklist.report import Document, Finding, lines
-from atlantis_netcfg.checklist.report._grid import grid
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._shapes import grid
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.core.verdicts import Verdict
 
 CONTROLS = frozenset({"Cc", "Cf", "Zl", "Zp"})
 

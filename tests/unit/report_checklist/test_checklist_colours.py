@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.checklist.report._colours import DARK, TINTS, Tint
-from atlantis_netcfg.checklist.report._states import ASCII, SYMBOLS, State
+from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, State, Tint
 
 PAGES = {"light": (TINTS, "#ffffff"), "dark": (DARK, "#12181f")}
 CASES = [

@@ -15,9 +15,9 @@ from checklist_strategies import DRAWINGS, hostile
 from hypothesis import given, settings
 
 from atlantis_netcfg.checklist import plan
+from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
 from atlantis_netcfg.checklist.report._svg import described, layout
-from atlantis_netcfg.checklist.topology import drawing
 from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:

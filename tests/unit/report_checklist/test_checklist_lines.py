@@ -9,7 +9,7 @@ import checklist_example as made
 import pytest
 
 from atlantis_netcfg.checklist.report import Document, LeftOut, Row, lines
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 GOLDEN = Path(__file__).with_name("golden")
 

@@ -13,7 +13,7 @@ from checklist_html import Page, holds, parsed, safe
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Row, lines
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 
 @pytest.fixture(scope="module")

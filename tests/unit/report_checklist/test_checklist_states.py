@@ -12,9 +12,9 @@ from checklist_html import parsed
 from atlantis_netcfg.checklist.report import Item, Kind, Override, lines
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
-from atlantis_netcfg.checklist.report._states import ASCII, GREEN, SYMBOLS, State, state, worst_state
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, State, state, worst_state
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 OVERRIDE = Override(reason="the crew stands beside it", by="B. Captain", at=made.AT)
 NAMES = {

@@ -11,7 +11,7 @@ from scripted import Scripted
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
-from atlantis_netcfg.routeros.apply.leftovers import look
+from atlantis_netcfg.routeros.apply._work import look
 from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
 
 if TYPE_CHECKING:

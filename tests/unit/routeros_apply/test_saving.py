@@ -9,7 +9,7 @@ from scripted import Scripted
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api import Command, Reply, Trap
-from atlantis_netcfg.routeros.apply._saving import fetch, saved
+from atlantis_netcfg.routeros.apply._state import fetch, saved
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter
 
 EXPORT = "# 2026-01-01 08:00:00 by RouterOS 7.18.2\n# software id = X\n/ip pool\nadd name=lan\n"

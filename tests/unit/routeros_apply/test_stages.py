@@ -6,7 +6,7 @@ import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
 from atlantis_netcfg.routeros.apply._protection import Protection
-from atlantis_netcfg.routeros.apply._stages import Stages, cut
+from atlantis_netcfg.routeros.apply._work import Stages, cut
 
 BUDGET = 10
 

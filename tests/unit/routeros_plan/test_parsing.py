@@ -8,16 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.emulator.routeros.console._parse import Parser
-from atlantis_netcfg.emulator.routeros.console._statements import Each, Parse, Put
-from atlantis_netcfg.emulator.routeros.console._text import Text
+from atlantis_netcfg.emulator.routeros.console._parse import Each, Parse, Parser, Put, Text
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.api import Reply, Trap
+from atlantis_netcfg.routeros.commands import ENUMERATIONS, ROOM, Examination, script
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.routeros.parsing import ENUMERATIONS, ROOM, Examination, script
 from atlantis_netcfg.rsc import unquote
 
 CORE = Device(RouterSpec(name="router"), lambda: 1000.0)._core

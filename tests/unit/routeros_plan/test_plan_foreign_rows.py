@@ -9,8 +9,8 @@ from plan_world import observed
 
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Observed, Row
 from atlantis_netcfg.routeros.apply._protection import Protection
-from atlantis_netcfg.routeros.apply._stages import cut
 from atlantis_netcfg.routeros.apply._state import digest
+from atlantis_netcfg.routeros.apply._work import cut
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.estimate import BUDGET, Bearer, estimate
 from atlantis_netcfg.routeros.guard import ManagementPath, objections

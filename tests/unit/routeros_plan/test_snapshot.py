@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from plan_world import observed
 
+from atlantis_netcfg.operations.restore import for_replacement
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.desired import Desired, read
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan
-from atlantis_netcfg.routeros.rma import for_replacement
 
 GOLDEN = Path(__file__).parent / "golden"
 

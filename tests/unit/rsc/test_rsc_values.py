@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from rsc_strategies import values
 
 from atlantis_netcfg.rsc import quote, unquote
-from atlantis_netcfg.rsc._values import ValueTextError
+from atlantis_netcfg.rsc._print import ValueTextError
 
 PRINTED = [
     ("", '""'),

@@ -18,7 +18,7 @@ from atlantis_netcfg.bearers.satellite import (
     judge_factory_address,
     judge_names,
 )
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 VPN = NamedTarget("VPN server", "vpn.example.org", "203.0.113.2", "pilot.vpn in group_vars/all/pilot.yml")
 

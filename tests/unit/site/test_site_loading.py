@@ -10,7 +10,7 @@ import pytest
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.declaration import Declaration, InventoryInvalid, choose, load, report, validate
 from atlantis_netcfg.declaration.model import Cpe, Router
-from atlantis_netcfg.declaration.rules import clock
+from atlantis_netcfg.declaration.rules import management
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
@@ -249,5 +249,5 @@ class TestChoose:
 def test_a_machine_without_time_zones_cannot_tell(inventory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edit(inventory / "group_vars/all/pilot.yml", "Europe/Lisbon", "Europe/Viana")
     assert len(validate(inventory)) == 1
-    monkeypatch.setattr(clock, "available_timezones", set)
+    monkeypatch.setattr(management, "available_timezones", set)
     assert validate(inventory) == []

@@ -8,9 +8,17 @@ import pytest
 from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import Called, Environment, Load, Validity
-from atlantis_netcfg.emulator.routeros.environment._spec import move
-from atlantis_netcfg.emulator.routeros.spec import RouterSpec, SiteSpec, TwinSpec, User
+from atlantis_netcfg.emulator.routeros.environment import move
+from atlantis_netcfg.emulator.routeros.spec import (
+    Called,
+    Environment,
+    Load,
+    RouterSpec,
+    SiteSpec,
+    TwinSpec,
+    User,
+    Validity,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.checklist.probes.allowed import PROGRAMS, allowed
-from atlantis_netcfg.checklist.probes.iw import (
+from atlantis_netcfg.checklist.probes.registry import PROGRAMS, allowed
+from atlantis_netcfg.checklist.probes.wifi import (
     Link,
     Station,
     read_link,

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.lte import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
+from atlantis_netcfg.emulator.routeros.spec import CellSpec, ModemSpec, RouterSpec, SimSpec, User
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading

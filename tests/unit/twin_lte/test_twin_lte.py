@@ -6,7 +6,7 @@ from lte_bench import Box
 
 from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.lte._modem import refit
+from atlantis_netcfg.emulator.routeros.modem import refit
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 

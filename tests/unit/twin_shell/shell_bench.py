@@ -6,7 +6,7 @@ import asyncio
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
-from atlantis_netcfg.emulator.routeros.shell.flags import split_login
+from atlantis_netcfg.emulator.routeros.shell.keys import split_login
 from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
 
 if TYPE_CHECKING:

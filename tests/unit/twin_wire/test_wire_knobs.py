@@ -4,9 +4,7 @@ import pytest
 
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.emulator.routeros import Counters, Fault, FaultKind, WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.faults import Faults
-from atlantis_netcfg.emulator.routeros.wire.knobs import Pace
-from atlantis_netcfg.emulator.routeros.wire.tally import masked
+from atlantis_netcfg.emulator.routeros.wire.link import Faults, Pace, masked
 
 
 def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:

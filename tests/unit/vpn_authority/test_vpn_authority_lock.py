@@ -10,9 +10,8 @@ import pytest
 from authority_stand import stand
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.vpn.authority import files
-from atlantis_netcfg.vpn.authority.files import Lock, is_held
-from atlantis_netcfg.vpn.authority.model import AuthorityBusy
+from atlantis_netcfg.vpn.authority import model
+from atlantis_netcfg.vpn.authority.model import AuthorityBusy, Lock, is_held
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
 def test_who_holds_it_is_named_and_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = stand(tmp_path)
-    monkeypatch.setattr(files, "PATIENCE_S", 0.12)
+    monkeypatch.setattr(model, "PATIENCE_S", 0.12)
     told: list[str] = []
     with Lock(made.folder, "ana"):
         assert is_held(made.folder)
@@ -65,7 +64,7 @@ def test_a_full_disk_does_not_make_it_weaker(tmp_path: Path, monkeypatch: pytest
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "pwrite", full)
-    monkeypatch.setattr(files, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(model, "PATIENCE_S", 0.0)
     refused = pytest.raises(AuthorityBusy, match="somebody who has just started")
     with Lock(made.folder, "ana"), refused, Lock(made.folder, "rui"):
         pass

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
-from atlantis_netcfg.vpn.enrolment_package.package import open_handout
+from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.vpn.enrolment_package.package import contents
-from atlantis_netcfg.vpn.enrolment_package.reachability import reach
+from atlantis_netcfg.vpn.enrolment_package import contents
+from atlantis_netcfg.vpn.enrolment_package.page import reach
 from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 

@@ -20,9 +20,9 @@ from handout_mint import Wanted, identity
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.vpn import enrolment_package as handouts
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.enrolment_package import package as handouts
-from atlantis_netcfg.vpn.enrolment_package.package import (
+from atlantis_netcfg.vpn.enrolment_package import (
     NotAHandOut,
     OneTimePassphrase,
     Recipient,

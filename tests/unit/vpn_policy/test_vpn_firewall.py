@@ -16,9 +16,8 @@ from nft_walk import Packet, parse
 from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 
 from atlantis_netcfg.declaration.model import VpnService
-from atlantis_netcfg.vpn.firewall import ADMITTED, TABLE, firewall
 from atlantis_netcfg.vpn.identity import Kind
-from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
+from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, firewall, policy
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -41,19 +41,16 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
     level_words,
     plain,
 )
-from atlantis_netcfg.checklist.probes.results import Transcript
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, Column
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.requests import Listen, Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Listen, Question
 
 __all__ = ["steps"]
 

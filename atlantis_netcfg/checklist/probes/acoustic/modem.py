@@ -21,18 +21,15 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.requests import Listen, Place, Say
-from atlantis_netcfg.checklist.probes.results import Transcript, Trouble
-from atlantis_netcfg.checklist.probes.step import Cell, Judged
+from atlantis_netcfg.checklist.probes.step import Cell, Judged, Listen, Place, Say, Transcript, Trouble
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Consent
+    from atlantis_netcfg.checklist.probes.step import Answer, Consent
 
 _IN_WATER = "in the water"
 

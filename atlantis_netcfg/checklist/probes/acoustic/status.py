@@ -18,14 +18,13 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 )
 from atlantis_netcfg.checklist.probes.step import Judged
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.requests import Listen, Question
-    from atlantis_netcfg.checklist.probes.results import Answer, Transcript
+    from atlantis_netcfg.checklist.probes.step import Answer, Listen, Question, Transcript
 
 SOUND_SPEED_MPS = (1300, 1700)
 """Of water; what an EvoLogics modem takes (BIR)."""

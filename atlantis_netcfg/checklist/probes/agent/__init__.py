@@ -19,26 +19,28 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
 
-from atlantis_netcfg.checklist.probes.requests import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, Run
-from atlantis_netcfg.checklist.probes.results import (
+from atlantis_netcfg.checklist.probes.step import (
     CommandResult,
+    DdsDiscoverRequest,
     DdsDiscoverResult,
+    DhcpDiscoverRequest,
     DhcpOffer,
     DhcpOffers,
+    Listen,
+    Run,
     Transcript,
     Trouble,
 )
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
+    from atlantis_netcfg.checklist.probes.step import Answer, Question
 
 __all__ = ["BOOT", "MODULES", "Batch", "batch", "program", "read_result"]
 
 
 BOOT = "import sys,zlib;exec(zlib.decompress(sys.stdin.buffer.read()))"
 """What `python3 -I -c` gets; the rest comes by its standard input."""
-MODULES = ("streams", "queries", "main")
+MODULES = ("streams", "main")
 """In the order in which they import each other."""
 _PACKAGE = "atlantis_netcfg.checklist.probes.agent"
 _LOADER = """

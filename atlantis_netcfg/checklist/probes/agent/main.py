@@ -2,20 +2,296 @@
 
 Some wait for others, which want the same end or share a medium with them. Whatever happens to one question, the others
 are answered, and at the deadline everything ends with what was heard so far.
+
+Requests of the agent that are no stream: a program, the DHCP servers of a segment, the DDS participants of a host.
+
+Programs only read; which ones may run is decided before the request leaves.
+
+DHCP: DISCOVER is broadcast, every OFFER is kept, and nothing is requested. Without a REQUEST no server leases anything
+(RFC 2131, 3.1), though it may keep the address that it offers free for some seconds or minutes. A server may answer
+only cards that it knows, or only those that it does not: DISCOVER goes out in the name of the interface, of one card
+that nobody has, the same each time, and of those that are named; transaction numbers are random, so that nobody takes
+an answer for its own. Frames come from this very card, which is all that switches learn, and from 0.0.0.0: the
+interface keeps its address, and a DHCP client of the system is not disturbed.
+
+DDS: a participant without topics announces itself at the declared ports, and leaves (DDSI-RTPS 8.5.3). Whoever takes it
+in announces itself to the port that it names, and speaks to its identity, which is made up anew each time: nobody who
+has only bound a port can know that.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import signal
+import socket
+import struct
+import subprocess
 import sys
 import threading
 import time
 import traceback
+from contextlib import suppress
 from typing import Any, Callable
 
-from atlantis_netcfg.checklist.probes.agent.queries import discover, end_all, probing, run
-from atlantis_netcfg.checklist.probes.agent.streams import ProbeError, ReceiveBuffer, serial, tcp, udp
+from atlantis_netcfg.checklist.probes.agent.streams import (
+    ProbeError,
+    ReceiveBuffer,
+    no_answer,
+    packed,
+    serial,
+    tcp,
+    udp,
+)
+
+_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+_LONGEST = 65536
+_RUNNING: list[subprocess.Popen[bytes]] = []
+
+
+def run(question: dict[str, Any]) -> dict[str, Any]:
+    """Run it without a shell, and give the fields of `CommandResult`. Raises ProbeError: missing, denied."""
+    began = time.time()
+    try:
+        program = subprocess.Popen(  # noqa: S603 - of the closed list, and without a shell
+            question["argv"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={"PATH": _PATH, "LC_ALL": "C"},
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise no_answer(error, question["argv"][0]) from None
+    _RUNNING.append(program)
+    trouble, words = None, ""
+    try:
+        out, err = program.communicate(timeout=question["within_s"])
+    except subprocess.TimeoutExpired:
+        trouble, words = "silent", f"{question['argv'][0]} did not end within {question['within_s']:g} s"
+        _end(program)
+        out, err = program.communicate()
+    _RUNNING.remove(program)
+    values = {"out": _text(out), "err": _text(err)}
+    return {"trouble": trouble, "words": words, "rc": program.returncode, "began": began, **values}
+
+
+def end_all() -> None:
+    """End what still runs."""
+    for program in tuple(_RUNNING):
+        _end(program)
+
+
+def _end(program: subprocess.Popen[bytes]) -> None:
+    """The program and what it has started."""
+    with suppress(OSError):
+        os.killpg(program.pid, signal.SIGKILL)
+
+
+def _text(data: bytes) -> str:
+    return data[:_LONGEST].decode("utf-8", "replace")
+
+
+_IPV4, _UDP = 0x0800, 17
+_OUTGOING = 4
+"""Type of a frame that this computer has sent (packet(7))."""
+_COOKIE = b"\x63\x82\x53\x63"
+_DISCOVER, _OFFER = 1, 2
+_ROUTER, _TYPE, _SERVER, _REQUESTED = 3, 53, 54, 55
+_BROADCAST = b"\xff" * 6
+_ROUNDS = 2
+
+
+def probing(question: dict[str, Any]) -> dict[str, Any]:
+    """Ask for servers, and give the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
+    name = _interface(question["interface"])
+    try:
+        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(_IPV4)) as wire:
+            wire.bind((name, _IPV4))
+            mac, number = wire.getsockname()[4], os.urandom(4)
+            if len(mac) != len(_BROADCAST):
+                raise ProbeError("missing", f"{name} is no Ethernet")
+            named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
+            cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
+            offers: list[dict[str, str | None]] = []
+            for _ in range(_ROUNDS):  # a frame may be lost
+                for card in cards:
+                    wire.send(_frame(mac, card, number))
+                _listen(wire, cards, number, time.monotonic() + question["within_s"] / _ROUNDS, offers)
+    except PermissionError:
+        raise ProbeError("denied", "only root may ask a segment for its DHCP servers") from None
+    except OSError as error:
+        raise no_answer(error, name) from None
+    return {"trouble": None, "words": "", "offers": offers}
+
+
+def _interface(word: str) -> str:
+    """The interface of this name, or the one that has this address."""
+    if word in [name for _, name in socket.if_nameindex()]:
+        return word
+    result = run({"argv": ["ip", "-j", "-4", "addr"], "within_s": 10})["out"]
+    for link in json.loads(result or "[]"):
+        if word in [address.get("local") for address in link.get("addr_info", ())]:
+            return str(link["ifname"])
+    raise ProbeError("missing", f"this computer has no interface {word}")
+
+
+def _nobody(mac: bytes) -> bytes:
+    """A card of local administration (IEEE 802) that is no other computer's."""
+    return bytes([mac[0] & 0xFC | 2, *mac[1:5], mac[5] ^ 0x55])
+
+
+def _frame(mac: bytes, card: bytes, number: bytes) -> bytes:
+    """Ethernet, IP, UDP without a checksum, BOOTP with its options (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
+    # The broadcast flag: the answer comes to everybody, since nobody has the offered address.
+    bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, card)
+    options = bytes([_TYPE, 1, _DISCOVER, _REQUESTED, 3, 1, _ROUTER, 51, 255])
+    body = (bootp + _COOKIE + options).ljust(300, b"\0")
+    udp = struct.pack("!4H", 68, 67, 8 + len(body), 0) + body
+    ip = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, _UDP, 0, b"\0" * 4, b"\xff" * 4)
+    ip = ip[:10] + struct.pack("!H", _checksum(ip)) + ip[12:]
+    return _BROADCAST + mac + struct.pack("!H", _IPV4) + ip + udp
+
+
+def _checksum(header: bytes) -> int:
+    total: int = sum(struct.unpack(f"!{len(header) // 2}H", header))
+    while total >> 16:
+        total = (total & 0xFFFF) + (total >> 16)
+    return ~total & 0xFFFF
+
+
+def _listen(
+    wire: socket.socket, cards: list[bytes], number: bytes, ends: float, found: list[dict[str, str | None]]
+) -> None:
+    while True:
+        left = ends - time.monotonic()
+        if left <= 0:
+            return
+        wire.settimeout(left)
+        try:
+            frame, where = wire.recvfrom(65535)
+        except socket.timeout:
+            return
+        offer = None if where[2] == _OUTGOING else _offer(frame, cards, number)
+        if offer is not None and offer not in found:
+            found.append(offer)
+
+
+def _offer(frame: bytes, cards: list[bytes], number: bytes) -> dict[str, str | None] | None:
+    """Read a frame; None if it is no offer to our question."""
+    head = 14 + (frame[14] & 15) * 4 if len(frame) > 14 else 0  # noqa: PLR2004 - Ethernet's header
+    bootp = frame[head + 8 :]
+    to_client = frame[23:24] == bytes([_UDP]) and frame[head + 2 : head + 4] == b"\0\x44"
+    if not to_client or bootp[:1] != b"\2" or bootp[4:8] != number or bootp[28:34] not in cards:
+        return None
+    options = _options(bootp[240:]) if bootp[236:240] == _COOKIE else {}
+    if options.get(_TYPE) != bytes([_OFFER]):
+        return None
+    return {
+        "server": _address(options.get(_SERVER, b"")) or _address(frame[26:30]),
+        "mac": ":".join(f"{byte:02x}" for byte in frame[6:12]),
+        "address": _address(bootp[16:20]),
+        "router": _address(options.get(_ROUTER, b"")[:4]),
+    }
+
+
+def _options(data: bytes) -> dict[int, bytes]:
+    found: dict[int, bytes] = {}
+    while data and data[0] != 255:  # noqa: PLR2004 - the last option
+        if data[0] == 0:
+            data = data[1:]
+        elif len(data) > 1:
+            found[data[0]] = found.get(data[0], b"") + data[2 : 2 + data[1]]
+            data = data[2 + data[1] :]
+        else:
+            break
+    return found
+
+
+def _address(four: bytes) -> str | None:
+    return socket.inet_ntoa(four) if len(four) == 4 else None  # noqa: PLR2004 - an IPv4 address
+
+
+_LEASE_S = 10
+_AGAIN_S = 1.0
+_MOST = 40
+"""Datagrams that are kept: two of each participant."""
+_WRITER = b"\x00\x01\x00\xc2"
+"""SPDP's (9.3.1.5)."""
+_ENDPOINTS = 0x3F
+"""Participants, publications and subscriptions are announced, and heard of (9.3.2)."""
+
+
+def discover(question: dict[str, Any]) -> dict[str, Any]:
+    """Announce a participant, and give the fields of `DdsDiscoverResult`. Raises ProbeError."""
+    prefix, where = os.urandom(12), question["address"]
+    kept: dict[tuple[bytes, bool], list[Any]] = {}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        try:
+            _check_address(where)
+            wire.bind(("", 0))  # Fast DDS without a profile answers an address of its own computer by the loopback
+            local = wire.getsockname()[1]
+            ends, due = time.monotonic() + question["within_s"], 0.0
+            while time.monotonic() < ends:
+                if time.monotonic() >= due:
+                    _send(wire, question, _hello(prefix, where, local, question["domain"]))
+                    due = time.monotonic() + _AGAIN_S
+                wire.settimeout(max(min(due, ends) - time.monotonic(), 0.001))
+                try:
+                    data, source = wire.recvfrom(65535)
+                except socket.timeout:
+                    continue
+                if data[:4] == b"RTPS" and (prefix in data or _WRITER in data) and len(kept) < _MOST:
+                    kept.setdefault((data[8:20], prefix in data), [source[0], packed(data)])
+            _send(wire, question, _bye(prefix))
+        except OSError as error:
+            raise no_answer(error, where) from None
+    return {"trouble": None, "words": "", "prefix": prefix.hex(), "datagrams": list(kept.values())}
+
+
+def _check_address(address: str) -> None:
+    """Raise OSError if the computer does not have this address."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as there:
+        there.bind((address, 0))
+
+
+def _send(wire: socket.socket, question: dict[str, Any], message: bytes) -> None:
+    for port in question["ports"]:
+        wire.sendto(message, (question["address"], port))
+
+
+def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
+    """SPDP's DATA with the parameters of a participant, of which no number is longer than it must be (9.6.2.2)."""
+    there = struct.pack("<iI12x", 1, port) + socket.inet_aton(address)
+    result = (
+        (0x15, b"\x02\x01\0\0"),
+        (0x16, b"\0" * 4),
+        (0x50, prefix + b"\x00\x00\x01\xc1"),
+        (0x02, struct.pack("<iI", _LEASE_S, 0)),
+        (0x31, there),
+        (0x32, there),
+        (0x58, struct.pack("<I", _ENDPOINTS)),
+        (0x0F, struct.pack("<I", domain)),
+    )
+    return _message(prefix, 0x05, 1, b"", result)
+
+
+def _bye(prefix: bytes) -> bytes:
+    """The participant is no more: key and status stand in the inline QoS, and the key follows (9.6.3.8, 9.6.3.9)."""
+    guid = prefix + b"\x00\x00\x01\xc1"
+    return _message(prefix, 0x0B, 2, _listed(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
+
+
+def _listed(result: tuple[tuple[int, bytes], ...]) -> bytes:
+    """Parameters by their numbers, and what ends them (9.4.2.11)."""
+    return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result) + struct.pack("<HH", 1, 0)
+
+
+def _message(prefix: bytes, flags: int, number: int, inline: bytes, result: tuple[tuple[int, bytes], ...]) -> bytes:
+    body = struct.pack("<HH", 0, 16) + b"\0" * 4 + _WRITER + struct.pack("<iI", 0, number) + inline
+    body += b"\x00\x03\0\0" + _listed(result)
+    return b"RTPS\x02\x01\0\0" + prefix + struct.pack("<BBH", 0x15, flags, len(body)) + body
+
 
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""

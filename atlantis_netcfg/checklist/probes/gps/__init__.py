@@ -22,22 +22,29 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
 from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, troubled
-from atlantis_netcfg.checklist.probes.requests import Listen, Place, Question, RouterOsQuery, Say
-from atlantis_netcfg.checklist.probes.results import Rows, Transcript
-from atlantis_netcfg.checklist.probes.step import Judged, Step
+from atlantis_netcfg.checklist.probes.step import (
+    Judged,
+    Listen,
+    Place,
+    Question,
+    RouterOsQuery,
+    Rows,
+    Say,
+    Step,
+    Transcript,
+)
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Cell, Probe
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Probe
     from atlantis_netcfg.declaration.model import GpsEndpoint
 
 __all__ = [

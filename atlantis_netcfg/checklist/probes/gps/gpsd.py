@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Repor
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.results import Transcript
+    from atlantis_netcfg.checklist.probes.step import Transcript
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 WATCHED = rb'"class":"WATCH"'

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver
 
 if TYPE_CHECKING:

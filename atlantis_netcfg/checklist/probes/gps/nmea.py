@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Repor
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.checklist.probes.results import Transcript
+    from atlantis_netcfg.checklist.probes.step import Transcript
 
 _FRAME = re.compile(rb"[$!]([\x20-\x23\x25-\x29\x2b-\x7e]{1,200})\*([0-9A-Fa-f]{2})\s*")
 _TAG = re.compile(rb"\\([\x20-\x29\x2b-\x5b\x5d-\x7e]{0,200})\*([0-9A-Fa-f]{2})\\")

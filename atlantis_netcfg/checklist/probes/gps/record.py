@@ -11,14 +11,14 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import Trouble
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.checklist.probes.step import Trouble
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.checklist.probes.results import Transcript
+    from atlantis_netcfg.checklist.probes.step import Transcript
     from atlantis_netcfg.declaration.model import Geofence
 
 DAY_S = 86_400.0

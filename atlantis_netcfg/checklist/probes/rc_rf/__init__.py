@@ -22,19 +22,16 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     unusable,
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System, enough, read
-from atlantis_netcfg.checklist.probes.requests import Listen, Place, Question
-from atlantis_netcfg.checklist.probes.results import Transcript
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.probes.step import Consent, Judged, Listen, Place, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.checklist.probes.rc_rf.stream import Stream
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Cell
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
 
 __all__ = ["RcExpectation", "RcHeard", "SticksMoved", "steps"]
@@ -63,7 +60,7 @@ def _seen(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
     if system.channels:
         last = system.channels[-1]
         yield Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
-        yield Evidence(type=_READ, what="rssi", value=_rssi([channel.rssi for channel in system.channels]))
+        yield Evidence(type=_READ, what="rssi", value=_rssi_step([channel.rssi for channel in system.channels]))
     if system.receiver:
         receiver = system.receiver[-1]
         words = (("present", receiver.present), ("enabled", receiver.enabled), ("healthy", receiver.healthy))
@@ -81,7 +78,7 @@ def _values(values: tuple[int | None, ...]) -> str:
     return " ".join("-" if value is None else str(value) for value in values) or "no values"
 
 
-def _rssi(result: list[int]) -> str:
+def _rssi_step(result: list[int]) -> str:
     known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if not known:
         return "not known (255)"

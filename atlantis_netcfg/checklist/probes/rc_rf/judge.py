@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System
-from atlantis_netcfg.checklist.probes.results import Trouble
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.checklist.probes.step import Trouble
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Stream
-    from atlantis_netcfg.checklist.probes.results import Transcript
+    from atlantis_netcfg.checklist.probes.step import Transcript
 
 FRESH_S = 3.0
 """Heartbeats come once a second, channels at least so."""
@@ -35,7 +35,7 @@ def judge(received: Stream, expected: RcExpectation) -> tuple[Finding, ...]:
     system = received.systems[expected.system_id]
     found = (
         *_alive(received, system, expected),
-        *_receiver(system, expected),
+        *_receiver_findings(system, expected),
         *_rssi(system, expected),
         *_damaged(received, expected),
     )
@@ -99,7 +99,7 @@ def odd(channels: Channels) -> str:
     return ", ".join(strange)
 
 
-def _receiver(system: System, expected: RcExpectation) -> Iterator[Finding]:
+def _receiver_findings(system: System, expected: RcExpectation) -> Iterator[Finding]:
     if not system.receiver:
         message = f"{expected.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
         yield Finding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")

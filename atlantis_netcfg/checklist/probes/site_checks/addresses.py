@@ -14,8 +14,6 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import DhcpDiscoverRequest, Place
-from atlantis_netcfg.checklist.probes.results import CommandResult, Trouble
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     Computer,
     InterfaceAddress,
@@ -40,16 +38,14 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
-from atlantis_netcfg.core.verdicts import Verdict
-from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.checklist.probes.step import CommandResult, DhcpDiscoverRequest, Judged, Place, Trouble
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer, DhcpOffer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, DhcpOffer, Question, Step
 
 
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")

@@ -9,7 +9,6 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -27,15 +26,13 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, Rows
 from atlantis_netcfg.render import prerequisites
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 """Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""

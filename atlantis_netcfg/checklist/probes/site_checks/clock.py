@@ -8,7 +8,6 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.results import CommandResult, Rows
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -25,14 +24,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.checklist.report import Evidence
 
 APART_S = 2.0

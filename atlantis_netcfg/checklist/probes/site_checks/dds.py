@@ -1,6 +1,6 @@
 """A participant of the declared DDS domain answers on the gateway computer, at the address where others look for it.
 
-One without topics announces itself there from this very computer, by unicast, and leaves again (`agent/queries.py`):
+One without topics announces itself there from this very computer, by unicast, and leaves again (`agent/main.py`):
 who takes it in announces itself in turn, and says at which addresses it is reached. Nobody else receives it. Beside it
 stands which ports are bound. A participant hears announcements at 7410 + 250 d + 2 i, i below the declared number, and
 data one port above (DDSI-RTPS 9.6.2.3). With the site's profile it does not listen at the ports for multicast, 7400 +
@@ -22,8 +22,6 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.requests import DdsDiscoverRequest, Place
-from atlantis_netcfg.checklist.probes.results import DdsDiscoverResult, Trouble
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     by_hand,
@@ -41,16 +39,14 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Judged, Place, Trouble
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ControlCentre
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.declaration.model import Dds
 
 TABLE = "/proc/net/udp"

@@ -7,8 +7,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -24,14 +23,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import Judged, RouterOsQuery
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 FACTORY: Mapping[str, str] = {
     "192.168.88.1": "MikroTik's factory address",

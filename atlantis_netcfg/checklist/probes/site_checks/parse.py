@@ -11,20 +11,28 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, cast
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import LinkStatusRequest, Place, RouterOsQuery, Run
-from atlantis_netcfg.checklist.probes.results import CommandResult, DhcpOffers, LinkStatusResult, Rows, Trouble
-from atlantis_netcfg.checklist.probes.step import Step
+from atlantis_netcfg.bearers.status import Query
+from atlantis_netcfg.checklist.probes.step import (
+    CommandResult,
+    DhcpOffers,
+    LinkStatusRequest,
+    LinkStatusResult,
+    Place,
+    RouterOsQuery,
+    Rows,
+    Run,
+    Step,
+    Trouble,
+)
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router
 from atlantis_netcfg.render import router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.checklist.probes.results import Answer, DhcpOffer
-    from atlantis_netcfg.checklist.probes.step import Cell, Probe
+    from atlantis_netcfg.checklist.probes.step import Answer, Cell, DhcpOffer, Probe
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Site
     from atlantis_netcfg.render import RouterView

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.query import Query
-from atlantis_netcfg.checklist.probes.requests import RouterOsQuery
+from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
@@ -20,15 +19,13 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unknown,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import Judged, RouterOsQuery
 from atlantis_netcfg.declaration.model import PoeMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 _NAMES = "names"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")

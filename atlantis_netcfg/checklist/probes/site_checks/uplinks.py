@@ -37,9 +37,7 @@ from atlantis_netcfg.routeros.menus import MENUS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.render.view import Uplink
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
-from atlantis_netcfg.checklist.probes.results import CommandResult, LinkStatusResult
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     addresses,
@@ -27,15 +26,13 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, LinkStatusResult
 from atlantis_netcfg.declaration.model import ControlCentre, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.requests import Question
-    from atlantis_netcfg.checklist.probes.results import Answer
-    from atlantis_netcfg.checklist.probes.step import Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.checklist.report import Evidence
 
 TUNNEL = "tun0"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report._pdf._items import (
+    draw,
     first,
     items,
     not_checked,
@@ -17,15 +18,16 @@ from atlantis_netcfg.checklist.report._pdf._items import (
     overridden,
     provenance,
     since_green,
+    table,
     top,
 )
 from atlantis_netcfg.checklist.report._pdf._sheet import Sheet
-from atlantis_netcfg.checklist.report._pdf._table import draw, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.checklist.report.document import Document
+
 
 __all__ = ["pdf"]
 

@@ -10,21 +10,30 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.checklist.report._colours import TINTS
-from atlantis_netcfg.checklist.report._states import SYMBOLS
+from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS
 from atlantis_netcfg.checklist.report._words import signed
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report._states import State
+    from atlantis_netcfg.checklist.report._shapes import State
     from atlantis_netcfg.checklist.report.document import Document, Item
 
 FAMILY = "DejaVu"
+
+
 _FONTS = {"": "DejaVuSans.ttf", "B": "DejaVuSans-Bold.ttf"}
+
+
 BODY, SMALL = 9.5, 8.0
+
+
 _MARGIN = 14.0
+
+
 _PAGES = "⌘⌘"
 """Stands for the number of pages until it is known; `printable` lets nobody else write it."""
+
+
 _FAINT = (75, 88, 99)
 
 

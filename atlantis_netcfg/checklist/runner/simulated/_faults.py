@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.runner.simulated._routers import added, apart, changed, hushed, refitted, set_clock
+from atlantis_netcfg.checklist.runner.simulated._world import added, apart, changed, hushed, refitted, set_clock
 from atlantis_netcfg.emulator.gnss import Access, Speech
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
@@ -29,8 +29,7 @@ from atlantis_netcfg.vpn.client import IDENTITY
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.checklist.runner.simulated._routers import Act
-    from atlantis_netcfg.checklist.runner.simulated._world import World
+    from atlantis_netcfg.checklist.runner.simulated._world import Act, World
     from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 
 

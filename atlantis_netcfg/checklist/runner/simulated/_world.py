@@ -1,27 +1,287 @@
-"""What stands for a site in a rehearsal, as specifications: healthy as declared, until a fault changes them."""
+"""What stands for a site in a rehearsal, as specifications: healthy as declared, until a fault changes them.
+
+The gateway of a rehearsal when all is well: what its programs would print, from the declaration.
+
+What stands around the RouterOS twins of a rehearsal when all is well, and what a fault does to them.
+"""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
-from atlantis_netcfg.checklist.runner.simulated._computer import gateway_computer
-from atlantis_netcfg.checklist.runner.simulated._routers import surroundings
-from atlantis_netcfg.declaration.model import AcousticDriver, GpsDriver, Router
+from atlantis_netcfg.declaration.model import AcousticDriver, Gateway, GpsDriver, Router, VpnServer, WifiRole
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
+from atlantis_netcfg.emulator.linux import (
+    AddressSpec,
+    AssociationSpec,
+    CertificateSpec,
+    ComputerSpec,
+    DdsSpec,
+    EchoSpec,
+    InterfaceSpec,
+    UdpSpec,
+    lan_computer,
+)
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
+from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.render import router_view
+from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from typing import Any
+    from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.runner.simulated._routers import Act
-    from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import AcousticEndpoint, UsblEndpoint
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import AcousticEndpoint, UsblEndpoint, WifiEndpoint
     from atlantis_netcfg.emulator.linux import ComputerSpec
+
+
+_OUTDOORS_MHZ = 5500
+"""Where CEPT admits outdoor antennas."""
+_OF_THE_IMAGE = "/etc/netplan/10-atlantis.yaml"
+ROUTER_MAC = "02:00:5E:00:FF:01"
+"""Of the router's port in the LAN, as the emulated computer sees it; no address of a real device."""
+
+
+def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> ComputerSpec:
+    """Describe the gateway `host` with these vehicles around it."""
+    device, lan = host.device, declaration.sites[host.site].lan
+    assert isinstance(device, Gateway)  # noqa: S101 - the caller has looked
+    reserved = {reservation.name: reservation for reservation in lan.reservations}
+    server = declaration.hosts[declaration.pilot.vpn.server].device
+    computer = lan_computer(
+        host.name,
+        address=f"{device.address}/{lan.network.prefixlen}",
+        mac=device.mac,
+        router=(str(lan.gateway), ROUTER_MAC),
+        others={str(reserved[key].address): reserved[key].mac for key in vehicles if key in reserved},
+        tunnel=f"{device.vpn_address}/32" if device.vpn_address is not None else None,
+        server=str(server.vpn_address) if isinstance(server, VpnServer) else None,
+    )
+    radios = tuple(_radios(declaration, vehicles))
+    return computer.model_copy(
+        update={
+            "interfaces": (*computer.interfaces, *radios),
+            "files": {**computer.files, **_network(declaration, host)},
+            "udp": tuple(_participants(declaration)),
+            "dds": tuple(_answering(declaration, device)),
+            "certificates": _identity(host),
+            "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
+        }
+    )
+
+
+def _network(declaration: Declaration, host: Host) -> dict[str, str]:
+    """Give the file from which the computer gets its address at the next start: that of the role, or of its image."""
+    promised = gateway_network(declaration, host)
+    if promised is not None:
+        return {promised.path: promised.content}
+    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    prefix = declaration.sites[host.site].lan.network.prefixlen
+    address = f"{host.device.address}/{prefix}"
+    return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
+
+
+def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
+    """One ROS process with its profile: the two ports of its domain and of its number in it (DDSI-RTPS 9.6.2.3)."""
+    if declaration.pilot.dds is not None:
+        first = 7400 + 250 * declaration.pilot.dds.domain
+        yield from (UdpSpec(port=first + offset) for offset in (10, 11))
+
+
+def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
+    """The same process, which says that it is reached where the others of the pilot look for it."""
+    dds = declaration.pilot.dds
+    if dds is not None:
+        yield DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
+
+
+def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
+    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    if host.device.vpn_address is None:
+        return {}
+    certificate = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
+    return {IDENTITY: (certificate, CertificateSpec(subject=certificate.issuer))}
+
+
+def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[WifiEndpoint]:
+    for key in vehicles:
+        wifi = declaration.vehicles[key].endpoints.wifi
+        if wifi is not None and wifi.role is WifiRole.ACCESS_POINT:
+            yield wifi
+
+
+def _behind(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[str]:
+    return (str(wifi.address) for wifi in _access_points(declaration, vehicles) if wifi.address is not None)
+
+
+def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
+    """One radio for each access point, each in the network of its robot."""
+    seen: set[str] = set()
+    for number, wifi in enumerate(_access_points(declaration, vehicles), start=1):
+        if wifi.interface in seen:
+            continue
+        seen.add(wifi.interface)
+        local = None if wifi.address is None else f"{wifi.address + 100}/24"
+        yield InterfaceSpec(
+            name=wifi.interface,
+            mac=f"02:00:5E:00:FE:{number:02X}",
+            addresses=() if local is None else (AddressSpec(address=local, lease_s=3000),),
+            wireless=True,
+            association=AssociationSpec(
+                ssid=wifi.ssid or "EXAMPLE",
+                bssid=wifi.mac or f"02:00:5E:00:FD:{number:02X}",
+                frequency_mhz=_OUTDOORS_MHZ,
+            ),
+        )
+
+
+Do = Callable[..., Any]
+"""Command a twin: its name, the word, arguments."""
+Act = Callable[[Do], Callable[[], object]]
+"""Done to a twin when all stands; what it returns takes it back."""
+
+
+def refitted(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
+    """Change card or network of a 4G unit; `before` is what it has when all is well."""
+
+    def act(do: Do) -> Callable[[], object]:
+        do(twin, "modem", **after)
+        return lambda: do(twin, "modem", **before)
+
+    return act
+
+
+def hushed(twin: str, addresses: list[str]) -> Act:
+    """Let these addresses answer nothing that the router asks."""
+
+    def act(do: Do) -> Callable[[], object]:
+        do(twin, "silence", addresses=addresses)
+        return lambda: do(twin, "silence", addresses=[])
+
+    return act
+
+
+def added(twin: str, menu: str, **row: str) -> Act:
+    """Add a row, as somebody does who means well."""
+
+    def act(do: Do) -> Callable[[], object]:
+        number = _returned(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
+        return lambda: do(twin, "console", words=[f"{menu}/remove", f"=numbers={number}"])
+
+    return act
+
+
+def changed(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
+    """Set values of the rows that have these values now."""
+
+    def act(do: Do) -> Callable[[], object]:
+        rows = [row for row in _rows(do(twin, "console", words=[f"{menu}/print"])) if where.items() <= row.items()]
+        if not rows:
+            raise LookupError(f"{twin} has no row of {menu} with {dict(where)}")
+        numbers = ",".join(row[".id"] for row in rows)
+        before = {name: rows[0].get(name, "") for name in values}
+        _refused(do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
+        return lambda: do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
+
+    return act
+
+
+def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float]) -> Act:
+    """Put other air between the ends of a bridge, which find each other again before anything is asked."""
+
+    def put(do: Do, air: Mapping[str, float]) -> None:
+        do(near, "air", **air)
+        _registered(do, near)
+
+    def act(do: Do) -> Callable[[], object]:
+        put(do, after)
+        return lambda: put(do, before)
+
+    return act
+
+
+def _registered(do: Do, near: str) -> None:
+    """Wait until an end of a bridge has registered the other. Raises LookupError if it does not in half a minute."""
+    until = time.monotonic() + 30
+    while not _rows(do(near, "console", words=["/interface/wireless/registration-table/print"])):
+        if time.monotonic() > until:
+            raise LookupError(f"{near} does not find the other end again")
+        time.sleep(0.05)
+
+
+def set_clock(twin: str, moment: datetime) -> Act:
+    """Set a router's clock, by its own time zone; it is set right when a world is made around it."""
+
+    def act(do: Do) -> Callable[[], object]:
+        _refused(do(twin, "console", words=clock_words(moment)))
+        return lambda: None
+
+    return act
+
+
+def clock_words(moment: datetime) -> list[str]:
+    """The sentence that sets a router's clock."""
+    return ["/system/clock/set", f"=date={moment:%Y-%m-%d}", f"=time={moment:%H:%M:%S}"]
+
+
+def _words(values: Mapping[str, str]) -> list[str]:
+    return [f"={name.replace('_', '-')}={value}" for name, value in values.items()]
+
+
+def _rows(answers: list[list[str]]) -> list[dict[str, str]]:
+    return [dict(word[1:].split("=", 1) for word in words) for kind, *words in answers if kind == "!re"]
+
+
+def _refused(answers: list[list[str]]) -> list[list[str]]:
+    """Raise LookupError for what the twin did not take: a fault that breaks nothing would be no fault."""
+    for kind, *words in answers:
+        if kind == "!trap":
+            raise LookupError(" ".join(words))
+    return answers
+
+
+def _returned(answers: list[list[str]]) -> str:
+    done = next(words for kind, *words in _refused(answers) if kind == "!done")
+    return next(word.removeprefix("=ret=") for word in done if word.startswith("=ret="))
+
+
+def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
+    """Describe the place of a router: who is in its LAN, what it feeds, that its tunnel and its time server answer."""
+    assert isinstance(host.device, Router)  # noqa: S101 - the caller has looked
+    site, client, tunnel = declaration.sites[host.site], host.device.vpn_client, router_view(declaration, host).tunnel
+    tunnels = {}
+    if client is not None and tunnel is not None:
+        tunnels[tunnel.interface] = f"{client.address}/{declaration.pilot.vpn.network.prefixlen}"
+    return {
+        "cards": _cards(declaration, host.site) | {str(site.lan.gateway): ROUTER_MAC},
+        "loads": {port: {} for port in _fed(declaration, host.name)},
+        "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
+        "tunnels": tunnels,
+        "time_server": str(declaration.pilot.time_servers[0].address),
+        "called": [],
+        "validity": {},
+    }
+
+
+def _cards(declaration: Declaration, site: str) -> dict[str, str]:
+    cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
+    for host in declaration.site_hosts(site):
+        if isinstance(host.device, Gateway) and host.device.mac is not None:
+            cards[str(host.device.address)] = host.device.mac
+    return cards
+
+
+def _fed(declaration: Declaration, router: str) -> list[str]:
+    """Ports on which a box hangs that the router feeds."""
+    sources = (getattr(host.device, "powered_by", None) for host in declaration.hosts.values())
+    return [source.port for source in sources if source is not None and source.device == router]
 
 
 @dataclass(frozen=True, slots=True)

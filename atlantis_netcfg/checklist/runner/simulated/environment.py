@@ -28,13 +28,11 @@ from atlantis_netcfg.checklist.probes import (
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.results import DhcpOffer
-from atlantis_netcfg.checklist.runner._laptop import ask_here
-from atlantis_netcfg.checklist.runner._real import RealEars
-from atlantis_netcfg.checklist.runner.no_result import unanswered
+from atlantis_netcfg.checklist.probes.step import DhcpOffer
+from atlantis_netcfg.checklist.runner._real import RealEars, ask_here
+from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
-from atlantis_netcfg.checklist.runner.simulated._routers import clock_words
-from atlantis_netcfg.checklist.runner.simulated._world import healthy
+from atlantis_netcfg.checklist.runner.simulated._world import clock_words, healthy
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
@@ -47,7 +45,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner._ears import Ears, OnAnswer, Questions
+    from atlantis_netcfg.checklist.runner._real import Ears
+    from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions
     from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal

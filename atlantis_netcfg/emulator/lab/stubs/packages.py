@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.emulator.lab._programs import MachineFailed
+from atlantis_netcfg.emulator.lab.hosts import MachineFailed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,20 +6,18 @@ import re
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.access import FEATURES, allowed
 from atlantis_netcfg.emulator.routeros.commands.radio import registrations
-from atlantis_netcfg.emulator.routeros.derived import type_of
-from atlantis_netcfg.emulator.routeros.devicemode import FEATURES, allowed
-from atlantis_netcfg.emulator.routeros.environment._spec import heard_names, mac_of
+from atlantis_netcfg.emulator.routeros.environment import heard_names, mac_of
 from atlantis_netcfg.emulator.routeros.software import package_file
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
-from atlantis_netcfg.emulator.routeros.views import TRAFFIC
+from atlantis_netcfg.emulator.routeros.views import TRAFFIC, type_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.emulator.routeros.commands._call import Call
-    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.core import Call, Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
     from atlantis_netcfg.emulator.routeros.topology import Interface
 

@@ -7,19 +7,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.access import COMMANDS, NOT_ALLOWED, allowed
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, ovpn, radio, read, system, write
-from atlantis_netcfg.emulator.routeros.commands._call import unknown
+from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, radio, read, system, write
+from atlantis_netcfg.emulator.routeros.commands._checks import unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
-from atlantis_netcfg.emulator.routeros.devicemode import COMMANDS, NOT_ALLOWED, allowed
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.commands._call import Call, Handler, Result
-    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.core import Call, Core, Handler, Result
 
 _SPECIAL: dict[str, tuple[Handler, str]] = {
-    "/certificate/import": (certificate.import_, "policy"),
+    "/certificate/import": (certificate.import_certificate, "policy"),
     "/certificate/sign": (certificate.sign, "policy"),
     "/console/inspect": (read.inspect, "read"),
     "/execute": (files.execute, "write"),
@@ -36,7 +35,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/lte/monitor": (lte.monitor, "read"),
     "/interface/lte/show-capabilities": (lte.capabilities, "read"),
-    "/interface/ovpn-client/import-ovpn-configuration": (ovpn.import_, "write"),
+    "/interface/ovpn-client/import-ovpn-configuration": (certificate.import_profile, "write"),
     "/interface/set": (system.interface, "write"),
     "/interface/wifi/monitor": (radio.monitor, "read"),
     "/interface/wireless/monitor": (radio.monitor, "read"),

@@ -1,7 +1,7 @@
 """What radios show: `monitor once`, the registration tables, and rows with what they inherit.
 
 Names of fields: Manual, Wireless Interface (monitor, registration table); Manual, WiFi. Rates, CCQ and counters are
-those of a link that is well; only the levels are computed (radio/_budget.py).
+those of a link that is well; only the levels are computed (radio/_link.py).
 """
 
 from __future__ import annotations
@@ -9,17 +9,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.radio._link import NOISE_DBM
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.core import Result
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
+from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.commands._call import Call
-    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.core import Call, Core
     from atlantis_netcfg.emulator.routeros.radio._settings import Peer, Settings
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 

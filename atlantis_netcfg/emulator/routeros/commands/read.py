@@ -1,4 +1,10 @@
-"""print, getall, get, find: what a menu shows (Manual, API; Manual, Console)."""
+"""print, getall, get, find: what a menu shows (Manual, API; Manual, Console).
+
+Conditions of `find` and `print where`: which rows they mean (Manual, Console: Expressions in where).
+
+A bare value with `/` or `:` has another type than the property: it matches nothing (seen on a CHR 7.23.2, tik4net,
+Docs/findings-cli.md).
+"""
 
 from __future__ import annotations
 
@@ -6,10 +12,10 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.commands.radio import amounting
-from atlantis_netcfg.emulator.routeros.console.where import Where, fits
+from atlantis_netcfg.emulator.routeros.core import Result
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -18,8 +24,23 @@ from atlantis_netcfg.emulator.routeros.views import rows, without_counters
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.emulator.routeros.commands._call import Call
+    from atlantis_netcfg.emulator.routeros.core import Call, Core
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from atlantis_netcfg.emulator.routeros.core import Core
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.routeros.answers import Answer
+from atlantis_netcfg.emulator.routeros.core import Call, Core
+from atlantis_netcfg.emulator.routeros.modem import settle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
 
 _OPERATIONS = re.compile(r"[!&|.]|\d+")
 
@@ -244,3 +265,66 @@ def _offers(core: Core, call: Call) -> list[dict[str, str]]:
         for value in offered(where, argument)
         if value.startswith(started)
     ]
+
+
+_BOOLS = {"yes": "true", "no": "false"}
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """`name=value`, `name!=value`, `name~value`, `name<value`, `name>value`; `name` alone has the sign `?`."""
+
+    name: str
+    sign: str = "?"
+    value: str = ""
+    negated: bool = False
+    possible: bool = True
+    """The value has the type of a property."""
+
+    def fits(self, row: Mapping[str, str]) -> bool:
+        """Tell whether a row is meant."""
+        return self.negated is not self._fits(row.get(self.name, ""))
+
+    def _fits(self, found: str) -> bool:
+        if self.sign == "?":
+            return found not in ("", "false", "no")
+        if not self.possible:
+            return self.sign == "!="
+        if self.sign == "~":
+            return re.search(self.value, found) is not None
+        same = found in (self.value, _BOOLS.get(self.value))
+        if self.sign in ("=", "!="):
+            return same is (self.sign == "=")
+        less = _ordered(found) < _ordered(self.value)
+        return less if self.sign == "<" else not (less or same)
+
+
+Where = tuple[tuple[Condition, ...], ...]
+"""Alternatives, of each of which all conditions hold; none at all means every row."""
+
+
+def fits(row: Mapping[str, str], where: Where) -> bool:
+    """Tell whether a row is meant."""
+    return not where or any(all(condition.fits(row) for condition in item) for item in where)
+
+
+def _ordered(text: str) -> tuple[int, int, str]:
+    return (0, int(text), "") if text.isdecimal() else (1, 0, text)
+
+
+def _rows(core: Core, call: Call) -> dict[str, dict[str, str]]:
+    return {row[".id"]: row for row in all_rows(core, call) if ".id" in row}
+
+
+def emit(core: Core) -> None:
+    """Let the modem act on what was changed, and tell every listener what is new.
+
+    A row that has gone is `.dead=true`, where the Manual says `yes` (7.23.1: tikoci/centrs, commands/api/AGENTS.md).
+    """
+    settle(core)
+    for listener in core.listeners:
+        now = _rows(core, listener.call)
+        news = [row for number, row in now.items() if listener.seen.get(number) != row]
+        news += [{".id": number, ".dead": "true"} for number in listener.seen if number not in now]
+        listener.seen = now
+        core.outbox += [(listener.caller.number, listener.tag, Answer.row(row)) for row in news]

@@ -15,12 +15,12 @@ from dataclasses import replace
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.access import FEATURES
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
-from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.console.typed import notify_holder_lost
-from atlantis_netcfg.emulator.routeros.devicemode import FEATURES
-from atlantis_netcfg.emulator.routeros.environment._spec import load_of
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.core import Call, Result, notify_holder_lost
+from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.path import answers
 from atlantis_netcfg.emulator.routeros.spec import Deviation, Mode
 from atlantis_netcfg.emulator.routeros.values import id_text

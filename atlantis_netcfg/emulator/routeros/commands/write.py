@@ -7,9 +7,15 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import _checks
-from atlantis_netcfg.emulator.routeros.commands._call import MissingArgument, Result, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.commands._checks import check, check_removal
-from atlantis_netcfg.emulator.routeros.commands._complete import complete
+from atlantis_netcfg.emulator.routeros.commands._checks import (
+    MissingArgument,
+    check,
+    check_removal,
+    complete,
+    no_such_item,
+    unknown,
+)
+from atlantis_netcfg.emulator.routeros.core import Result
 from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -19,8 +25,7 @@ from atlantis_netcfg.emulator.routeros.views import made_rows
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.commands._call import Call
-    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.core import Call, Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 _SELECTORS = (".id", "numbers", "number")

@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.devicemode import INACTIVE, allowed
+from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Select, Shape
 from atlantis_netcfg.emulator.routeros.values import Flag, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value

@@ -12,26 +12,27 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.commands._call import Call, MissingArgument
-from atlantis_netcfg.emulator.routeros.commands.read import all_rows, select
-from atlantis_netcfg.emulator.routeros.console._parse import Parser
-from atlantis_netcfg.emulator.routeros.console._statements import (
+from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument
+from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
+from atlantis_netcfg.emulator.routeros.console._parse import (
     Attempt,
     Choice,
     Command,
+    ConsoleError,
     Each,
     Failure,
     Find,
     Local,
     Parse,
+    Parser,
     Put,
     Statement,
     Template,
+    Text,
     Variable,
 )
-from atlantis_netcfg.emulator.routeros.console._text import ConsoleError, Text
 from atlantis_netcfg.emulator.routeros.console.people import View, reported, shown, summed
-from atlantis_netcfg.emulator.routeros.console.where import Where, fits
+from atlantis_netcfg.emulator.routeros.core import Call
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.views import without_counters
 

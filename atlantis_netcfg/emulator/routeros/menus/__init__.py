@@ -11,7 +11,6 @@ from atlantis_netcfg.emulator.routeros.menus import (
     _interface,
     _ip,
     _lte,
-    _netwatch,
     _routing,
     _services,
     _system,
@@ -43,7 +42,7 @@ __all__ = [
 
 MODELLED: dict[str, Menu] = {
     menu.path: menu
-    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system, _netwatch)
+    for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system)
     for menu in module.MENUS
 }
 INTERFACES = (

@@ -2,17 +2,25 @@
 
 Values and defaults: Manual, CLI reference of `/routing/table`, `/routing/rule`, `/routing/settings`; Manual, Policy
 Routing; Manual, VRF. Exports of 7.16 to 7.19 name a VRF as interface, as routing table and behind the `@` of a gateway.
+
+Netwatch and the queue tree.
+
+Values and defaults: Manual, Netwatch; Manual, Queues; Manual, CLI reference of both menus. Intervals, rates and
+percentages are printed as in other menus.
+
+Assumption: netwatch-values
 """
 
 from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique, of_schema
-from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Prefixes, Ref, Refs, Text, Time
+from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Prefixes, Ref, Refs, Text, Time
 
 VRF = 0x1000001
 """First id of a VRF, away from those of interfaces and routing tables: its name stands for one of each."""
 
-MENUS = (
+_ROUTING = (
     of_schema(
         "/routing/table",
         noun="routing table",
@@ -67,3 +75,52 @@ MENUS = (
         local=(Arg("single-process", Bool(), "no"),),
     ),
 )
+
+
+_ICMP = ("type", "icmp")
+_TCP = ("type", "tcp-conn")
+_PORT = ("type", "tcp-conn|http-get|https-get")
+_QUEUES = offered("/queue/tree", "queue")
+
+_NETWATCH = (
+    of_schema(
+        "/queue/tree",
+        noun="queue tree",
+        kinds={"bucket-size": Pattern(r"\d+(\.\d+)?"), "priority": Int(1, 8), "queue": Choice(_QUEUES)},
+        local=(
+            Arg("name", Text(empty=False), required=True),
+            Arg("parent", Ref(("interface", "queue"), ("global",)), required=True),
+        ),
+        space="queue",
+        unique=(Unique(("name",), "failure: already have such name"),),
+        flags=("invalid", "dynamic"),
+    ),
+    of_schema(
+        "/tool/netwatch",
+        noun="netwatch entry",
+        kinds={"interval": Time(0.001), "timeout": Time(0.001)},
+        local=(
+            Arg("accept-icmp-time-exceeded", Bool(), shown_if=_ICMP),
+            Arg("early-failure-detection", Bool(), shown_if=_ICMP),
+            Arg("early-success-detection", Bool(), shown_if=_ICMP),
+            Arg("host", Text(empty=False), "", always=True),
+            Arg("packet-count", Int(1), "10", shown_if=_ICMP),
+            Arg("packet-interval", Time(0.001), "50ms", shown_if=_ICMP),
+            Arg("packet-size", Int(28, 65535), "54", shown_if=_ICMP),
+            Arg("port", Int(1, 65535), shown_if=_PORT),
+            Arg("src-address", Text()),
+            Arg("thr-avg", Time(), shown_if=_ICMP),
+            Arg("thr-jitter", Time(), shown_if=_ICMP),
+            Arg("thr-loss-count", Int(), shown_if=_ICMP),
+            Arg("thr-loss-percent", Pattern(r"\d+(\.\d+)?%?"), shown_if=_ICMP),
+            Arg("thr-max", Time(), shown_if=_ICMP),
+            Arg("thr-stdev", Time(), shown_if=_ICMP),
+            Arg("thr-tcp-conn-time", Time(), shown_if=_TCP),
+            Arg("ttl", Int(1, 255), shown_if=_ICMP),
+            Arg("type", Choice(offered("/tool/netwatch", "type")), "simple", always=True),
+        ),
+        without=("certificate", "check-certificate", "dns-server", "http-codes", "record-type", "thr-http-time"),
+    ),
+)
+
+MENUS = (*_ROUTING, *_NETWATCH)

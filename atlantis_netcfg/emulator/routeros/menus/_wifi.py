@@ -1,7 +1,7 @@
 """`/interface/wifi`: radios of `wifi-qcom` and its kin, with the profiles from which they inherit.
 
 Words are those that the console of 7.21.5 offers. Nothing has a default in a row: what is not given is inherited
-(Manual, WiFi, Configuration profiles; see radio/inherited.py). `aaa.*`, `interworking.*`, `steering.*` are texts.
+(Manual, WiFi, Configuration profiles; see radio/_read.py). `aaa.*`, `interworking.*`, `steering.*` are texts.
 """
 
 from __future__ import annotations

@@ -116,8 +116,6 @@ def _end(rules: tuple[Range, ...], rule: Range) -> int:
     return rule.high_mhz if following is None else _end(rules, following)
 
 
-NOISE_DBM = -110
-"""What `noise-floor` shows of a quiet 20 MHz channel (sample of the manual, Wireless Interface)."""
 _LIGHT_M_S = 299_792_458.0
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import Radio
     from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
 
+
 LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
 _CONFIGURATION = "configuration"
 _PARTS = ("channel", "security", "datapath")

@@ -173,3 +173,7 @@ class RadioPair(BaseModel):
         if self.near == self.far:
             raise ValueError(f"{self.near} cannot be both ends of a radio link")
         return self
+
+
+NOISE_DBM = -110
+"""What `noise-floor` shows of a quiet 20 MHz channel (sample of the manual, Wireless Interface)."""

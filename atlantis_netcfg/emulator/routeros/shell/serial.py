@@ -13,10 +13,9 @@ import tty
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.shell.flags import Screen, split_login
-from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard
-from atlantis_netcfg.emulator.routeros.shell.labour import Gone
+from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
+from atlantis_netcfg.emulator.routeros.shell.ssh import Gone
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device, Printed

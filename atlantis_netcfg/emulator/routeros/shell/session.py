@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Line, Pages, Position, folded
+from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Line, Pages, Position, Screen, folded
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
-    from atlantis_netcfg.emulator.routeros.shell.flags import Screen
 
 
 LICENCE = "Do you want to see the software license? [Y/n]: "

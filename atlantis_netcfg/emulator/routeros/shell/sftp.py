@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
-    from atlantis_netcfg.emulator.routeros.wire.faults import Fault
+    from atlantis_netcfg.emulator.routeros.wire.link import Fault
 
 
 @dataclass(slots=True)

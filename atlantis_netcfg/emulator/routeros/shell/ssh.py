@@ -1,31 +1,131 @@
-"""The router's end of one SSH connection: asyncssh behind the same pipe that carries the API.
+"""SSH to an emulated router: the connection, its channels, its host key.
+
+The router's end of one SSH connection: asyncssh behind the same pipe that carries the API.
 
 Link, faults, firewall and counters act on the bytes between; what is encrypted in them is counted as it passes, and
 round trips of the key exchange count like all others.
+
+One session channel of an SSH connection: an interactive console, or one command.
+
+One line of work on a connection: counted, kept waiting, run, and spoilt by the faults that were armed for it.
+
+The SSH host key of a twin: made when it is first needed, kept on its flash.
+
+It is Ed25519, which is quickly made; a device has an RSA key unless `/ip/ssh host-key-type` says otherwise.
 """
 
 from __future__ import annotations
 
 import asyncio
+import base64
+import hashlib
 import logging
 import socket
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
+import asyncssh
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+    load_ssh_private_key,
+)
+
+from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.shell.flags import Screen, split_login
-from atlantis_netcfg.emulator.routeros.shell.labour import WorkItem
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End
-from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
+from atlantis_netcfg.emulator.routeros.device import Printed
+from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
+from atlantis_netcfg.emulator.routeros.shell.session import Session
+from atlantis_netcfg.emulator.routeros.wire.host import Pipe
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, TrafficCounters, masked
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
+    from collections.abc import Callable, Coroutine, Sequence
+    from pathlib import Path
 
-    import asyncssh
-
+    from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.shell.channel import Shell
     from atlantis_netcfg.emulator.routeros.wire.host import Host
+
+
+class Gone(Exception):
+    """The connection under the work has ended: nothing more is to be done for it."""
+
+
+class _Wire(Protocol):
+    tally: TrafficCounters
+
+    @property
+    def over(self) -> bool: ...
+
+    def drop(self) -> None: ...
+
+    def vanish(self) -> None: ...
+
+
+class WorkItem:
+    """The gate between a channel and the device."""
+
+    def __init__(self, host: Host, wire: _Wire) -> None:
+        self._host = host
+        self._wire = wire
+
+    async def run(self, line: str, action: Callable[[], Printed]) -> Printed:
+        """Run `action`, which the client asked for by `line`. Raises Gone; hangs for ever if a fault says so."""
+        faults = await self.begin(line)
+        printed = action()
+        await self.end(faults)
+        return _spoilt(faults, printed)
+
+    async def begin(self, line: str) -> list[Fault]:
+        """What comes before the work."""
+        self._wire.tally.counters.sentences += 1
+        self._wire.tally.sentences.append(masked((line,)))
+        faults = self._host.upon(line)
+        await self._suffer(faults, "before")
+        await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
+        self._check()
+        return faults
+
+    async def end(self, faults: Sequence[Fault]) -> None:
+        """What comes between the work and its answer."""
+        await self._host.settle()
+        self._host.tell()
+        await self._suffer(faults, "after")
+        self._check()
+
+    def _check(self) -> None:
+        if self._wire.over:
+            raise Gone
+
+    async def _suffer(self, faults: Sequence[Fault], when: str) -> None:
+        for fault in faults:
+            if fault.when != when:
+                continue
+            if fault.do is FaultKind.DROP:
+                self._wire.drop()
+            elif fault.do is FaultKind.VANISH:
+                self._wire.vanish()
+            elif fault.do is FaultKind.HANG:
+                await asyncio.Event().wait()
+            else:
+                self._host.strike(fault)
+
+
+def _spoilt(faults: Sequence[Fault], printed: Printed) -> Printed:
+    text = printed.text
+    for fault in faults:
+        at = fault.offset
+        if fault.do is FaultKind.TRUNCATE:
+            return Printed(text[: len(text) // 2 if at is None else at], over=True)
+        if fault.do is FaultKind.GARBAGE:
+            garbage = bytes.fromhex(fault.data).decode(errors="surrogateescape")
+            return replace(printed, text=text[: at or 0] + garbage + text[at or 0 :])
+    return printed
+
 
 _VERSION = "ROSSSH"
 """What RouterOS calls its SSH server."""
@@ -114,7 +214,6 @@ class SshConnection:
     def _options(self) -> dict[str, Any]:
         import asyncssh  # noqa: PLC0415
 
-        from atlantis_netcfg.emulator.routeros.shell.channel import Shell  # noqa: PLC0415
         from atlantis_netcfg.emulator.routeros.shell.sftp import Sftp  # noqa: PLC0415
 
         def start(
@@ -302,3 +401,147 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
                 connection.admit(self._name, self._key)
 
     return Server()
+
+
+_MOST = 65536
+_INTERRUPT = b"\x03"
+
+
+class Shell:
+    """What serves the channel; keys that come while a command runs wait their turn in asyncssh's buffer."""
+
+    def __init__(
+        self, connection: SshConnection, stdin: asyncssh.SSHReader[bytes], stdout: asyncssh.SSHWriter[bytes]
+    ) -> None:
+        self._connection = connection
+        self._stdin = stdin
+        self._channel = cast("asyncssh.SSHServerChannel[bytes]", stdout.channel)
+        self._session: Session | None = None
+
+    def start(self) -> None:
+        """Begin, beside asyncssh: what was typed is done even if nobody waits for it any more."""
+        self._connection.opened(self)
+        self._connection.go(self._work())
+
+    def tell(self) -> None:
+        """Show what the router has to say unasked."""
+        if self._session is not None:
+            self._session.tell()
+
+    async def _work(self) -> None:
+        caller = self._connection.caller()
+        command = self._channel.get_command()
+        try:
+            if command is None:
+                await self._converse(caller)
+            else:
+                await self._obey(caller, command)
+        except Gone:
+            pass
+        finally:
+            self._connection.shut(self)
+            self._connection.left(caller)
+
+    async def _obey(self, caller: Caller, command: str) -> None:
+        printed = await WireTalk(self._connection, caller).type(command, None)
+        lines = printed.text.split("\n") if printed.text else []
+        self._say("".join(f"{line}\r\n" for line in lines).encode(errors="surrogateescape"))
+        if not self._channel.is_closing():
+            self._channel.exit(1 if printed.failed else 0)
+
+    async def _converse(self, caller: Caller) -> None:
+        """Feed the session until it or the terminal has had enough."""
+        kind = self._channel.get_terminal_type()
+        session = Session(WireTalk(self._connection, caller), self._screen(kind), self._say, sized=kind is not None)
+        self._session = session
+        await session.start()
+        patience: float | None = self._connection.host.knobs.probe_s
+        while not session.over:
+            try:
+                async with asyncio.timeout(None if session.begun else patience):
+                    data = await self._stdin.read(_MOST)
+            except TimeoutError:
+                await session.give_up()
+            except asyncssh.TerminalSizeChanged as size:
+                session.resize(size.width, size.height)
+            except (asyncssh.BreakReceived, asyncssh.SignalReceived):
+                await session.feed(_INTERRUPT)
+            except (OSError, asyncssh.Error):
+                break
+            else:
+                if not data:
+                    break
+                self._connection.tally.counters.bytes_in += len(data)
+                await session.feed(data)
+        if session.quitted:
+            self._connection.device.keep(caller)
+        if not self._channel.is_closing():
+            self._channel.exit(0)
+
+    def _screen(self, kind: str | None) -> Screen:
+        """The terminal's own size, unless the login's flags say another; without a terminal none of its tricks."""
+        screen = self._connection.screen
+        if kind is None:
+            return screen.plain()
+        width, height, *_ = self._channel.get_terminal_size()
+        screen = screen.sized(*(ours or theirs for ours, theirs in zip(screen.requested, (width, height), strict=True)))
+        return screen.plain() if kind == "dumb" else screen
+
+    def _say(self, data: bytes) -> None:
+        if not self._channel.is_closing():
+            self._connection.tally.counters.bytes_out += len(data)
+            self._channel.write(data)
+
+
+class WireTalk:
+    """A console's talk with its device, through the faults of its connection."""
+
+    def __init__(self, connection: SshConnection, caller: Caller) -> None:
+        self.caller = caller
+        self.device: Device = connection.device
+        self._labour = connection.labour
+
+    async def type(self, line: str, width: int | None) -> Printed:
+        """Run a line."""
+        return await self._labour.run(line, lambda: self.device.type(self.caller, line, width=width))
+
+    async def safe_key(self, choice: str) -> Printed:
+        """Press Ctrl+X, or answer its question."""
+        return await self._labour.run("ctrl+x", lambda: self.device.safe_key(self.caller, choice))
+
+    async def confirm(self, line: str) -> Printed:
+        """Run a line whose question was answered with yes."""
+        return await self._labour.run("y", lambda: self.device.type(self.caller, line, confirmed=True))
+
+    async def set_password(self, password: str) -> str:
+        """Give the caller a new password; the refusal, or nothing."""
+        return await self._quiet("new password", lambda: self.device.set_password(self.caller, password))
+
+    async def remove_defaults(self) -> None:
+        """Take the default configuration away."""
+        await self._quiet("remove defaults", self._remove_defaults)
+
+    def _remove_defaults(self) -> str:
+        self.device.remove_defaults(self.caller)
+        return ""
+
+    async def _quiet(self, name: str, action: Callable[[], str]) -> str:
+        faults = await self._labour.begin(name)
+        text = action()
+        await self._labour.end(faults)
+        return text
+
+
+def host_key(path: Path) -> bytes:
+    """The private key in OpenSSH's format."""
+    if not path.exists():
+        key = Ed25519PrivateKey.generate()
+        write_private(path, key.private_bytes(Encoding.PEM, PrivateFormat.OpenSSH, NoEncryption()))
+    return path.read_bytes()
+
+
+def fingerprint(path: Path) -> str:
+    """`SHA256:...`, as `ssh-keygen -l` prints it."""
+    key = load_ssh_private_key(host_key(path), None).public_key()
+    blob = base64.b64decode(key.public_bytes(Encoding.OpenSSH, PublicFormat.OpenSSH).split()[1])
+    return "SHA256:" + base64.b64encode(hashlib.sha256(blob).digest()).decode().rstrip("=")

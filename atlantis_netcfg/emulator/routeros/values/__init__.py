@@ -2,17 +2,6 @@
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.values._base import (
-    INVALID,
-    NOT_OFFERED,
-    BadValue,
-    Kind,
-    Names,
-    id_text,
-    reference,
-    references,
-    spell,
-)
 from atlantis_netcfg.emulator.routeros.values._network import (
     Address,
     Addresses,
@@ -29,20 +18,29 @@ from atlantis_netcfg.emulator.routeros.values._network import (
     Topics,
 )
 from atlantis_netcfg.emulator.routeros.values._plain import (
+    INVALID,
+    NOT_OFFERED,
+    BadValue,
     Bool,
     Choice,
     Choices,
     Flag,
     Int,
+    Kind,
     Moment,
+    Names,
     Not,
     Pattern,
     Rate,
     Size,
     Text,
     Time,
+    id_text,
     interval,
+    reference,
+    references,
     seconds,
+    spell,
 )
 
 __all__ = [

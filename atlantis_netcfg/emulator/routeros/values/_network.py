@@ -17,7 +17,7 @@ from ipaddress import (
     ip_network,
 )
 
-from atlantis_netcfg.emulator.routeros.values._base import INVALID, NOT_OFFERED, BadValue, Kind, Names, reference
+from atlantis_netcfg.emulator.routeros.values._plain import INVALID, NOT_OFFERED, BadValue, Kind, Names, reference
 
 _HOST_NAME = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_-]{1,63})*\.?")
 _SHORT = re.compile(r"(?<![\w.:/-])(\d{1,3}(?:\.\d{1,3})?)\.(\d{1,3})(?![\w.:/-])")

@@ -9,10 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
-from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End
-from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters, masked
+from atlantis_netcfg.emulator.routeros.wire.host import Pipe
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, Faults, TrafficCounters, masked
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -20,6 +18,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Answer
     from atlantis_netcfg.emulator.routeros.wire.host import Host
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
+
 
 Sentence = tuple[str, ...]
 

@@ -10,10 +10,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.wire.knobs import WireBehaviour
+    from atlantis_netcfg.emulator.routeros.wire.link import WireBehaviour
 
 Reply = tuple[str | None, Answer]
 """A reply sentence and the tag it carries."""
+
 
 _INTERRUPTED = Trap("interrupted", Category.INTERRUPTED).answer()
 

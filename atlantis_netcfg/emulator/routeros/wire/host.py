@@ -1,40 +1,29 @@
-"""The seam between the connections of a router twin and the router itself."""
+"""The seam between the connections of a router twin and the router itself.
+
+A TCP connection to a router twin: the client's end on a socket, the bearer, and the router's own firewall.
+
+What the path does not let through is held as TCP would send it again, until the path is open or the router gives up.
+
+The rows of `/ip/service` as the wire needs them (Manual, Services).
+"""
 
 from __future__ import annotations
 
 import asyncio
-import os
-from typing import TYPE_CHECKING, Protocol
+import socket
+import struct
+from typing import TYPE_CHECKING, Protocol, cast
+
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, Direction, End, Line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-    from pathlib import Path
     from random import Random
 
-    from atlantis_netcfg.emulator.routeros.device import Service
+    from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
-    from atlantis_netcfg.emulator.routeros.wire.faults import Fault
-    from atlantis_netcfg.emulator.routeros.wire.knobs import Pace, WireBehaviour
-    from atlantis_netcfg.emulator.routeros.wire.link import Bearer
-    from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-    from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
+    from atlantis_netcfg.emulator.routeros.wire.link import Bearer, Fault, Pace, TrafficCounters, WireBehaviour
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
-
-
-class Line(Protocol):
-    """A way to the router that is no connection: its serial line."""
-
-    def down(self, *, clean: bool) -> None:
-        """The router goes down."""
-
-    def up(self) -> None:
-        """The router is back."""
-
-    def check(self) -> None:
-        """Log out if somebody has removed this session from `/user/active`."""
-
-    def say_pending(self) -> None:
-        """Say what the router has to say unasked."""
 
 
 class Member(Protocol):
@@ -171,10 +160,200 @@ class Listeners:
         self._open.clear()
 
 
-def write(path: Path, data: bytes) -> None:
-    """Write `data` to `path` atomically, in a folder that is made if need be."""
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    draft = path.with_name(f".{path.name}.new")
-    with os.fdopen(os.open(draft, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "wb") as file:
-        file.write(data)
-    draft.replace(path)
+class MemberLine(Protocol):
+    """A way to the router that is no connection: its serial line."""
+
+    def down(self, *, clean: bool) -> None:
+        """The router goes down."""
+
+    def up(self) -> None:
+        """The router is back."""
+
+    def check(self) -> None:
+        """Log out if somebody has removed this session from `/user/active`."""
+
+    def say_pending(self) -> None:
+        """Say what the router has to say unasked."""
+
+
+_RESET_ON_CLOSE = struct.pack("ii", 1, 0)
+
+
+class RouterEnd(Protocol):
+    """What stands at the router's end of a pipe."""
+
+    async def work(self) -> None:
+        """Answer for ever."""
+
+    def accepted(self) -> None:
+        """The connection is there."""
+
+    def arrived(self, chunk: Chunk) -> None:
+        """The client is heard."""
+
+    def gone(self) -> None:
+        """The router has learnt that the client is gone."""
+
+
+class Pipe(asyncio.Protocol):
+    """From connect until neither end exists any more.
+
+    The tallies `_heard` and `_answered` belong to the client's end and travel with what it says, so that round trips
+    are counted where they are paid for.
+    """
+
+    def __init__(self, host: Host, service: str) -> None:
+        self.service = service
+        self.end: RouterEnd
+        self.established = False
+        self.lost = False
+        """The router has forgotten this connection: whatever still comes is answered by RST."""
+        self.ended = False
+        self._host = host
+        self._path = False
+        self._vanished = False
+        self._held_up: list[Chunk] = []
+        self._held_down: list[Chunk] = []
+        self._received = self._answered = 0
+        self._tasks: list[asyncio.Task[None]] = []
+        self._silence: asyncio.TimerHandle | None = None
+
+    # The client's end.
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """A client's SYN is on its way."""
+        self._transport = cast("asyncio.Transport", transport)
+        bearer, air = self._host.bearer, self._host.air
+        self._up = Line(bearer, Direction.UP, air, self._arrive)
+        self._down = Line(bearer, Direction.DOWN, air, self._leave)
+        if bearer.link.tcp_connect:
+            self._up.earliest = asyncio.get_running_loop().time() + 2 * bearer.link.delay_s
+        self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
+        for task in self._tasks:
+            self._host.watch(task)
+        self._host.opened(self)
+        self.regate()
+
+    def data_received(self, data: bytes) -> None:
+        """The client speaks."""
+        self._up.put(Chunk(data, heard=self._received, answered=self._answered))
+
+    def eof_received(self) -> bool:
+        """The client will say no more, the router may still answer."""
+        self._up.put(Chunk(end=End.FIN))
+        return True
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The client's socket is gone; the router learns it if the path lets it."""
+        del exc
+        if not self.ended:
+            self._up.put(Chunk(end=End.RST))
+
+    def _leave(self, chunk: Chunk) -> None:
+        """The router is heard."""
+        if chunk.end is not None:
+            self.stop(reset=chunk.end is End.RST)
+        elif not self._transport.is_closing():
+            self._transport.write(chunk.data)
+            self._received, self._answered = chunk.heard, chunk.answered
+
+    # The router's end.
+
+    def _arrive(self, chunk: Chunk) -> None:
+        if self.ended:
+            return
+        if not self._path:
+            self._held_up.append(chunk)
+        elif self.lost:
+            self._down.put(Chunk(end=End.RST))
+        else:
+            self.end.arrived(chunk)
+
+    def depart(self, chunk: Chunk) -> None:
+        """The router speaks; its own firewall sees that first."""
+        if self.ended or self.lost:
+            return
+        if self._path:
+            self._down.put(chunk)
+        else:
+            self._held_down.append(chunk)
+
+    def regate(self) -> None:
+        """Look again whether packets get through, and let go what was held if they do."""
+        self._path = self._host.reaches(self.service, established=self.established)
+        if self._path and not self.established:
+            self._accept()
+        if self._path:
+            down, self._held_down = self._held_down, []
+            up, self._held_up = self._held_up, []
+            for chunk in down:
+                self.depart(chunk)
+            for chunk in up:
+                self._arrive(chunk)
+        self.note_silence()
+
+    def _accept(self) -> None:
+        """The SYN has come through: a service that does not want this client says so only now."""
+        self.established = True
+        self.lost = not self._host.admits(self.service)
+        if self.lost:
+            self._down.put(Chunk(end=End.RST))
+        else:
+            self.end.accepted()
+
+    def note_silence(self) -> None:
+        """Start or stop the clock of the router's TCP time-out."""
+        silent = self._vanished or not self._path or not self._host.air.is_set()
+        if silent and self._silence is None:
+            loop = asyncio.get_running_loop()
+            self._silence = loop.call_later(self._host.silent_timeout_s, self._time_out)
+        elif not silent and self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+
+    def _time_out(self) -> None:
+        if self.established:
+            self.forget()
+            self.end.gone()
+
+    # Ends.
+
+    def forget(self) -> None:
+        """The router knows nothing of this connection any more, and the client is not told."""
+        self.lost = True
+        self._held_down.clear()
+
+    def farewell(self) -> None:
+        """The router closes its sockets before it goes down: EOF where the path lets it."""
+        if self._path:
+            self._down.put(Chunk(end=End.FIN))
+        self.forget()
+
+    def vanish(self) -> None:
+        """Silence for good, and neither end is told."""
+        self._vanished = True
+        for task in self._tasks[:2]:
+            task.cancel()
+        self.note_silence()
+
+    def stop(self, *, reset: bool) -> None:
+        """Both ends are gone."""
+        if self.ended:
+            return
+        self.ended = True
+        if self._silence is not None:
+            self._silence.cancel()
+        if reset:
+            self._reset()
+        else:
+            self._transport.close()
+        for task in self._tasks:
+            task.cancel()
+        self._host.closed(self)
+        self.end.gone()
+
+    def _reset(self) -> None:
+        raw = cast("socket.socket | None", self._transport.get_extra_info("socket"))
+        if raw is not None and raw.fileno() >= 0:
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
+        self._transport.abort()

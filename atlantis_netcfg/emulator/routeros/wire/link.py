@@ -1,20 +1,38 @@
-"""The bearer between client and router: a delay line, so that pipelined sentences share one delay.
+"""The link between a client and an emulated router: delay, loss, rate, faults, byte counters.
+
+The bearer between client and router: a delay line, so that pipelined sentences share one delay.
 
 Both ends of a `Line` live in the server: what the client's socket hands over enters at once and leaves later.
+
+Faults that strike at a chosen sentence, so that a test can cut a run at every point of it.
+
+What was counted on the wire, so that a test can hold a claim about round trips and bytes.
+
+What a router does on its wire that no manual promises: order, limits and moods, each a knob.
+
+Assumption: api-tagged-order
+Assumption: api-flight-24
+Assumption: api-flight-100
+Assumption: tls-version
 """
 
 from __future__ import annotations
 
 import asyncio
+import re
 from collections import deque
-from dataclasses import dataclass, replace
-from enum import Enum
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, field, replace
+from enum import Enum, StrEnum
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from atlantis_netcfg.core.secret import MASK
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
+
 
 SEGMENT = 1400
 """Bytes that travel together: a TCP segment within a tunnel's MTU."""
@@ -146,3 +164,203 @@ class Line:
                 now = loop.time()
                 while self._queue and self._queue[0][0] <= now:
                     self._deliver(self._queue.popleft()[1])
+
+
+class FaultKind(StrEnum):
+    """What happens."""
+
+    GAP = "gap"
+    """The bearer carries nothing for `seconds`; TCP survives it."""
+    DROP = "drop"
+    """The connection is reset under both ends at once; what was under way is lost."""
+    VANISH = "vanish"
+    """The connection goes silent for good and neither end is told: the cable was pulled."""
+    REBOOT = "reboot"
+    """The router reboots: EOF, and back after `boot_s`."""
+    POWER = "power"
+    """The router loses power: no EOF, and back after `boot_s`."""
+    TRUNCATE = "truncate"
+    """The answer stops after `offset` bytes (half of it without), then EOF."""
+    GARBAGE = "garbage"
+    """`data` stands in the answer at `offset`."""
+    HANG = "hang"
+    """The router never answers on this connection again."""
+
+
+class Fault(BaseModel):
+    """One fault, armed for the n-th matching sentence from now; it strikes once."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    do: FaultKind
+    sentence: int = Field(default=1, ge=1)
+    """Counted over all connections of the router from the moment of arming."""
+    match: str = "*"
+    """Shell pattern for the command word, e.g. `/ip/firewall/*`; `*` counts `/login`, too.
+
+    A script that only has commands parsed is not `/execute`, which changes something, but `/execute :parse`.
+    """
+    when: Literal["before", "after"] = "before"
+    """Before the sentence is executed, or after and before its answer leaves."""
+    seconds: float = Field(default=0.0, ge=0)
+    lines: int | None = Field(default=None, ge=0)
+    """With `when="after"`: only so many lines of the script in `/execute` are run before it strikes."""
+    offset: int | None = Field(default=None, ge=0)
+    data: str = "f8ffffff"
+    """Bytes in hex; the default begins with a control byte that the manual reserves."""
+
+    def shorten(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """The sentence as far as it gets; a line that ends with a backslash goes on in the next."""
+        if self.lines is None:
+            return words
+        return tuple(self._first_lines(word) if word.startswith("=script=") else word for word in words)
+
+    def _first_lines(self, word: str) -> str:
+        script = word.removeprefix("=script=")
+        return "=script=" + "\n".join(re.split(r"(?<!\\)\r?\n", script)[: self.lines])
+
+
+class Faults:
+    """The faults that are armed."""
+
+    def __init__(self) -> None:
+        self._armed: list[tuple[Fault, int]] = []
+
+    def arm(self, fault: Fault) -> None:
+        """Let `fault` strike when its sentence comes."""
+        self._armed.append((fault, fault.sentence))
+
+    def disarm(self) -> None:
+        """Forget all."""
+        self._armed.clear()
+
+    @property
+    def armed(self) -> tuple[Fault, ...]:
+        """What has not struck yet."""
+        return tuple(fault for fault, _ in self._armed)
+
+    @staticmethod
+    def command(words: tuple[str, ...]) -> str:
+        """Return what patterns are held against."""
+        parses = any(word.startswith("=script=:foreach ") and ":put [:parse " in word for word in words)
+        return f"{words[0]} :parse" if parses else words[0]
+
+    def upon(self, command: str) -> list[Fault]:
+        """Count the sentence that begins with `command`; the faults that strike at it."""
+        left = [(fault, n - fnmatchcase(command, fault.match)) for fault, n in self._armed]
+        self._armed = [(fault, n) for fault, n in left if n > 0]
+        return [fault for fault, n in left if n <= 0]
+
+
+_SECRET = r"(?:[\w.-]*(?:password|passphrase|secret|pre-?shared-key|private-key)|response|pin)"  # noqa: S105 (a pattern)
+_WORD = re.compile(rf"^(=!?{_SECRET}=).+$", re.DOTALL)
+_SCRIPT = re.compile(rf'\b({_SECRET}=)("(?:\\.|[^"\\])*"|[^\s;\]]+)', re.DOTALL)
+
+
+@dataclass(slots=True)
+class Counters:
+    """Totals of one connection, or of a router."""
+
+    connections: int = 0
+    logins: int = 0
+    turns: int = 0
+    """Round trips: how often the client began to speak, at first or after it had heard something.
+
+    TLS is not counted; SSH is, key exchange and all.
+    """
+    sentences: int = 0
+    """Of the API; over SSH lines, keys that are commands, and files."""
+    bytes_in: int = 0
+    """From the client, above TLS."""
+    bytes_out: int = 0
+    wire_in: int = 0
+    """From the client, as TCP carried it."""
+    wire_out: int = 0
+
+    def plus(self, other: Counters) -> Counters:
+        """Sum, field by field."""
+        theirs = asdict(other)
+        return Counters(**{name: value + theirs[name] for name, value in asdict(self).items()})
+
+
+@dataclass(slots=True)
+class TrafficCounters:
+    """One connection: its counters and the sentences it sent, secrets masked."""
+
+    service: str
+    counters: Counters = field(default_factory=lambda: Counters(connections=1))
+    sentences: list[tuple[str, ...]] = field(default_factory=list)
+
+
+def masked(words: Sequence[str]) -> tuple[str, ...]:
+    """The words of a sentence without their secrets, also those inside a script."""
+    return tuple(_SCRIPT.sub(rf"\1{MASK}", _WORD.sub(rf"\1{MASK}", word)) for word in words)
+
+
+class WireBehaviour(BaseModel):
+    """Behaviour of the router's API service; all times in seconds as the caller wants to wait for them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    shuffle: int | None = None
+    """A seed: tagged sentences that arrived in one burst run in another order and their answers interleave.
+
+    None: in order of arrival.
+    """
+    hang_at: int | None = Field(default=None, ge=1)
+    """The connection falls silent for good when so many sentences are unanswered.
+
+    A CHR 7.22.1 hung at 25 concurrent `/console/inspect` (`tikoci/restraml docs/mikrotik-bug-native-api-inspect.md`).
+    """
+    hang_writes_at: int | None = Field(default=None, ge=1)
+    """The same when so many sentences that are no `print` are unanswered."""
+    knee_after: int | None = Field(default=None, ge=0)
+    """So many sentences of all connections are answered at once; then each takes `knee_s` until the router was idle.
+
+    Seen on a CHR 7.23.2 after 120 to 220 (`danikf/tik4net Docs/findings-router-throughput-ceiling.md`).
+    """
+    knee_s: float = Field(default=0.020, ge=0)
+    idle_s: float = Field(default=1.0, ge=0)
+    stall_every: int | None = Field(default=None, ge=1)
+    """Every n-th sentence finds the router busy for `stall_s` (the same source saw 7 s and 30 s)."""
+    stall_s: float = Field(default=7.0, ge=0)
+    probe_s: float = Field(default=5.0, ge=0)
+    """How long a console waits for a terminal to say what it is. Assumption: console-first-login"""
+    boot_s: float = Field(default=60.0, ge=0)
+    """From a reboot or power cut until the API answers again."""
+    old_login: bool = False
+    """The login of before 6.43: the new form is answered by a challenge, too."""
+    sentences_before_login: int = Field(default=8, ge=1)
+    """More without a login end the connection; the manual says that there is a limit, not which.
+
+    Assumption: api-limit-words
+    """
+    word_before_login: int = Field(default=1024, ge=1)
+    """Longest word before login, in bytes."""
+    pipelined_login: bool = False
+    """Sentences that were sent before the answer to `/login` was there are accepted. Assumption: api-login-pipelined"""
+    tls: Literal["1.2", "1.3"] = "1.2"
+    """The newest TLS that the router speaks; `/ip/service tls-version` may only lower it."""
+
+
+class Pace:
+    """How long the router keeps a sentence waiting before it runs it; one for all connections."""
+
+    def __init__(self) -> None:
+        self._since_idle = 0
+        self._total = 0
+        self._free_at = 0.0
+
+    def wait_s(self, knobs: WireBehaviour, now: float) -> float:
+        """Seconds until the sentence that has its turn now may run."""
+        self._total += 1
+        if now - self._free_at > knobs.idle_s:
+            self._since_idle = 0
+        self._since_idle += 1
+        self._free_at = max(now, self._free_at) + self._cost_s(knobs)
+        return self._free_at - now
+
+    def _cost_s(self, knobs: WireBehaviour) -> float:
+        knee = knobs.knee_after is not None and self._since_idle > knobs.knee_after
+        stall = knobs.stall_every is not None and self._total % knobs.stall_every == 0
+        return (knobs.knee_s if knee else 0.0) + (knobs.stall_s if stall else 0.0)

@@ -8,9 +8,16 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.wire.connection import Connection
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
-from atlantis_netcfg.emulator.routeros.wire.faults import Fault, FaultKind, Faults
-from atlantis_netcfg.emulator.routeros.wire.knobs import Pace, WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.link import Bearer, Direction, Link
+from atlantis_netcfg.emulator.routeros.wire.link import (
+    Bearer,
+    Direction,
+    Fault,
+    FaultKind,
+    Faults,
+    Link,
+    Pace,
+    WireBehaviour,
+)
 from atlantis_netcfg.emulator.routeros.wire.tls import Channel, Plain, Tls, context
 
 if TYPE_CHECKING:
@@ -20,9 +27,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.spec import Management
-    from atlantis_netcfg.emulator.routeros.wire.host import Host, Line, Member
-    from atlantis_netcfg.emulator.routeros.wire.pipe import Pipe
-    from atlantis_netcfg.emulator.routeros.wire.tally import TrafficCounters
+    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member, MemberLine, Pipe
+    from atlantis_netcfg.emulator.routeros.wire.link import TrafficCounters
 
 
 class AccessPath:
@@ -157,7 +163,7 @@ class Switchboard:
         self._alarm = asyncio.Event()
         self._settling = asyncio.Lock()
         self._timers: list[asyncio.TimerHandle] = []
-        self.line: Line | None = None
+        self.line: MemberLine | None = None
         """The serial line, beside the network."""
         self._gap_until = 0.0
         self._clock: asyncio.Task[None] | None = None

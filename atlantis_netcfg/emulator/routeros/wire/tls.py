@@ -15,7 +15,12 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import NameOID
 
-from atlantis_netcfg.emulator.routeros.wire import host
+from atlantis_netcfg.core.paths import write_private
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,7 +118,7 @@ def certificate(folder: Path, name: str, *, common_name: str, address: str) -> P
     """The file with key and self-signed certificate called `name`; made when it is first needed, and kept."""
     path = folder / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.pem"
     if not path.exists():
-        host.write(path, _issue(common_name, address))
+        write_private(path, _issue(common_name, address))
     return path
 
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist.probes import Consent, Listen, Place, Say
-from atlantis_netcfg.checklist.probes import allowed as allowed_messages
+from atlantis_netcfg.checklist.probes import registry as allowed_messages
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     SEATRAC,

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from acoustic_talk import Twin, bytewise, hear, told, twin_of
 
-from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Transcript, acoustic, allowed, usbl
+from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Transcript, acoustic, registry, usbl
 from atlantis_netcfg.checklist.report import Kind
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
@@ -79,8 +79,8 @@ def test_every_script_is_on_the_lists(declaration: Declaration, item: str) -> No
     assert step.probe is not None
     for question in step.probe.asks():
         assert isinstance(question, Listen)
-        assert allowed.refused(question, active=True) is None
-        assert (allowed.refused(question, active=False) is not None) == (step.kind is Kind.ACTIVE)
+        assert registry.refused(question, active=True) is None
+        assert (registry.refused(question, active=False) is not None) == (step.kind is Kind.ACTIVE)
 
 
 def test_one_modem_is_one_question(declaration: Declaration) -> None:

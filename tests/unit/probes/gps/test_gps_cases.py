@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes import Listen, Place
 from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps import gpsd as gpsd_reader
 from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import Finding

@@ -19,11 +19,11 @@ from atlantis_netcfg.checklist.probes.gps import (
     RouterosGps,
     read_monitor,
 )
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers.query import Query
+    from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist.probes import Judged
 
 WANTED = GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)

@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step
-from atlantis_netcfg.checklist.probes.allowed import refused
 from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
+from atlantis_netcfg.checklist.probes.registry import refused
 from atlantis_netcfg.checklist.report import Kind, Phase
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Endpoints
 

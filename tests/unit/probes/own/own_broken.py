@@ -32,7 +32,7 @@ from atlantis_netcfg.emulator.linux import (
     RouteSpec,
     UdpSpec,
 )
-from atlantis_netcfg.emulator.routeros.environment import Called, Load, Validity
+from atlantis_netcfg.emulator.routeros.spec import Called, Load, Validity
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.linux import (
     CertificateSpec,
@@ -37,9 +37,8 @@ from atlantis_netcfg.emulator.linux import (
 )
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.environment import Environment, Load, Validity
-from atlantis_netcfg.emulator.routeros.environment._spec import move
-from atlantis_netcfg.emulator.routeros.spec import Management, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.environment import move
+from atlantis_netcfg.emulator.routeros.spec import Environment, Load, Management, RouterSpec, User, Validity
 from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from own_world import NOW, World, own_steps
 from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.emulator.routeros.environment import Validity
+from atlantis_netcfg.emulator.routeros.spec import Validity
 from atlantis_netcfg.operations.vpn.router import Installed
 from atlantis_netcfg.routeros.apply import Status
 

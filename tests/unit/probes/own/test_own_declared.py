@@ -11,7 +11,7 @@ from own_world import NETPLAN, SITE, World, computer, declaration
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
-from atlantis_netcfg.gateway.network import gateway_network
+from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Step

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import CommandResult, Trouble
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,10 +13,9 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe
-from atlantis_netcfg.checklist.probes.lte import _registered
+from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _registered
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 REACHED = Finding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"

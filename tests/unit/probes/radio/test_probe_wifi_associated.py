@@ -18,9 +18,8 @@ from radio_cases import (
 )
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, Run, Trouble
-from atlantis_netcfg.checklist.probes.allowed import allowed
-from atlantis_netcfg.checklist.probes.iw import read_link, read_station
-from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe
+from atlantis_netcfg.checklist.probes.registry import allowed
+from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
 from atlantis_netcfg.declaration.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {

@@ -14,7 +14,7 @@ from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
 
 from atlantis_netcfg.checklist.probes import Listen, Place, Transcript
 from atlantis_netcfg.checklist.probes.rc_rf import RcHeard, SticksMoved
-from atlantis_netcfg.core.verdicts import Verdict
+from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Judged

@@ -57,8 +57,8 @@ class ActionModule(ZipappAction):
         return result
 
     def _opened(self) -> Bundle:
+        from atlantis_netcfg.bundle.manifest import Keys  # noqa: PLC0415
         from atlantis_netcfg.bundle.open import open_bundle  # noqa: PLC0415
-        from atlantis_netcfg.bundle.signing import Keys  # noqa: PLC0415
         from atlantis_netcfg.core import paths  # noqa: PLC0415 - Ansible imports every action plugin
 
         state = self._task.args.get("state")

@@ -1,0 +1,87 @@
+"""Results of probes while they run: progress events, and the result of a request that was not sent.
+
+Progress: each item, when it is settled, as an event.
+
+The answer of a question that was not asked, or of which nothing came back.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes import (
+    AllowListTestRequest,
+    AllowListTestResult,
+    CommandResult,
+    DdsDiscoverRequest,
+    DdsDiscoverResult,
+    DhcpDiscoverRequest,
+    DhcpOffers,
+    LinkStatusRequest,
+    LinkStatusResult,
+    Listen,
+    RouterOsQuery,
+    Rows,
+    Run,
+    Transcript,
+    Trouble,
+)
+from atlantis_netcfg.core.events import Event, Stage
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.checklist.report import Item
+    from atlantis_netcfg.core.events import Subscriber
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.checklist.probes import Answer, Question
+    from atlantis_netcfg.core.events import Subscriber
+
+
+def telling(notify: Subscriber, total: int, settled: Callable[[Item], None]) -> Callable[[Item], None]:
+    """Give a `settled` for `examine` that also tells of each item: `done` of `total`, its verdict and its words."""
+    done = 0
+
+    def tell(item: Item) -> None:
+        nonlocal done
+        settled(item)
+        done += 1
+        data = {"verdict": item.verdict.value, "seconds": item.seconds}
+        notify(Event(item.id, Stage.DONE, f"{item.verdict.value}: {item.message}", done, total, data))
+
+    return tell
+
+
+_ANSWERS: Mapping[type, type[Answer]] = {
+    Listen: Transcript,
+    Run: CommandResult,
+    DhcpDiscoverRequest: DhcpOffers,
+    DdsDiscoverRequest: DdsDiscoverResult,
+    RouterOsQuery: Rows,
+    LinkStatusRequest: LinkStatusResult,
+    AllowListTestRequest: AllowListTestResult,
+}
+
+
+def unanswered(question: Question, words: str, trouble: Trouble = Trouble.NO_PLACE) -> Answer:
+    """The answer of this kind of question that says nothing but its trouble, and why in words."""
+    return _ANSWERS[type(question)](trouble, words)
+
+
+def all_unanswered(questions: Questions, words: str) -> dict[str, Answer]:
+    """The same of many, by their keys, where their place was not reached."""
+    return {key: unanswered(question, words) for key, question in questions}
+
+
+Questions = Sequence["tuple[str, Question]"]
+"""Questions under keys that are unlike each other: `<item id>#<question name>`."""
+
+
+OnAnswer = Callable[[str, "Answer"], None]
+"""Told of each answer by its key, when it comes."""

@@ -1,0 +1,440 @@
+"""One run of `provision check`: from the words to a book, through people and probes, to the report.
+
+How a sitting ends: a signature or none, the pages, and what is told.
+
+Select what probes run against: the real site, or a rehearsal of it in which faults may be injected.
+
+The book of a sitting: where it lies, and what stands at its head.
+
+The checklists that are kept on this computer, for the commands that tell of them.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.checklist import Answers, Book, Head, NotSigned, Scope, books, plan
+from atlantis_netcfg.checklist.confirmations import named
+from atlantis_netcfg.checklist.plan import drawing
+from atlantis_netcfg.checklist.probes import Place
+from atlantis_netcfg.checklist.report import Phase, lines
+from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, PromptAborted, price_of, shown
+from atlantis_netcfg.cli._output import progress, tell
+from atlantis_netcfg.cli._session import session
+from atlantis_netcfg.core import paths
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.events import Event, Stage, ignore
+from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
+from atlantis_netcfg.operations import Mode
+from atlantis_netcfg.operations.computers._access import is_computer
+from atlantis_netcfg.operations.request import refuse_examples
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist import Checklist, Entry, Kept
+    from atlantis_netcfg.checklist.report import Document, Item
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+
+
+def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
+    """Raise UsageError for what cannot be broken: nothing is, unless it is emulated."""
+    if not faults:
+        return
+    if not rehearsed:
+        raise UsageError("`break=` is for rehearsals: nothing real is broken on purpose", hint="add --rehearse")
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
+
+    for fault in faults:
+        if fault not in FAULTS:
+            near = nearest(fault, FAULTS)
+            known = "\n".join(["it takes:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
+            raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
+
+
+def refuse_absent(faults: Sequence[str], every: Checklist) -> None:
+    """Raise UsageError for a fault of something that this site does not have; `every`: its list, not narrowed."""
+    if not faults:
+        return
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
+
+    here = {entry.item.id for entry in every.entries}
+    for fault in faults:
+        if not any(turn.replace("SITE", every.site) in here for turn in FAULTS[fault].turns):
+            what = f"`break={fault}`: {every.site} has nothing to break there ({FAULTS[fault].words})"
+            raise UsageError(
+                what, hint="faults are told for the coastal testbed of the shipped inventory: try site=coastal"
+            )
+
+
+def broken(faults: Sequence[str]) -> tuple[str, ...]:
+    """What is broken, in words."""
+    if not faults:
+        return ()
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
+
+    return tuple(f"{fault}: {FAULTS[fault].words}" for fault in faults)
+
+
+def breaks_a_site(faults: Sequence[str]) -> bool:
+    """Whether something beside vehicles is broken, which may be a router."""
+    if not faults:
+        return False
+    from atlantis_netcfg.checklist.runner.simulated import FAULTS
+
+    return any(turn.startswith("SITE/") for fault in faults for turn in FAULTS[fault].turns)
+
+
+def asks_a_router(entries: Sequence[Entry]) -> bool:
+    """Whether routers have to be there: a rehearsal starts and configures them for that alone."""
+    probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
+    return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
+
+
+def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
+    """What the twins of these entries cannot stand for."""
+    if opened.rehearsal is None:
+        return ()
+    from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
+
+    requested = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
+    values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
+    beside = [line for endpoint, twin in values.items() if endpoint in requested for line in twin.NOT_REHEARSED]
+    return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
+
+
+@contextmanager
+def listening(
+    opened: Session, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
+) -> Iterator[Listening]:
+    """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
+
+    `ssh_config`: file of OpenSSH that says how the gateway is reached, in place of the declared address.
+    """
+    if opened.rehearsal is None:
+        request = opened.paid(opened.request(Mode.DRIFT))
+        paid = request.model_copy(update={"accept_cost": True})
+        both = [RealEars(opened.declaration, opened.site, each, notify, ssh_config) for each in (request, paid)]
+        yield Listening(*both)
+        return
+    from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
+
+    if opened.rehearsal.targets:
+        _configure(opened)
+    with rehearsed_ears(opened.declaration, opened.site, opened.rehearsal, faults) as ears:
+        yield Listening(ears, ears)
+
+
+def _configure(opened: Session) -> None:
+    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links."""
+    report = opened.perform(Mode.APPLY)
+    if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
+        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
+
+
+def folder_of(store: Store, site: str) -> Path:
+    """Where the checklists of a site are kept."""
+    return store.root / site / "checks"
+
+
+def opened_book(opened: Session, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
+    """Go on with the open book, or begin one. Raises SiteBusy."""
+    folder = folder_of(opened.store, opened.site)
+    head = Head(
+        rehearsed=opened.rehearsed,
+        tool=__version__,
+        inventory=opened.declaration.revision,
+        drawing=drawing(opened.declaration, checklist),
+        not_rehearsed=not_rehearsed(opened, checklist.entries),
+        broken=broken(faults),
+    )
+    command = shlex.join(["provision", *sys.argv[1:]])
+    return Book.open(folder, checklist, head, anew=anew, command=command)
+
+
+def store(*, rehearsed: bool) -> Store:
+    """Where they are kept."""
+    return Store(paths.state_dir(), rehearsed=rehearsed)
+
+
+def sites_with(where: Store) -> tuple[str, ...]:
+    """The sites that have a checklist there."""
+    if not where.root.is_dir():
+        return ()
+    return tuple(sorted(path.name for path in where.root.iterdir() if books(folder_of(where, path.name))))
+
+
+def kept_of(where: Store, site: str, *, rehearsed: bool) -> tuple[Kept, ...]:
+    """The checklists of a site, newest last. Raises NothingMatched where there are none."""
+    known = sites_with(where)
+    if site in known:
+        return books(folder_of(where, site))
+    near = nearest(site, known)
+    begins = "" if near else f"; `provision check site={site}{' --rehearse' if rehearsed else ''}` begins one"
+    other = "" if rehearsed or site not in sites_with(store(rehearsed=True)) else "; add --rehearsed for rehearsed ones"
+    raise NothingMatched(
+        f"there is no {'rehearsed ' if rehearsed else ''}checklist of `{site}`",
+        hint=_meant(site, known, "there are checklists of") + (other or begins),
+    )
+
+
+def run_of(kept: Sequence[Kept], run: str | None) -> Kept:
+    """One by its name, else the newest. Raises NothingMatched."""
+    if run is None:
+        return kept[-1]
+    for entry in kept:
+        if entry.run == run:
+            return entry
+    raise NothingMatched(
+        f"there is no checklist {run}", hint=_meant(run, [item.run for item in kept[-5:]], "the latest")
+    )
+
+
+def _meant(word: str, known: Iterable[str], what: str) -> str:
+    every = list(known)
+    near = nearest(word, every)
+    return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"
+
+
+def as_json(document: Document) -> dict[str, Any]:
+    """The document, and how the command ends."""
+    return {**document.model_dump(mode="json"), "exit": int(document.exit)}
+
+
+def pages_in(folder: Path) -> Iterator[str]:
+    """Where the pages of a checklist are, for people."""
+    if (folder / "report.html").exists():
+        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"
+
+
+def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
+    """What a person types to go on with the same checklist."""
+    words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
+    kept = {name: value for name, value in arguments.flags.items() if name not in without}
+    flags = [part for name, value in kept.items() for part in (f"--{name}", value) if part is not None]
+    return shlex.join(["provision", arguments.command.name, *words, *flags])
+
+
+def greet(prompt: Prompt, book: Book) -> None:
+    """Say what is settled already, and what is open; and how it is left for another time."""
+    items = book.items
+    waiting = sum(item.open and item.override is None for item in items)
+    if book.words:
+        prompt.say(book.words)
+    prompt.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
+    prompt.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+
+
+def note(words: str) -> None:
+    """Tell something beside the result."""
+    print(f"note: {words}", file=sys.stderr)
+
+
+def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Prompt | None) -> str | None:
+    """Who signs; None: nobody, or something is open."""
+    if typed is not None:
+        return typed
+    if answers is not None:
+        return answers.sign_by
+    if prompt is None or any(item.open and item.override is None for item in book.items):
+        return None
+    prompt.say(f"\n{lines(book.document())}\n")
+    try:
+        return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+    except PromptAborted:
+        return None
+
+
+def close(
+    arguments: Arguments, book: Book, by: str | None, leave: Mapping[str, str], *, read: bool = False
+) -> ExitCode:
+    """Sign if somebody does, write the pages, tell. An open item keeps the signature away, unless it is to be left.
+
+    `read`: whoever is here has just read the lines, so that their end is enough.
+    """
+    document, errors = _signed(book, by, leave)
+    if document.signed is None:
+        _draft(book, document)
+    if arguments.flag("json"):
+        result = [{"message": str(error), "hint": error.hint} for error in errors]
+        print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
+    else:
+        told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
+        print("\n".join([told_again, *_where(arguments, book, document)]))
+        tell(errors)
+    return document.exit
+
+
+def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
+    if by is None:
+        return book.document(), []
+    try:
+        return book.sign(by, lambda document: _pages(document, book), leave=leave), []
+    except NotSigned as error:
+        return book.document(), [error]
+
+
+def _draft(book: Book, document: Document) -> None:
+    """The pages as they would be, for who wants to look before anybody signs."""
+    with os_errors_as("the report", book.folder):
+        for name, data in _pages(document, book).items():
+            write_atomically(book.folder / name, data)
+
+
+def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str]:
+    yield from pages_in(book.folder)
+    if document.signed is None and document.items:
+        waiting = sum(item.open and item.override is None for item in document.items)
+        yield f"on a terminal, `{again(arguments, _NOT_AT_A_TERMINAL)}` {_next(waiting)}"
+
+
+_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json"})
+
+
+def _next(waiting: int) -> str:
+    if not waiting:
+        return "lets a person sign it"
+    return f"asks for what is open ({waiting} item{'s' if waiting > 1 else ''}), and lets a person sign it"
+
+
+def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
+    from atlantis_netcfg.checklist.report import pages
+
+    return pages(document, book.files)
+
+
+class Stopped(DeviceFailed):
+    """Somebody pressed Ctrl+C: the book has all that was found and answered until then."""
+
+
+@dataclass(slots=True)
+class Prepared:
+    """What follows from the words and the declaration alone, before anything is started or contacted."""
+
+    arguments: Arguments
+    _checklist: Checklist | None = None
+    answers: Answers | None = None
+
+    @property
+    def checklist(self) -> Checklist:
+        """The list, once the declaration was looked at."""
+        assert self._checklist is not None, "the session calls `hosts` first"  # noqa: S101 - ours to hold
+        return self._checklist
+
+    def hosts(self, declaration: Declaration) -> tuple[Host, ...]:
+        """Refuse what cannot be, work out the list, and say which hosts take part."""
+        rehearse = self.arguments.flag("rehearse")
+        self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
+        faults = self.arguments.many("break")
+        hosts = taking_part(declaration, self._checklist, rehearse=rehearse, faults=faults)
+        refuse_absent(faults, plan(declaration, self._checklist.site))
+        file = self.arguments.value("answers")
+        self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
+        return hosts
+
+
+def taking_part(
+    declaration: Declaration, checklist: Checklist, *, rehearse: bool, faults: Sequence[str] = ()
+) -> tuple[Host, ...]:
+    """The hosts that a checklist asks. Raises UsageError where example values would be contacted.
+
+    The gateway of a rehearsal is emulated as far as the checklist asks it, so no machine is started for it; and no
+    router where none is asked or broken.
+    """
+    refuse_examples(declaration, rehearsed=rehearse)
+    hosts = tuple(declaration.site_hosts(checklist.site))
+    if not rehearse:
+        return hosts
+    routers = asks_a_router(checklist.entries) or breaks_a_site(faults)
+    return tuple(host for host in hosts if routers and not is_computer(host))
+
+
+def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
+    """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
+    refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
+    if (name := arguments.value("sign-as")) is not None:
+        named(name)
+    prepared = Prepared(arguments)
+    if prompt is None and _somebody_is_here(arguments):
+        prompt = Prompt()
+    try:
+        with session(
+            arguments,
+            rehearse=arguments.flag("rehearse"),
+            via=arguments.optional("via"),
+            chosen=prepared.hosts,
+        ) as opened:
+            return _sit(opened, prepared, prompt)
+    except KeyboardInterrupt:
+        hint = f"go on with `{again(arguments)}`"
+        raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
+
+
+def _somebody_is_here(arguments: Arguments) -> bool:
+    return sys.stdin.isatty() and not arguments.flag("json") and arguments.value("answers") is None
+
+
+def _scope(arguments: Arguments) -> Scope:
+    phases = tuple(Phase(item.replace("-", " ")) for item in arguments.many("phase"))
+    return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
+
+
+def _sit(opened: Session, prepared: Prepared, prompt: Prompt | None) -> ExitCode:
+    faults = opened.arguments.many("break")
+    with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
+        _look(opened, prepared, book, prompt)
+        by = signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
+        leave = prepared.answers.leave if prepared.answers is not None else {}
+        read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
+        return close(opened.arguments, book, by, leave, read=read)
+
+
+def _look(opened: Session, prepared: Prepared, book: Book, prompt: Prompt | None) -> None:
+    entries, faults = prepared.checklist.entries, opened.arguments.many("break")
+    with (
+        # A person reads and types where progress would be drawn.
+        progress(quiet=opened.as_json) if prompt is None else nullcontext(ignore) as notify,
+        listening(opened, faults, notify) as ears,
+    ):
+        turn = CheckWorkflow(
+            book, entries, ears, _message(notify, prompt), lambda entry: price_of(opened, entry), opened.rehearsed
+        )
+        if prompt is None:
+            for words in turn.alone(prepared.answers):
+                note(words)
+        else:
+            _with(prompt, turn, book)
+
+
+def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
+    def tell(item: Item) -> None:
+        if prompt is not None:
+            prompt.say(shown(item))
+        else:
+            notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
+
+    return tell
+
+
+def _anew(opened: Session, prompt: Prompt | None) -> bool:
+    """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
+    return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
+
+
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book) -> None:
+    greet(prompt, book)
+    try:
+        turn.with_a_person(prompt)
+    except PromptAborted:
+        prompt.say("left for later")

@@ -1,0 +1,244 @@
+"""What every command prints: progress while it works, errors with their hints, the end.
+
+How a command that did not succeed ends: words for a person or one JSON object, and a log file for us.
+
+Live progress: one line a device on a terminal, one plain line a step elsewhere. Neither is silent for long.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+import threading
+import time
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, TextIO
+
+from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.events import Stage, ignore
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.cli._arguments import Arguments, Command
+    from atlantis_netcfg.core.events import Event, Subscriber
+
+
+_CARRIED = ("inventory", "authority")
+_ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
+"""A command in a hint: in backquotes, or at the end of a line behind a colon."""
+
+
+def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
+    """Tell an error that has words of its own; one that carries `errors` is told as each of them.
+
+    What a hint leaves open (`site=…`) is filled in from what was typed.
+    """
+    errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
+    hints = [item.hint and as_typed(item.hint, typed) for item in errors]
+    _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
+    return error.exit
+
+
+def as_typed(hint: str, typed: Sequence[str]) -> str:
+    """A hint whose commands go on where the typed one was: its site and device, and what `carried` gives."""
+    from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+
+    words = dict(word.partition("=")[::2] for word in typed)
+    hint = complete(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
+
+    def completed(found: re.Match[str]) -> str:
+        try:
+            name, rest = choose(shlex.split(found["command"]), COMMANDS)
+        except (NetcfgError, ValueError):  # what is wrong with a line may itself be quoted
+            return found[0]
+        if "--help" in rest:
+            return found[0]
+        command = load(name, COMMANDS).command
+        more = ""
+        for word in _CARRIED:
+            if word in words and command.word(word) is not None and f"{word}=" not in found["command"]:
+                more += f" {shlex.quote(f'{word}={words[word]}')}"
+        if "--rehearse" in typed and command.flag("rehearse") is not None and "--rehearse" not in rest:
+            more += " --rehearse"
+        return found[0].replace(found["command"], f"{found['command']}{more}")
+
+    return _ADVISED.sub(completed, hint)
+
+
+def carried(arguments: Arguments) -> list[str]:
+    """What a command that a hint advises has to be told as well, as it was typed: whose files, and which devices."""
+    named = [(name, arguments.optional(name)) for name in _CARRIED if arguments.command.word(name) is not None]
+    words = [f"{name}={value}" for name, value in named if value is not None]
+    rehearsed = arguments.command.flag("rehearse") is not None and arguments.flag("rehearse")
+    return [*words, "--rehearse"] if rehearsed else words
+
+
+class Stopped(DeviceFailed):
+    """A person has stopped the command where nothing was in flight: what was read back before stands."""
+
+    def __init__(self, stop: KeyboardInterrupt, changed: Sequence[str]) -> None:
+        kept = f"what was read back of {', '.join(dict.fromkeys(changed))} stays" if changed else "nothing was changed"
+        super().__init__(f"stopped by {signal_of(stop)}; {kept}")
+
+
+def signal_of(stop: KeyboardInterrupt) -> str:
+    """How a person has stopped us: `Ctrl-C`, or the name of another signal."""
+    name = str(stop) or "SIGINT"
+    return "Ctrl-C" if name == "SIGINT" else name
+
+
+def interrupted(command: Command | None, typed: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool) -> ExitCode:
+    """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
+    how = signal_of(stop)
+    if command is not None and command.changes and not _changes_nothing(command, typed):
+        message = f"stopped by {how}; what a device kept is not known here"
+        hint = command.again or "`provision runs` shows what was confirmed, and how a run that is unfinished goes on"
+        _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
+        return ExitCode.UNKNOWN
+    _tell([(f"stopped by {how}; nothing was changed", None)], ExitCode.FAILED, as_json=as_json)
+    return ExitCode.FAILED
+
+
+def _changes_nothing(command: Command, typed: Sequence[str]) -> bool:
+    return any(flag.harmless and f"--{flag.name}" in typed for flag in command.flags)
+
+
+def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> ExitCode:
+    """Tell an error that nobody foresaw in one sentence; the traceback goes to a log file."""
+    from atlantis_netcfg.core import crash_report
+    from atlantis_netcfg.core.paths import state_dir
+
+    return failed(crash_report.crashed(error, repr(list(typed)), state_dir), as_json=as_json)
+
+
+def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:
+    if as_json:
+        import json
+
+        rows = [{"message": message, "hint": hint} for message, hint in errors]
+        print(json.dumps({"exit": int(code), "errors": rows}, ensure_ascii=False))
+        return
+    _tell_person(errors)
+
+
+def tell(errors: Sequence[NetcfgError]) -> None:
+    """Tell a person what is wrong beside a result that stands."""
+    _tell_person([(str(error), error.hint) for error in errors])
+
+
+def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
+    for message, hint in errors:
+        lines = message.splitlines() + (hint.splitlines() if hint else [])
+        text = "\n".join(
+            f"{'       ' if place else 'error: '}{printable.line(line)}" for place, line in enumerate(lines)
+        )
+        print(text, file=sys.stderr)
+
+
+_ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)
+_ROOM = 16
+"""Devices that are shown together; of more, those that have ended scroll away upwards, and the others stay in sight."""
+
+
+SILENCE_S = 20.0
+"""After so long without a step a plain log says what it waits for: a gap of a satellite link lasts over a minute."""
+_AGE_S = 5.0
+"""From this age on a step on a terminal shows it."""
+_NAMED = 3
+"""Devices that a reminder names; it counts the others."""
+
+
+@contextmanager
+def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILENCE_S) -> Iterator[Subscriber]:
+    """Give the subscriber that fits `out`, which is stderr as it is at that moment; `quiet` shows nothing."""
+    out = out or sys.stderr
+    if quiet:
+        yield ignore
+    elif out.isatty():
+        with _live(out) as subscriber:
+            yield subscriber
+    else:
+        with _plain(out, silence_s) as subscriber:
+            yield subscriber
+
+
+def line(event: Event) -> str:
+    """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
+    count = f" {event.done}/{event.total}" if event.total else ""
+    return printable.line(f"  {event.device:<18} {event.stage}{count}  {event.message}".rstrip())
+
+
+@contextmanager
+def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
+    """One line a step, and a reminder whenever nothing has been printed for `silence_s`."""
+    at_work: dict[str, Event] = {}
+    lock, ended = threading.Lock(), threading.Event()
+    step_at = printed_at = time.monotonic()
+
+    def show(event: Event) -> None:
+        nonlocal step_at, printed_at
+        with lock:
+            at_work.pop(event.device, None)
+            if event.stage not in _ENDS:
+                at_work[event.device] = event
+            step_at = printed_at = time.monotonic()
+            print(line(event), file=out, flush=True)
+
+    def remind() -> None:
+        nonlocal printed_at
+        while not ended.wait(max(0.0, printed_at + silence_s - time.monotonic())):
+            with lock, suppress(OSError, ValueError):  # nobody reads any longer: the run goes on
+                now = time.monotonic()
+                if now >= printed_at + silence_s:
+                    printed_at = now
+                    print(_reminder(list(at_work.values()), now - step_at), file=out, flush=True)
+
+    thread = threading.Thread(target=remind, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield show
+    finally:
+        ended.set()
+        thread.join()
+
+
+def _reminder(at_work: list[Event], age_s: float) -> str:
+    """What is waited for, in words: `  still at work, 40 s without news: coastal-router (connecting)`."""
+    names = [f"{event.device} ({event.stage})" for event in at_work[:_NAMED]]
+    if more := len(at_work) - len(names):
+        names.append(f"{more} more")
+    return f"  still at work, {age_s:.0f} s without news" + (f": {', '.join(names)}" if names else "")
+
+
+@contextmanager
+def _live(out: TextIO) -> Iterator[Subscriber]:
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    latest: dict[str, tuple[Event, float]] = {}
+    names: set[str] = set()
+    console = Console(file=getattr(out, "stream", out))  # what it draws is its own, and its lines are filtered
+
+    def text(event: Event, since: float) -> Text:
+        age_s = time.monotonic() - since
+        age = f"  ({age_s:.0f} s)" if age_s >= _AGE_S and event.stage not in _ENDS else ""
+        return Text(line(event) + age, overflow="ellipsis", no_wrap=True)
+
+    def table() -> Text:
+        return Text("\n").join(text(*row) for row in list(latest.values()))
+
+    with Live(get_renderable=table, console=console, refresh_per_second=8, transient=True) as live:
+
+        def show(event: Event) -> None:
+            names.add(event.device)
+            latest[event.device] = event, time.monotonic()
+            if event.stage in _ENDS and len(names) > _ROOM:
+                for name in [name for name, (item, _) in latest.items() if item.stage in _ENDS]:
+                    live.console.print(text(*latest.pop(name)))
+            live.refresh()
+
+        yield show

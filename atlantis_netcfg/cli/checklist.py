@@ -1,0 +1,323 @@
+"""Commands of the pre-test checklist: `check`, `report list`, `report show`, `report verify`.
+
+`provision check`: the pre-test checklist of a site, probed, confirmed by people, signed, reported.
+
+`provision report list`: the history of a site's checklists, and what has changed since all was green.
+
+`provision report show`: a kept checklist again, and where its pages are.
+
+`provision report verify`: whether what was signed is still what was signed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist import Kept, Trouble
+    from atlantis_netcfg.checklist.report import Document
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.core.errors import ExitCode
+
+
+CHECK = Command(
+    "check",
+    "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("vehicle", "only these vehicles", many=True, example="sparus"),
+        Word(
+            "endpoint",
+            "only these columns of Table 3, the Ethernet beside it, or the site's own checks",
+            many=True,
+            choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet", "site"),
+        ),
+        Word("phase", "only what is due there", many=True, choices=("bench", "quay", "in-water")),
+        Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("answers", "take consents and confirmations from this file, and ask nobody", takes="FILE"),
+        Flag("anew", "begin again, where an interrupted checklist would go on"),
+        Flag("sign-as", "sign with this name when nothing is open, without asking", takes="NAME"),
+        Flag("rehearse", "the same with emulated vehicles and devices of the site"),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+    ),
+    details=(
+        "Each result and each answer is kept at once; type the same again to go on after a break. Nothing is sent into "
+        "the water, and nothing is paid for, without a person's word. Exit code 0: all is green or taken on somebody's "
+        "word, 6: something is not, or is open, 7: nothing was checked."
+    ),
+)
+
+
+def run_check(arguments: Arguments) -> ExitCode:
+    """Work out the list, open its book, look and ask, tell."""
+    from atlantis_netcfg.cli._checklist_session import run_check
+
+    return run_check(arguments)
+
+
+REPORT_LIST = Command(
+    "report list",
+    "list the checklists of a site, who signed them, and what has changed since the last green one",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("vehicle", "only what was found of this vehicle", example="sparus"),
+    ),
+    flags=(Flag("rehearsed", "those of rehearsals instead of real ones"), JSON),
+)
+
+
+def run_report_list(arguments: Arguments) -> ExitCode:
+    """List checklists, oldest first, then what has changed since the last one that passed."""
+    import json
+
+    from atlantis_netcfg.cli import _checklist_session
+    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
+
+    site, vehicle, rehearsed = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
+    every = _checklist_session.kept_of(_checklist_session.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
+    if not rows:
+        raise NothingMatched(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
+    since = _since(every, vehicle)
+    if arguments.flag("json"):
+        values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
+        print(json.dumps(values, ensure_ascii=False))
+    else:
+        print("\n".join([*map(_line, rows), *_changes(since)]))
+    return ExitCode.DONE
+
+
+def _listed_row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
+    """None: nothing of the vehicle is in it."""
+    from atlantis_netcfg.checklist import narrowed
+
+    document = entry.document
+    if document is None:
+        return {"run": entry.run, "state": str(entry.state), "why": entry.why}
+    seen = narrowed(document, {"vehicle": (vehicle,)}) if vehicle is not None else document
+    if not seen.items:
+        return None
+    signed = document.signed
+    return {
+        "run": entry.run,
+        "state": str(entry.state),
+        "why": entry.why,
+        "exit": int(seen.exit),
+        "verdict": str(seen.verdict),
+        "items": len(seen.items),
+        "open": sum(item.open and item.override is None for item in seen.items),
+        "overridden": sum(item.override is not None for item in seen.items),
+        "scope": {name: list(chosen) for name, chosen in document.scope.items()},
+        "signed_by": signed.by if signed is not None else None,
+        "signed_at": signed.at.isoformat() if signed is not None else None,
+        "folder": str(entry.folder),
+    }
+
+
+def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | None:
+    """What is otherwise in the newest readable one than in the last green one before it."""
+    from atlantis_netcfg.checklist import last_green, narrowed, since
+
+    readable = [item for item in every if item.document is not None]
+    if not readable or readable[-1].document is None:
+        return None
+    newest = readable[-1].document
+    scope = {**newest.scope, **({"vehicle": (vehicle,)} if vehicle is not None else {})}
+    green = last_green(readable[-1].folder.parent, scope, but=readable[-1].run)
+    found = since(green, narrowed(newest, scope).model_copy(update={"scope": scope}))
+    return found.model_dump(mode="json") if found is not None else None
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    from atlantis_netcfg.core import printable
+
+    if "exit" not in row:
+        return printable.line(f"{row['run']}  {row['state']}: {row['why']}")
+    scope = "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
+    return printable.line(f"{row['run']}  {_green(row)}, {_standing(row)}{scope}")
+
+
+def _green(row: Mapping[str, Any]) -> str:
+    overridden = f", {row['overridden']} overridden" if row["overridden"] else ""
+    return f"{'passed' if row['exit'] == 0 else 'not passed'} ({row['verdict']}, {row['items']} items{overridden})"
+
+
+def _standing(row: Mapping[str, Any]) -> str:
+    if row["state"] == "signed":
+        return f"signed by {row['signed_by']}"
+    waiting = f", {row['open']} items open" if row["open"] else ""
+    why = f": {row['why']}" if row["why"] else ""
+    return f"{row['state']}{waiting}{why}, not signed"
+
+
+def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
+    from atlantis_netcfg.core import printable
+
+    if since is None:
+        yield "there was no green one before the newest"
+        return
+    yield f"since {since['run']}, which was green:{'' if since['changes'] else ' nothing has changed'}"
+    for item in since["changes"]:
+        yield printable.line(
+            f"  {item['id']}: {item['before'] or 'none'} -> {item['after'] or 'none'}: {item['message']}"
+        )
+
+
+REPORT_SHOW = Command(
+    "report show",
+    "show a checklist that is kept, and where its pages are",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("run", "which one; the newest if left out", example="20260504T093000Z"),
+    ),
+    flags=(Flag("rehearsed", "one of a rehearsal instead of a real one"), JSON),
+    details="Exit code as that of the checklist: 0 all green, 6 not, 7 nothing was checked.",
+)
+
+
+def run_report_show(arguments: Arguments) -> ExitCode:
+    """Print what its end has printed."""
+    import json
+
+    from atlantis_netcfg.checklist.report import lines
+    from atlantis_netcfg.cli import _checklist_session
+    from atlantis_netcfg.core.errors import DeviceFailed
+
+    site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
+    every = _checklist_session.kept_of(_checklist_session.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    item = _checklist_session.run_of(every, arguments.optional("run"))
+    if item.document is None:
+        raise DeviceFailed(
+            f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
+        )
+    if arguments.flag("json"):
+        print(json.dumps({**_checklist_session.as_json(item.document), "errors": []}, ensure_ascii=False))
+    else:
+        print("\n".join([lines(item.document), *_checklist_session.pages_in(item.folder)]))
+    return item.document.exit
+
+
+REPORT_VERIFY = Command(
+    "report verify",
+    "verify that signed checklists, with all their files, are as they were signed",
+    words=(
+        Word("site", "only those of this site", example="coastal"),
+        Word("run", "only this one", example="20260504T093000Z"),
+        Word("file", "a report.json that came by mail, in place of what is kept here", example="report.json"),
+        Word(
+            "key",
+            "one of these keys must have signed, by fingerprint; this computer's if left out",
+            many=True,
+            example="SHA256:…",
+        ),
+    ),
+    flags=(JSON,),
+    details=(
+        "Real and rehearsed checklists alike. Exit code 0: as signed, 6: something is not, and which file it is, 7: "
+        "nothing was signed. Compare the fingerprint of a key with whoever signed, never with the file itself."
+    ),
+)
+
+
+def run_report_verify(arguments: Arguments) -> ExitCode:
+    """Look at every byte that was signed."""
+    import json
+
+    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
+
+    file = arguments.optional("file")
+    rows = [_mailed(arguments, file)] if file is not None else list(_kept(arguments))
+    if not rows:
+        raise NothingMatched("nothing was signed", hint="`provision check site=NAME` ends with a signature")
+    code = ExitCode.CHECKS_FAILED if any(row["troubles"] for row in rows) else ExitCode.DONE
+    if arguments.flag("json"):
+        print(json.dumps({"exit": int(code), "errors": [], "verified": rows}, ensure_ascii=False))
+    else:
+        print("\n".join(line for row in rows for line in _lines(row)))
+    return code
+
+
+def _kept(arguments: Arguments) -> Iterator[dict[str, Any]]:
+    """A row for each that was signed here, real ones first."""
+    from atlantis_netcfg.checklist import books, verify
+    from atlantis_netcfg.cli import _checklist_session
+    from atlantis_netcfg.cli._checklist_session import folder_of
+
+    site, name = arguments.optional("site"), arguments.optional("run")
+    for where in (_checklist_session.store(rehearsed=False), _checklist_session.store(rehearsed=True)):
+        for at in _checklist_session.sites_with(where):
+            for book in books(folder_of(where, at)) if site in {None, at} else ():
+                if name in {None, book.run} and _was_signed(book):
+                    found = verify(book.folder, known=arguments.many("key"))
+                    yield _verified_row(f"{at} {book.run}", book.folder, book.document, found)
+
+
+def _was_signed(item: Kept) -> bool:
+    """Or is damaged, or has a signed report without the manifest, which comes last."""
+    from atlantis_netcfg.checklist import State
+
+    return item.state in {State.SIGNED, State.DAMAGED} or (item.folder / "report.json").exists()
+
+
+def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
+    """The row of a report that came alone: it is told by its own name."""
+    from dataclasses import replace
+    from pathlib import Path
+
+    from atlantis_netcfg.checklist import KEY, verify_report
+    from atlantis_netcfg.checklist.report import Document
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.core.errors import UsageError
+
+    path = Path(name)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        hint = "name a report.json of a checklist"
+        raise UsageError(f"`{name}` cannot be read: {error.strerror}", hint=hint) from error
+    try:
+        document = Document.model_validate_json(data)
+    except ValueError:
+        document = None
+    found = verify_report(data, key=paths.state_dir() / KEY, known=arguments.many("key"))
+    return _verified_row(name, path, document, [replace(trouble, file=path.name) for trouble in found])
+
+
+def _verified_row(name: str, place: Path, document: Document | None, troubles: Sequence[Trouble]) -> dict[str, Any]:
+    signed = document.signed if document is not None else None
+    return {
+        "name": name,
+        "place": str(place),
+        "site": document.site if document is not None else None,
+        "run": document.run if document is not None else None,
+        "rehearsed": document.rehearsed if document is not None else None,
+        "signed": signed.model_dump(mode="json") if signed is not None else None,
+        "troubles": [{"file": trouble.file, "what": trouble.what, "hint": trouble.hint} for trouble in troubles],
+    }
+
+
+def _lines(row: Mapping[str, Any]) -> Iterator[str]:
+    from atlantis_netcfg.core import printable
+
+    rehearsed = ", rehearsed" if row["rehearsed"] else ""
+    if not row["troubles"]:
+        signed = row["signed"]
+        yield printable.line(
+            f"{row['name']}{rehearsed}: as {signed['by']} signed it at {signed['at']}, key {signed['key']}"
+        )
+        return
+    yield printable.line(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
+    for item in row["troubles"]:
+        yield printable.line(f"  {item['file']}: {item['what']}")
+        yield printable.line(f"    -> {item['hint']}")

@@ -1,0 +1,208 @@
+"""Commands that only read the declaration: `validate` and `dds`.
+
+`provision validate`: check the whole pilot, contact nothing.
+
+`provision dds`: the DDS profiles of a computer, one set for each link of its site.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.declaration import Declaration, InventoryInvalid
+    from atlantis_netcfg.gateway.dds import ProfileView
+
+
+VALIDATE = Command(
+    "validate",
+    "check the whole declaration and list every error with its place",
+    words=(INVENTORY,),
+    flags=(JSON,),
+    details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
+)
+
+
+def run_validate(arguments: Arguments) -> ExitCode:
+    """Say what was checked, or list every error."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import InventoryInvalid, load
+
+    named = arguments.optional("inventory")
+    inventory = Path(named) if named else paths.checkout() / "inventory"
+    try:
+        declaration = load(inventory)
+    except InventoryInvalid as error:
+        return _refuse(error, inventory, as_json=arguments.flag("json"))
+    return _confirm(declaration, as_json=arguments.flag("json"))
+
+
+def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:
+    import dataclasses
+    import sys
+
+    if as_json:
+        _print_json_counts(error.exit, inventory, errors=[dataclasses.asdict(finding) for finding in error.findings])
+    else:
+        print(error, file=sys.stderr)
+    return error.exit
+
+
+def _confirm(declaration: Declaration, *, as_json: bool) -> ExitCode:
+    from collections import Counter
+
+    kinds = Counter(host.device.kind for host in declaration.hosts.values())
+    checked = {
+        "sites": [f"{site} ({len(declaration.site_hosts(site))} hosts)" for site in declaration.sites],
+        "hosts": [f"{count} {kind}" for kind, count in kinds.items()],
+        "vehicles": list(declaration.vehicles),
+        "partners": list(declaration.partners),
+    }
+    counts = {name: len(getattr(declaration, name)) for name in checked}
+    if as_json:
+        _print_json_counts(ExitCode.DONE, declaration.root, errors=[], checked=counts, revision=declaration.revision)
+        return ExitCode.DONE
+    print(f"{declaration.root}: no errors")
+    for name, some in checked.items():
+        print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
+    if declaration.pilot.example_values:
+        rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
+        print(f"It still holds example values: only rehearsals use it ({rehearsal}).")
+    return ExitCode.DONE
+
+
+def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
+    import json
+
+    print(json.dumps({"exit": int(code), "inventory": str(inventory), **more}, ensure_ascii=False))
+
+
+DDS = Command(
+    "dds",
+    "make the DDS profiles of a gateway or control centre, one set for each link of its site",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("host", "the computer", required=True, example="coastal-gateway"),
+        Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
+        Word(
+            "distribution",
+            "for this release instead of the declared one; pypi is a computer with `pip install cyclonedds`",
+            choices=("foxy", "humble", "jazzy", "pypi"),
+        ),
+        INVENTORY,
+    ),
+    flags=(Flag("show", "print the files"), JSON),
+    details=(
+        "No device is contacted: what is written here goes to /etc/atlantis/dds of the computer. Participants find "
+        "each other by the declared addresses, without multicast, and outlive a satellite's silence of 70 s."
+    ),
+)
+
+
+def run_dds(arguments: Arguments) -> ExitCode:
+    """Make the files, write or print them, and say what they hold."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.gateway.dds import profile_views, profiles
+
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    (host,) = choose(declaration, arguments.word("site"), (arguments.word("host"),))
+    views = profile_views(declaration, host, arguments.optional("distribution"))
+    files = {name: text for view in views for name, text in profiles(view).items()}
+    folder = arguments.optional("to")
+    written = _write(Path(folder), files) if folder is not None else {}
+    if arguments.flag("json"):
+        _print_json_profiles(views, files if arguments.flag("show") else dict.fromkeys(files), written)
+    else:
+        _print(declaration, views, written)
+        if arguments.flag("show"):
+            _show(files)
+    return ExitCode.DONE
+
+
+def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
+    """Put each file there whole, and say whether that changed it. Raises UsageError."""
+    import os
+
+    from atlantis_netcfg.core.errors import UsageError
+
+    changed = {}
+    for name, text in files.items():
+        path = folder / name
+        scratch = path.with_name(f".{path.name}.{os.getpid()}")
+        try:
+            changed[name] = not path.is_file() or path.read_bytes() != text.encode()
+            if changed[name]:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                scratch.write_text(text, encoding="utf-8")
+                scratch.replace(path)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise UsageError(f"{path} cannot be written: {reason}", hint="name another folder with `to=`") from error
+    return changed
+
+
+def _print(declaration: Declaration, views: Sequence[ProfileView], written: Mapping[str, bool]) -> None:
+    first, release = views[0], views[0].release
+    brings = f"Cyclone DDS {release.cyclone.version}"
+    brings += f" and Fast DDS {release.fast_dds}" if release.fast_dds is not None else ""
+    print(f"{first.host}: {release.name} with {brings}, domain {first.domain}, at {first.address}")
+    print(f"  peers, without multicast: {', '.join(f'{name} {address}' for name, address in first.peers)}")
+    print(f"  gone after {first.lease_s} s of silence; {first.participants} processes of a computer are found")
+    for view in views:
+        print(
+            f"  {view.bearer:<10} announced every {view.tuning.announce_s:>2} s"
+            f" (reckoned: {view.announced_mb_a_day:.0f} MB a day for each process),"
+            f" datagrams of {view.tuning.message_bytes} bytes at most"
+        )
+    for name, changed in written.items():
+        print(f"  {'written' if changed else 'already so':<10} {name}")
+    if declaration.pilot.example_values:
+        print("The inventory still holds example values.")
+
+
+def _show(files: Mapping[str, str]) -> None:
+    for name, text in files.items():
+        print(f"\n--- {name}\n{text.rstrip()}")
+
+
+def _print_json_profiles(
+    views: Sequence[ProfileView], files: Mapping[str, str | None], written: Mapping[str, bool]
+) -> None:
+    import json
+
+    first = views[0]
+    links = [
+        {
+            "link": view.bearer,
+            "announce_s": view.tuning.announce_s,
+            "message_bytes": view.tuning.message_bytes,
+            "announced_mb_a_day": round(view.announced_mb_a_day, 1),
+        }
+        for view in views
+    ]
+    document = {
+        "exit": int(ExitCode.DONE),
+        "errors": [],
+        "host": first.host,
+        "distribution": first.release.name,
+        "domain": first.domain,
+        "address": first.address,
+        "peers": dict(first.peers),
+        "lease_s": first.lease_s,
+        "links": links,
+        "files": [{"name": name, "text": text, "changed": written.get(name)} for name, text in files.items()],
+    }
+    print(json.dumps(document, ensure_ascii=False))

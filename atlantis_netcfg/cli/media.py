@@ -1,0 +1,313 @@
+"""Commands that write media for a site: `image` (a gateway's card) and `bundle` (packages for a site without internet).
+
+`provision image`: make the card of a gateway computer.
+
+`provision bundle`: everything that the gateways of a site take from elsewhere, for a place without internet.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Command, Flag, Word
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.bundle.build import Size
+    from atlantis_netcfg.bundle.manifest import Manifest
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.image.writer import Card
+    from atlantis_netcfg.operations.image import Made, Order
+    from atlantis_netcfg.operations.request import Request
+
+
+IMAGE = Command(
+    "image",
+    "customise the vendor's image for a gateway computer, write it to a card, read it back",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("host", "the gateway computer of it", required=True, example="coastal-gateway"),
+        Word("from", "the vendor's image: raw, xz or gz", required=True, example="ubuntu-minimal.img.xz"),
+        Word(
+            "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
+        ),
+        Word(
+            "serial", "the card's or its reader's serial, which says that this disk is meant", example="20090516388200"
+        ),
+        Word("sha256", "of the vendor's image; else what lies beside it (x.img.xz.sha256, SHA256SUMS)"),
+        INVENTORY,
+    ),
+    flags=(
+        Flag("image-only", "keep the customised image as a new file, touch no card", takes="FILE", harmless=True),
+        Flag("yes", "with `serial=`: do not ask before writing"),
+        JSON,
+    ),
+    details="Refused, and nothing written: system disks, disks in use, disks that are not on USB or in an SD/MMC slot.",
+    changes=True,
+    again="type the same again: the card is written anew from its beginning",
+)
+
+
+def run_image(arguments: Arguments) -> ExitCode:
+    """Check everything that can be known at once, ask, make the image, write it and read it back."""
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import choose, load
+    from atlantis_netcfg.operations.image import Order, made
+
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    (host,) = choose(declaration, arguments.word("site"), [arguments.word("host")])
+    image = Path(arguments.word("from"))
+    order = Order(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
+    order.check()
+    file = _file(arguments)
+    card = None if file is not None else _card(arguments, declaration)
+    as_json = arguments.flag("json")
+    with progress(quiet=as_json) as notify, made(order, notify) as ready:
+        return _end_image(order, ready, _keep(ready, file, card), as_json=as_json)
+
+
+def _file(arguments: Arguments) -> Path | None:
+    """Where the image goes to, if not to a card."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core.errors import UsageError
+
+    name, device = arguments.value("image-only"), arguments.optional("to")
+    if (name is None) == (device is None):
+        both = "both `to=` and `--image-only` are given" if name else "where shall the image go?"
+        raise UsageError(both, hint="`to=/dev/disk/by-id/…` writes a card, `--image-only FILE` makes a file")
+    if name is None:
+        return None
+    file = Path(name)
+    if file.exists() or file.is_symlink():
+        raise UsageError(f"{file} is there already", hint="name a new file, or remove that one")
+    if not file.parent.is_dir():
+        raise UsageError(f"there is no folder {file.parent}", hint="make it first")
+    return file
+
+
+def _card(arguments: Arguments, declaration: Declaration) -> Card:
+    """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.image.blocks import BlockTree, admit, confirmed
+    from atlantis_netcfg.image.writer import Card
+
+    if declaration.pilot.example_values:
+        raise UsageError(
+            "the inventory still holds example values, and a card made of them lets nobody in",
+            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --image-only FILE",
+        )
+    tree, device = BlockTree(), Path(arguments.word("to"))
+    card = Card(device, admit(tree, device), tree)
+    if not arguments.flag("json"):
+        print(card.shown.shown, flush=True)
+    typed = arguments.optional("serial")
+    if typed is None:
+        confirmed(card.shown, _typed(card))
+        return card
+    confirmed(card.shown, typed)
+    if not arguments.flag("yes"):
+        from atlantis_netcfg.cli._consent import agreed
+
+        agreed(f"Write {device}: all that is on it is lost. Go on")
+    return card
+
+
+def _typed(card: Card) -> str:
+    """What a person types at the question. Raises UsageError when nobody is there to be asked."""
+    import sys
+
+    from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.errors import UsageError
+
+    what = "serial" if card.shown.serial else "name and size"
+    if not sys.stdin.isatty():
+        raise UsageError(
+            f"nobody is here to type the {what} of the card, so nothing was written",
+            hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
+        )
+    try:
+        return input(printable.lines(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: "))
+    except EOFError:
+        return ""
+
+
+def _keep(ready: Made, file: Path | None, card: Card | None) -> dict[str, Any]:
+    """Put the image where it goes to; what became of it, for people and programs."""
+    from dataclasses import asdict
+
+    if file is not None:
+        return {"file": str(file), "size": ready.into(file)}
+    if card is None:
+        raise AssertionError("neither a file nor a card")
+    written, receipt = ready.onto(card)
+    disk = {"path": str(card.device), "name": card.shown.name, "serial": card.shown.serial, "size": card.shown.size}
+    return {"device": disk, "written": asdict(written), "receipt": str(receipt)}
+
+
+def _end_image(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
+    import json
+
+    from atlantis_netcfg.core.errors import ExitCode
+
+    if as_json:
+        image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}
+        document = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
+        print(json.dumps({**document, **kept}, ensure_ascii=False))
+        return ExitCode.DONE
+    for note in ready.notes:
+        print(f"note: {note}")
+    if "file" in kept:
+        print(f"{kept['file']}: the image of {order.host.name}, {kept['size'] / 1e6:.0f} MB; no card was touched")
+        return ExitCode.DONE
+    written = kept["written"]
+    print(
+        f"{order.host.name}: written and read back in {written['seconds']:.0f} s:"
+        f" {written['data'] / 1e6:.0f} MB of data, {written['cleared'] / 1e6:.0f} MB of zeros,"
+        f" {written['skipped'] / 1e6:.0f} MB skipped, {written['compared'] / 1e6:.0f} MB compared"
+    )
+    print(f"recorded in {kept['receipt']}")
+    print("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one.")
+    return ExitCode.DONE
+
+
+BUNDLE = Command(
+    "bundle",
+    "pack everything that the gateways of a site take from the internet, for where there is none",
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        ONLY,
+        Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
+        Word("image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"),
+        Word("status", "a copy of the board's /var/lib/dpkg/status says it; without either the board is asked by SSH"),
+        Word(
+            "mirror", "of the distribution's archive, in place of its own", example="http://mirror.example.org/ubuntu"
+        ),
+        Word("keyring", "the key of that archive, in place of the one on this computer", example="archive.gpg"),
+        Word("check", "open this bundle instead, and say whether it is whole and has what is declared"),
+        Word("key", "with `check=`: take bundles signed by this key from now on", example="4B63CF8F…"),
+        INVENTORY,
+    ),
+    flags=(ASK_VAULT_PASS, JSON),
+    details=(
+        "Needs apt, gpg and git, and no root; the board may be of another architecture. What was fetched before is not "
+        "fetched again. `provision site=S --offline BUNDLE` then takes nothing from anywhere else."
+    ),
+)
+
+
+def run_bundle(arguments: Arguments) -> ExitCode:
+    """Make the bundle, or open one, and say what is in it."""
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._passphrase import vault_of
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.operations.bundle import gateways_of, has_tokens
+    from atlantis_netcfg.operations.request import Request
+
+    named, check = arguments.optional("inventory"), arguments.optional("check")
+    inventory = Path(named) if named else paths.checkout() / "inventory"
+    declaration = load(inventory)
+    if check is None and has_tokens(declaration):
+        declaration = load(inventory, decrypt=vault_of(arguments).decrypt)
+    hosts = gateways_of(declaration, arguments.word("site"), arguments.many("only"))
+    request = Request()
+    if check is not None:
+        return _check(arguments, declaration, hosts, Path(check), request)
+    _refuse_both(arguments)
+    return _make(arguments, declaration, hosts, request)
+
+
+def _refuse_both(arguments: Arguments) -> None:
+    from atlantis_netcfg.core.errors import UsageError
+
+    if arguments.optional("image") is not None and arguments.optional("status") is not None:
+        raise UsageError("`image=` and `status=` both say what is on the board", hint="leave one of them out")
+    if arguments.optional("key") is not None:
+        site, key = arguments.word("site"), arguments.optional("key")
+        raise UsageError(
+            "`key=` goes with `check=`",
+            hint=f"add `check=` and its folder: `provision bundle site={site} check=BUNDLE key={key}`",
+        )
+
+
+def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.operations.bundle import BundleRequest, made
+
+    to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
+    site, as_json = arguments.word("site"), arguments.flag("json")
+    bundle_request = BundleRequest(
+        declaration,
+        site,
+        hosts,
+        Path(to).absolute() if to else paths.private_directory(request.state / "bundles") / site,
+        request,
+        status=Path(status) if status else None,
+        image=Path(image) if image else None,
+        mirror=arguments.optional("mirror"),
+        keyring=Path(keyring) if keyring else None,
+    )
+
+    def sized(size: Size) -> None:
+        if not as_json:
+            kept = size.whole - size.to_fetch
+            have = f", {_mb(kept)} of it are here already" if kept else ""
+            print(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch", flush=True)
+
+    with progress(quiet=as_json) as notify:
+        manifest = made(bundle_request, notify, sized)
+    return _end_bundle(manifest, bundle_request.place, as_json=as_json)
+
+
+def _check(
+    arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
+) -> ExitCode:
+    from atlantis_netcfg.operations.bundle import opened
+
+    bundle = opened(declaration, hosts, place, request, accept=arguments.optional("key"))
+    return _end_bundle(bundle.manifest, place, as_json=arguments.flag("json"))
+
+
+def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
+    import json
+
+    if as_json:
+        document: dict[str, Any] = {
+            "exit": int(ExitCode.DONE),
+            "errors": [],
+            "bundle": str(place),
+            "size": manifest.size,
+        }
+        print(json.dumps({**document, **manifest.model_dump(mode="json")}, ensure_ascii=False))
+        return ExitCode.DONE
+    for name, part in manifest.hosts.items():
+        carried = sum(file.size for file in manifest.of(name).values())
+        sources = f", {len(part.libraries)} repositories of sources" if part.libraries else ""
+        print(
+            f"{name}: {part.distribution} {part.codename} {part.architecture}, {len(part.packages)} packages{sources},"
+            f" {_mb(carried)} to carry at most"
+        )
+    if manifest.image is not None:
+        print(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}")
+    print(f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, made {manifest.made}")
+    print(f"signed by {manifest.key}")
+    return ExitCode.DONE
+
+
+def _mb(size: int) -> str:
+    return f"{size / 1e6:.1f} MB"

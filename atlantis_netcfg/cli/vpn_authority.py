@@ -1,0 +1,205 @@
+"""Commands of the VPN's authority: `vpn init`, `vpn audit`, `vpn list`, `vpn show`.
+
+`provision vpn init`: make the authority of the VPN.
+
+`provision vpn audit`: who did what, when; and whether the record is as it was signed.
+
+`provision vpn list`: who is in the VPN.
+
+`provision vpn show`: one member of the VPN, with its certificates and what may be reached from it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Word
+from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.vpn.identity import Certificate, Member
+
+
+VPN_INIT = Command(
+    "vpn init",
+    "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",
+    words=(
+        Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(PASSPHRASE_FD, JSON),
+    details=(
+        "Once for a pilot, on one computer. Without the passphrase nobody can onboard, renew or revoke, and nobody can "
+        "get it back; `docs/vpn.md` says what to copy where."
+    ),
+    changes=True,
+    again=AGAIN,
+)
+
+
+def run_vpn_init(arguments: Arguments) -> ExitCode:
+    """Make it, unless it is there."""
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._passphrase import chosen
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.members import existing_authority, refuse_example_authority, server_names
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
+
+    declaration, folder = _vpn.declared(arguments), _vpn.folder(arguments)
+    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    there = existing_authority(folder, declaration)
+    authority = there
+    if authority is None:
+        vault = arguments.optional("sealed") == "vault"
+        guesses = VAULT_GUESSES if vault else SEAL_GUESSES
+        passphrase = chosen(arguments, lambda typed: check_passphrase(typed, guesses))
+        authority = Authority.init(
+            folder, passphrase, server_names(declaration), _vpn.who(), "vault" if vault else "age"
+        )
+    names = authority.server()
+    values = {
+        "authority": str(folder),
+        "already": there is not None,
+        "server": {
+            "name": names.common_name,
+            "dns": list(names.dns),
+            "addresses": [str(address) for address in names.addresses],
+        },
+    }
+    lines = [
+        f"{'already so' if there else 'made'}: the authority of the VPN, in {folder}",
+        f"  its server is {names.common_name}, reached as {', '.join([*names.dns, *map(str, names.addresses)])}",
+    ]
+    if there is None:
+        lines.append(
+            "  copy the folder to a second place, and write the passphrase down in a third: nobody can make them again"
+        )
+    if there is None and (memory := authority.opening_bytes()):
+        lines.append(f"  opening its key takes about a second and {memory >> 20} MiB of memory, wherever that is done")
+    return _vpn.tell(arguments, ExitCode.DONE, values, lines)
+
+
+VPN_AUDIT = Command(
+    "vpn audit",
+    "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
+    words=(
+        Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
+        Word("partner", "only what concerns the devices of this partner", example="iqua"),
+        AUTHORITY,
+    ),
+    flags=(JSON,),
+    details=(
+        "The record is compared with its signature, the certificates and the revocation list. Exit code 6 says that "
+        "something does not agree: it was changed by something else than provision, or is damaged, or not whole."
+    ),
+)
+
+
+def run_vpn_audit(arguments: Arguments) -> ExitCode:
+    """Tell the entries, oldest first."""
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.vpn.records import audit, start_of
+
+    since = arguments.optional("since")
+    start = start_of(since) if since is not None else None
+    found = audit(_vpn.opened(arguments), start, arguments.optional("partner"))
+    rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in found.entries]
+    checked = found.agreement
+    values = {
+        "agrees": not found.broken,
+        "lines": checked.lines if checked is not None else None,
+        "signed_lines": checked.signed if checked is not None else 0,
+        "signed_at": checked.at.isoformat() if checked is not None and checked.at is not None else None,
+        "entries": [entry.facts() for entry in found.entries],
+    }
+    lines = [*_vpn.table(rows), *found.words]
+    return _vpn.tell(
+        arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, values, lines, errors=found.broken
+    )
+
+
+VPN_LIST = Command(
+    "vpn list",
+    "list who is in the VPN, and until when",
+    words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
+    flags=(JSON,),
+)
+
+
+def run_vpn_list(arguments: Arguments) -> ExitCode:
+    """List them, in the order of their onboarding."""
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.vpn import records
+
+    now = datetime.now(UTC)
+    members = records.of_partner(_vpn.opened(arguments).membership(), arguments.optional("partner"))
+    rows = [("name", "kind", "address", "until", "last seen", "standing")]
+    for member in members:
+        until = records.expires(member)
+        seen = max(
+            (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
+        )
+        rows.append(
+            (
+                member.name,
+                str(member.kind),
+                str(member.address),
+                f"{until:%Y-%m-%d}" if until is not None else "-",
+                records.when(seen),
+                records.status_of(member, now),
+            )
+        )
+    values = {"members": [records.member_row(member, now) for member in members]}
+    return _vpn.tell(arguments, ExitCode.DONE, values, _vpn.table(rows))
+
+
+VPN_SHOW = Command(
+    "vpn show",
+    "show one member of the VPN with its certificates",
+    words=(Word("name", "the member", required=True, example="iqua-sparus2"), AUTHORITY),
+    flags=(JSON,),
+)
+
+
+def run_vpn_show(arguments: Arguments) -> ExitCode:
+    """Show it."""
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.vpn import records
+
+    now = datetime.now(UTC)
+    member = records.find(_vpn.opened(arguments).membership(), arguments.word("name"))
+    lines = _lines(member, records.status_of(member, now))
+    return _vpn.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
+
+
+def _lines(member: Member, standing: str) -> Iterator[str]:
+    whose = f"of {member.partner}" if member.partner is not None else "of the pilot itself"
+    vehicle = f", the vehicle {member.vehicle}" if member.vehicle is not None else ""
+    yield f"{member.name}: {member.kind} {whose}{vehicle}, {standing}"
+    yield f"  address {member.address}, timers for {member.link}"
+    for certificate in member.certificates:
+        yield from _certificate(certificate)
+
+
+def _certificate(certificate: Certificate) -> Iterator[str]:
+    from atlantis_netcfg.operations.vpn.records import when
+
+    until, seen = when(certificate.not_after), when(certificate.seen)
+    yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {seen}"
+    yield f"    {certificate.key} key, {certificate.wrap}, serial {certificate.serial:x}"
+    if certificate.revoked is not None:
+        yield f"    revoked {when(certificate.revoked)}{f': {certificate.reason}' if certificate.reason else ''}"

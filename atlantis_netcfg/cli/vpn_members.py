@@ -1,0 +1,455 @@
+"""Commands that change the members of the VPN: `vpn onboard`, `vpn renew`, `vpn revoke`, `vpn accept`.
+
+`provision vpn onboard`: let a partner's device, or a declared computer, into the VPN.
+
+`provision vpn renew`: give members a new certificate, while the one in use goes on working.
+
+`provision vpn revoke`: put members out of the VPN, for good, and see that they are out.
+
+`provision vpn accept`: take the identity of a declared computer out of the file that was handed out for it.
+
+How the commands that change who is in the VPN tell what became of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.operations.vpn.members import HandedOut, HandoutTarget
+    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+    from atlantis_netcfg.operations.vpn.server import Deployed, Server
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import RevocationResult
+    from atlantis_netcfg.vpn.identity import Member, MembershipList
+
+
+VPN_ONBOARD = Command(
+    "vpn onboard",
+    "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
+    words=(
+        Word("partner", "whose device it is", example="iqua"),
+        Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
+        Word("kind", "what it is", example="robot"),
+        Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
+        Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
+        Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
+        Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
+        Word("wrap", "tls-crypt-v2 (if left out); tls-crypt for OpenVPN before 2.5", example="tls-crypt"),
+        Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
+        Word("days", "how long the certificate is good; 397 if left out", example="90"),
+        Word("address", "a fixed address of the partner's pool; the next free one if left out"),
+        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        Word("to", "also put the file into this folder", example="/media/usb"),
+        CLOCK,
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
+    details=(
+        "Repeating it makes nothing new; a different request for the same name is refused. Exit code 5: all is "
+        "recorded and handed out, but the server does not have it yet: `provision vpn sync` goes on."
+    ),
+    changes=True,
+    again=AGAIN,
+)
+
+
+def run_vpn_onboard(arguments: Arguments) -> ExitCode:
+    """Check everything, issue, hand out, tell the server."""
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
+
+    declaration, requested = _vpn.declared(arguments), _device_words(arguments)
+    requests = requests_of(declaration, requested)
+    target = handout_target(arguments, recipients_of(requested, [request.name for request in requests]))
+    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    authority = _vpn.opened(arguments)
+    server = _vpn.server(arguments, declaration)
+    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), target)
+    handed = onboarding.finished(requests)
+    passphrase = passphrase_prompt(arguments) if not handed else None
+    hold(arguments, server, authority)
+    if passphrase is not None:
+        handed = onboarding.issue(requests, passphrase)
+    return close(arguments, declaration, handed, server, authority)
+
+
+def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
+    """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
+    from pathlib import Path
+
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.lists import read
+    from atlantis_netcfg.operations.vpn.requests import KEYS, DeviceWords
+
+    words = {key: arguments.optional(key) for key in KEYS}
+    batch = arguments.optional("batch")
+    if batch is None:
+        return [DeviceWords("", **words)]
+    if given := [key for key, value in words.items() if value is not None and key != "recipient"]:
+        raise UsageError(f"`{given[0]}=` does not go with `batch=`", hint="write it into the file, for each device")
+    common = {key: value for key, value in words.items() if value is not None}
+    rows = read(Path(batch), KEYS)
+    return [DeviceWords(**{**common, **row.values, "place": row.place}) for row in rows]
+
+
+VPN_RENEW = Command(
+    "vpn renew",
+    "give members a new certificate; the old one works until the server has seen the new one",
+    words=(
+        Word("name", "the member", example="iqua-sparus2"),
+        Word("all", "every member whose certificate ends within this time", example="30d"),
+        Word("days", "how long the new one is good; 397 if left out", example="90"),
+        Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out"),
+        Word("key", "ec or rsa; as before if left out"),
+        Word("link", "what carries its tunnel at worst; as before if left out"),
+        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        Word("to", "also put the file into this folder", example="/media/usb"),
+        CLOCK,
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
+    details="A successor that was handed out before and never used is revoked: one is under way at a time.",
+    changes=True,
+    again=AGAIN,
+)
+
+
+def run_vpn_renew(arguments: Arguments) -> ExitCode:
+    """Choose the members, issue, hand out, tell the server."""
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.operations.vpn.requests import change_of, recipient_of
+
+    declaration = _vpn.declared(arguments)
+    change = change_of(**{key: arguments.optional(key) for key in ("days", "wrap", "key", "link")})
+    typed = arguments.optional("recipient")
+    recipient = recipient_of(typed) if typed is not None else None
+    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    authority = _vpn.opened(arguments)
+    members = _members_to_renew(arguments, authority.membership())
+    target = handout_target(arguments, {} if recipient is None else {member.name: recipient for member in members})
+    server = _vpn.server(arguments, declaration)
+    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), target)
+    passphrase = passphrase_prompt(arguments)
+    hold(arguments, server, authority)
+    handed = onboarding.renew(members, change, passphrase)
+    return close(arguments, declaration, handed, server, authority)
+
+
+def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.core.errors import NothingMatched, UsageError
+    from atlantis_netcfg.operations.vpn.records import expires, find, period
+
+    name, within = arguments.optional("name"), arguments.optional("all")
+    if (name is None) == (within is None):
+        raise UsageError("which member's certificate should be renewed?", hint="add `name=iqua-sparus2`, or `all=30d`")
+    if name is not None:
+        return (find(membership, name),)
+    end = datetime.now(UTC) + period(str(within), "all")
+    due = tuple(
+        member for member in membership.members.values() if (last := expires(member)) is not None and last <= end
+    )
+    if not due:
+        raise NothingMatched(f"no certificate ends within {within}", hint="`provision vpn list` shows when they end")
+    return due
+
+
+VPN_REVOKE = Command(
+    "vpn revoke",
+    "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",
+    words=(
+        Word("name", "the member", example="iqua-sparus2"),
+        Word("partner", "every device of this partner", example="iqua"),
+        Word("reason", "for the record, one line", example="stolen"),
+        CLOCK,
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, JSON),
+    details=(
+        "A name never returns. Exit code 5 says that it is recorded, and that the server did not answer: whoever is "
+        "connected stays so until `provision vpn sync` has reached it."
+    ),
+    changes=True,
+    again=AGAIN,
+)
+
+
+def run_vpn_revoke(arguments: Arguments) -> ExitCode:
+    """Ask, record, publish the list, end the sessions, look."""
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.operations.vpn.members import reason_of, revoke
+
+    declaration = _vpn.declared(arguments)
+    reason = reason_of(arguments.optional("reason"))
+    authority = _vpn.opened(arguments)
+    members = _members_to_revoke(arguments, authority.membership())
+    server = _vpn.server(arguments, declaration)
+    passphrase = passphrase_prompt(arguments)
+    hold(arguments, server, authority)
+    _agree(arguments, members)
+    revoked = revoke(_vpn.operator(arguments, authority), members, reason, passphrase)
+    with progress(quiet=arguments.flag("json")) as notify:
+        cut = server.cut(authority, revoked, notify)
+    return close_revoked(arguments, revoked, cut)
+
+
+def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations.vpn.records import find, of_partner
+
+    name, partner = arguments.optional("name"), arguments.optional("partner")
+    if (name is None) == (partner is None):
+        raise UsageError(
+            "which member should be revoked?", hint="add `name=iqua-sparus2`, or `partner=iqua` for all of them"
+        )
+    return (find(membership, name),) if name is not None else of_partner(membership, partner)
+
+
+def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
+    """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
+    from atlantis_netcfg.cli._consent import agreed
+    from atlantis_netcfg.operations.vpn.records import when
+
+    if arguments.flag("yes") or not any(member.good for member in members):
+        return
+    if not arguments.flag("json"):
+        for member in members:
+            seen = max(
+                (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
+            )
+            print(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}", flush=True)
+    agreed("Cut them off now, for good" if len(members) > 1 else f"Cut {members[0].name} off now, for good")
+
+
+VPN_ACCEPT = Command(
+    "vpn accept",
+    "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
+    words=(
+        Word("file", "the sealed hand-out", required=True, example="coastal-gateway.tar.age"),
+        Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(PASSPHRASE_FD, JSON),
+    details="For a laptop without the authority: the identity is kept in the folder `hosts` of it, mode 0600.",
+)
+_LARGEST = 1_000_000
+
+
+def run_vpn_accept(arguments: Arguments) -> ExitCode:
+    """Open it, check it, keep it."""
+    from datetime import UTC, datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.vpn.enrolment_package import accept
+
+    declaration = _vpn.declared(arguments)
+    data = _bytes(Path(arguments.word("file")), "the hand-out")
+    accepted = accept(declaration, data, _opener(arguments), _vpn.folder(arguments), now=datetime.now(UTC))
+    member, certificate = accepted.identity.member, accepted.identity.certificate
+    values = {
+        "name": member.name,
+        "common_name": certificate.common_name,
+        "address": str(member.address),
+        "not_after": certificate.not_after.isoformat(timespec="seconds"),
+        "file": str(accepted.path),
+        "already": accepted.already,
+    }
+    how = "already so" if accepted.already else "accepted"
+    lines = [
+        f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
+        f"  kept in {accepted.path}; `{bringing(declaration, member)}` brings it there",
+    ]
+    return _vpn.tell(arguments, ExitCode.DONE, values, lines)
+
+
+def _opener(arguments: Arguments) -> Secret:
+    """The key out of its file, or the passphrase."""
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.secret import Secret
+
+    named = arguments.optional("key")
+    if named is None:
+        return passphrase_prompt(arguments, "the passphrase of the hand-out")()
+    path = Path(named)
+    text = _bytes(path, "the key").decode(errors="replace")
+    if path.stat().st_mode & 0o077:
+        raise UsageError(f"others may read the key {path}", hint=f"type `chmod 600 {path}`")
+    lines = [line.strip() for line in text.splitlines() if line.startswith("AGE-SECRET-KEY-")]
+    if len(lines) != 1:
+        raise UsageError(f"{path} holds {len(lines)} age keys", hint="name the file that age-keygen has made")
+    return Secret(lines[0])
+
+
+def _bytes(path: Path, what: str) -> bytes:
+    from atlantis_netcfg.core.errors import UsageError
+
+    try:
+        with path.open("rb") as file:
+            data = file.read(_LARGEST + 1)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{what} cannot be read: {path}", hint=getattr(error, "strerror", None)) from error
+    if len(data) > _LARGEST:
+        raise UsageError(f"{path} is too large for {what}")
+    return data
+
+
+def handout_target(arguments: Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
+    """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
+    from pathlib import Path
+
+    from atlantis_netcfg.operations.vpn.members import CONTACT, HandoutTarget
+
+    to, contact = arguments.optional("to"), arguments.optional("contact")
+    return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
+
+
+def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
+    """Hold the record against the server, before anything is signed. Raises RecordOlder."""
+    from atlantis_netcfg.cli._output import progress
+
+    with progress(quiet=arguments.flag("json")) as notify:
+        server.hold(authority, notify)
+
+
+def close(
+    arguments: Arguments,
+    declaration: Declaration,
+    handed: Sequence[HandedOut],
+    server: Server,
+    authority: Authority,
+) -> ExitCode:
+    """Tell what was issued, its one-time passphrases among it, then bring it to the server and tell that.
+
+    A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
+    """
+    from atlantis_netcfg.cli import _vpn
+
+    if not arguments.flag("json"):
+        for line in (line for entry in handed for line in _lines(declaration, entry)):
+            print(line, flush=True)
+    deployed = _deployed(arguments, server, authority)
+    values = {"members": [_row(item) for item in handed], **deployed.as_json()}
+    return _vpn.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
+
+
+def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli._vpn import AGAIN
+    from atlantis_netcfg.core.errors import OutcomeUnknown
+    from atlantis_netcfg.operations.vpn.server import Deployed
+
+    try:
+        with progress(quiet=arguments.flag("json")) as notify:
+            return server.deploy(authority, notify)
+    except KeyboardInterrupt:
+        stopped = OutcomeUnknown("stopped by Ctrl-C before the server was seen to have it", hint=AGAIN)
+        return Deployed(errors=(stopped,), deployed=False)
+
+
+def _row(handed: HandedOut) -> dict[str, Any]:
+    """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.operations.vpn.records import member_row
+
+    return {
+        **member_row(handed.issued.member, datetime.now(UTC)),
+        "common_name": handed.issued.certificate.common_name,
+        "already": handed.issued.already,
+        "replaced": list(handed.issued.replaced),
+        "file": str(handed.file),
+        "copy": str(handed.copy) if handed.copy is not None else None,
+        "sha256": handed.issued.delivered.sha256,
+        "passphrase": handed.passphrase.reveal() if handed.passphrase is not None else None,
+    }
+
+
+def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
+    member, certificate = handed.issued.member, handed.issued.certificate
+    what = "already so" if handed.issued.already else certificate.common_name
+    yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
+    yield f"  file        {handed.copy or handed.file}"
+    if handed.issued.already:
+        yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
+        return
+    if handed.passphrase is not None:
+        yield f"  passphrase  {handed.passphrase.reveal()}"
+        yield "              shown this once: tell it by telephone, never in the message that the file goes with"
+    for gone in handed.issued.replaced:
+        yield f"  revoked     {gone}, which was handed out before and never used"
+    if member.partner is None:
+        yield f"              `{bringing(declaration, member)}` brings it there"
+    else:
+        yield "              the partner opens it with age, and goes on with README.txt inside"
+
+
+def bringing(declaration: Declaration, member: Member) -> str:
+    """The command that brings a declared computer its identity."""
+    from atlantis_netcfg.vpn.identity import Kind
+
+    if member.kind is Kind.ROUTER:
+        return f"provision vpn install host={member.name}"
+    return f"provision site={declaration.hosts[member.name].site} only={member.name}"
+
+
+def close_revoked(arguments: Arguments, revoked: RevocationResult, deployed: Deployed) -> ExitCode:
+    """Tell who is out, and by which evidence."""
+    from atlantis_netcfg.cli import _vpn
+
+    values = {
+        "members": list(revoked.members),
+        "common_names": list(revoked.common_names),
+        "already": list(revoked.already),
+        **deployed.as_json(),
+    }
+    lines = [f"{name}: {'already so' if name in revoked.already else 'revoked'}" for name in revoked.members]
+    return _vpn.tell(arguments, deployed.exit, values, [*lines, *deployed.lines], deployed.errors)
+
+
+def close_synced(
+    arguments: Arguments, deployed: Deployed, site: str | None, taken: Sequence[str] | None = None
+) -> ExitCode:
+    """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there.
+
+    `taken`: who is revoked because the server's list was taken over.
+    """
+    from atlantis_netcfg.cli import _vpn
+
+    values = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
+    lines = (
+        [] if taken is None else [f"taken over from the server's list: {', '.join(taken) or 'nobody of the record'}"]
+    )
+    if site is not None:
+        lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
+    return _vpn.tell(arguments, deployed.exit, values, (*lines, *deployed.lines), deployed.errors)

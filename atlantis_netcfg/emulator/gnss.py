@@ -1,0 +1,498 @@
+"""An emulated GNSS receiver: behind gpsd, behind a server that passes NMEA on over TCP, or behind a serial port.
+
+It stands for what the two protocols tell in every state of a receiver, and for servers that are not there, serve one
+client only, or say nothing. It computes no positions, and time goes on with this computer's. Whatever would change a
+receiver is not obeyed but counted in `forbidden`.
+
+Emulated receivers: what they show, their reports as gpsd or as NMEA, and the threads that serve them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import select
+import socket
+import threading
+import time
+import tty
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+from functools import reduce
+from operator import xor
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+
+__all__ = ["NOT_REHEARSED", "Access", "GnssSpec", "RunningGpsd", "RunningNmea", "RunningNmeaPort", "Speech"]
+
+
+PATH = "/dev/ttyACM0"
+"""The receiver's port, as gpsd names it."""
+_METER = 1 / 111_195.0
+"""In degrees of latitude."""
+_GARBAGE = bytes((0xE0 + 7 * place % 32) for place in range(64))
+_QUALITY = {None: 1, 2: 2, 3: 4, 4: 5, 5: 6, 6: 1, 7: 7, 8: 8}
+_INDICATOR = {None: "A", 2: "D", 3: "R", 4: "F", 5: "E", 6: "A", 7: "M", 8: "S"}
+"""gpsd's status to the quality of GGA and the mode indicator of RMC."""
+
+
+def encode_reports(*objects: dict[str, Any]) -> bytes:
+    """Objects as gpsd ends them."""
+    return b"".join(json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in objects)
+
+
+def line(body: str) -> bytes:
+    """A sentence with its checksum."""
+    return f"${body}*{reduce(xor, body.encode(), 0):02X}\r\n".encode()
+
+
+@dataclass
+class Source:
+    """What one client hears, report by report."""
+
+    spec: GnssSpec
+    now: Callable[[], float] = time.time
+    sent: int = 0
+    _first: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Remember the time that a stale receiver repeats."""
+        self._first = self.now()
+
+    @property
+    def speaks(self) -> bool:
+        """Whether another report comes at all."""
+        over = self.spec.silent_after is not None and self.sent >= self.spec.silent_after
+        return self.spec.speech is not Speech.NOTHING and not over
+
+    @property
+    def _fixed(self) -> bool:
+        lost = self.spec.lost_after is not None and self.sent >= self.spec.lost_after
+        return self.spec.mode > 1 and not lost
+
+    @property
+    def _time(self) -> datetime:
+        seconds = self._first if self.spec.stale else self.now()
+        return datetime.fromtimestamp(seconds + self.spec.time_offset_s, UTC)
+
+    @property
+    def _place(self) -> tuple[float, float]:
+        spec = self.spec
+        latitude = spec.latitude + (spec.jumping_m * _METER if self.sent % 2 else 0.0)
+        place = (spec.longitude, latitude) if spec.swapped else (latitude, spec.longitude)
+        return (0.0, 0.0) if spec.null else place
+
+    def next(self, *, objects: bool = False, sentences: bool = False) -> bytes:
+        """The next report: as gpsd's JSON, as NMEA sentences, or as both."""
+        whole = self._sentences() if sentences else b""
+        whole += self._tpv() + self._sky() if objects else b""
+        self.sent += 1
+        if self.spec.speech is Speech.GARBAGE:
+            return _GARBAGE
+        damaged = self.spec.damaged and not self.sent % self.spec.damaged
+        return whole.replace(b'"mode":', b'"mode"', 1).replace(b"A,", b"A;", 1) if damaged else whole
+
+    def _tpv(self) -> bytes:
+        spec, (latitude, longitude) = self.spec, self._place
+        if not self._fixed:
+            return encode_reports({"class": "TPV", "device": PATH, "mode": 1})
+        report: dict[str, Any] = {"class": "TPV", "device": PATH}
+        if spec.status is not None:
+            report["status"] = spec.status
+        report["mode"] = spec.mode
+        if spec.timed:
+            report |= {"time": f"{self._time:%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z", "ept": 0.005}
+        report |= {"lat": round(latitude, 9), "lon": round(longitude, 9)}
+        if spec.mode > 2:  # noqa: PLR2004 - 3D
+            report |= {"altHAE": 59.0, "altMSL": 5.0, "alt": 5.0, "epv": 29.9}
+        return encode_reports({**report, "track": 10.0, "speed": 0.026, "eph": spec.eph_m})
+
+    def _sky(self) -> bytes:
+        spec = self.spec
+        used = spec.satellites if self._fixed else 0
+        seen = [{"PRN": item, "el": 40.0, "az": 30.0, "ss": 41.0, "used": item <= used} for item in range(1, used + 3)]
+        dop = {"hdop": spec.hdop} if self._fixed else {}
+        return encode_reports(
+            {"class": "SKY", "device": PATH, **dop, "nSat": len(seen), "uSat": used, "satellites": seen}
+        )
+
+    def _sentences(self) -> bytes:
+        spec, at = self.spec, self._time
+        of_day = f"{at:%H%M%S.%f}"[:-4]
+        date = f"{at:%d%m%y}"
+        if not self._fixed:
+            gga, gsa = f"GPGGA,{of_day},,,,,0,00,99.99,,,,,,", "GPGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99"
+            return line(gga) + (line(f"GPRMC,{of_day},V,,,,,,,{date},,,N") if spec.timed else b"") + line(gsa)
+        place = _degrees(*self._place)
+        height = "5.0,M,54.0,M,," if spec.mode > 2 else ",M,,M,,"  # noqa: PLR2004 - 3D
+        gga = f"GPGGA,{of_day},{place},{_QUALITY[spec.status]},{spec.satellites:02},{spec.hdop:.1f},{height}"
+        rmc = f"GPRMC,{of_day},A,{place},0.05,10.0,{date},,,{_INDICATOR[spec.status]}"
+        used = ",".join([f"{item:02}" for item in range(1, min(spec.satellites, 12) + 1)])
+        gsa = f"GPGSA,A,{spec.mode},{used}{',' * (12 - min(spec.satellites, 12))},1.6,{spec.hdop:.1f},1.3"
+        return line(gga) + (line(rmc) if spec.timed else b"") + line(gsa)
+
+
+def _degrees(latitude: float, longitude: float) -> str:
+    north, east = "N" if latitude >= 0 else "S", "E" if longitude >= 0 else "W"
+    return f"{_minutes(latitude, 2)},{north},{_minutes(longitude, 3)},{east}"
+
+
+def _minutes(degrees: float, digits: int) -> str:
+    hundred_thousandths = round(abs(degrees) * 60 * 100_000)
+    whole, minutes = divmod(hundred_thousandths, 60 * 100_000)
+    return f"{whole:0{digits}}{minutes / 100_000:08.5f}"
+
+
+_VERSION = {"class": "VERSION", "release": "3.22", "rev": "3.22", "proto_major": 3, "proto_minor": 14}
+_REQUEST = re.compile(r"\?(VERSION|DEVICES|POLL|WATCH|DEVICE);|\?(WATCH|DEVICE)=([^}\n]*[}\n]);?", re.DOTALL)
+_FLAG = r'"%s"\s*:\s*([^,}\s]*)'
+
+
+class Client:
+    """One connection."""
+
+    def __init__(self, spec: GnssSpec) -> None:
+        self.spec = spec
+        self.state = {"enable": False, "json": False, "nmea": False}
+        """Of the watching."""
+        self.greeting = encode_reports(_VERSION)
+        self._activated = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
+
+    def hear(self, data: bytes) -> tuple[bytes, list[str]]:
+        """What is answered, and which requests would have changed the receiver, or are none."""
+        text = data.decode("utf-8", "replace").removesuffix("\n").removesuffix("\r") + "\n"
+        answer = b""
+        forbidden: list[str] = []
+        while text.startswith("?") or (answer and text.strip()):
+            known = _REQUEST.match(text)
+            if known is None:
+                words = json.dumps(f"Unrecognized request '{text}'")
+                return answer + b'{"class":"ERROR","message":' + words.encode() + b"}\r\n", [*forbidden, text]
+            answer += self._answer(known[1] or known[2], known[3])
+            forbidden += [known[0]] if known[2] == "DEVICE" else []
+            text = text[known.end() :].lstrip()
+        return answer, forbidden
+
+    def _answer(self, name: str, value: str | None) -> bytes:
+        if name == "VERSION":
+            return encode_reports(_VERSION)
+        if name == "DEVICES":
+            return encode_reports(self._devices())
+        if name == "DEVICE":
+            return encode_reports(self._device()) if self.spec.device else b""
+        if name == "POLL":
+            now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
+            return encode_reports({"class": "POLL", "time": now, "active": 0, "tpv": [], "gst": [], "sky": []})
+        if value is not None:
+            self._watch(value)
+        settings = {"raw": 0, "scaled": False, "timing": False, "split24": False, "pps": False}
+        return encode_reports(self._devices(), {"class": "WATCH", **self.state, **settings})
+
+    def _watch(self, value: str) -> None:
+        self.state["enable"] = True
+        for name in self.state:
+            if result := re.search(_FLAG % name, value):
+                self.state[name] = result[1] == "true"
+
+    def _device(self) -> dict[str, Any]:
+        return {"class": "DEVICE", "path": PATH, "driver": "NMEA0183", "activated": self._activated, "flags": 1}
+
+    def _devices(self) -> dict[str, Any]:
+        return {"class": "DEVICES", "devices": [self._device()] if self.spec.device else []}
+
+
+class Speech(StrEnum):
+    """What comes out of it."""
+
+    POSITIONS = "positions"
+    NOTHING = "nothing"
+    """No data: the port is open, and the receiver is silent."""
+    GARBAGE = "garbage"
+    """A wrong baud rate, or another program."""
+
+
+class Access(StrEnum):
+    """How its server treats clients."""
+
+    SERVED = "served"
+    REFUSED = "refused"
+    """Nothing listens at the port."""
+    IN_USE = "in use"
+    """It serves one client, and has it: the next one is hung up at once."""
+    MUTE = "mute"
+    """It takes the connection and never says a word, not even a greeting."""
+
+
+class GnssSpec(BaseModel):
+    """A receiver, and the program or port that passes its data on."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    latitude: float = 41.68642
+    """The report's point in the port of Viana do Castelo."""
+    longitude: float = -8.83883
+    mode: int = Field(default=3, ge=1, le=3)
+    """1 no fix, 2 or 3 dimensions."""
+    every_s: float = Field(default=0.2, gt=0)
+    """Between two reports. A receiver takes a second; rehearsals are in a hurry."""
+    time_offset_s: float = 0.0
+    """Of the receiver's time to this computer's."""
+    timed: bool = True
+    """False: positions without a time (gpsd), or GGA without RMC, which has no date (NMEA)."""
+    stale: bool = False
+    """The same position with the same time again and again."""
+    silent_after: int | None = None
+    """So many reports, then none."""
+    lost_after: int | None = None
+    """So many fixes, then none: reports go on without a fix."""
+    swapped: bool = False
+    """Latitude and longitude exchanged."""
+    jumping_m: float = 0.0
+    """Every other report is so far north."""
+    null: bool = False
+    """A fix at 0, 0."""
+    status: int | None = None
+    """In gpsd's words: 2 DGPS, 3 and 4 RTK, 5 dead reckoning, 7 surveyed, 8 simulated; None: a plain fix."""
+    eph_m: float = 17.1
+    hdop: float = 0.9
+    satellites: int = Field(default=9, ge=0, le=99)
+    speech: Speech = Speech.POSITIONS
+    access: Access = Access.SERVED
+    device: bool = True
+    """False: gpsd runs without a receiver."""
+    damaged: int = 0
+    """Of so many reports the last is damaged (checksum, JSON); 0: none."""
+    piecewise: bool = False
+    """Every byte by itself."""
+
+
+_AT_MOST = 4096
+
+
+class _Running:
+    """A thread, and the pipe that ends it."""
+
+    def __init__(self, spec: GnssSpec) -> None:
+        self.spec = spec
+        self.heard: list[bytes] = []
+        """Whatever clients have sent."""
+        self.forbidden: list[str] = []
+        """What of it a receiver must never be sent."""
+        self._thread = threading.Thread(target=self._run, name="twin of a GNSS receiver", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._stop, self._stopper = os.pipe()
+        self._open()
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._stopper)
+        self._thread.join()
+        os.close(self._stop)
+        self._close()
+
+    def _open(self) -> None:
+        raise NotImplementedError
+
+    def _close(self) -> None:
+        raise NotImplementedError
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+
+class _Listener(Protocol):
+    """What one connection says and hears."""
+
+    def greet(self) -> bytes: ...
+    def hear(self, data: bytes) -> tuple[bytes, list[str]]: ...
+    def report(self) -> bytes: ...
+
+
+class _GpsdClient:
+    def __init__(self, spec: GnssSpec) -> None:
+        self._client, self._source = Client(spec), Source(spec)
+
+    def greet(self) -> bytes:
+        return self._client.greeting
+
+    def hear(self, data: bytes) -> tuple[bytes, list[str]]:
+        return self._client.hear(data)
+
+    def report(self) -> bytes:
+        watched = self._client.state
+        if not (watched["enable"] and self._client.spec.device and self._source.speaks):
+            return b""
+        return self._source.next(objects=watched["json"], sentences=watched["nmea"])
+
+
+class _NmeaClient:
+    def __init__(self, spec: GnssSpec) -> None:
+        self._source = Source(spec)
+
+    def greet(self) -> bytes:
+        del self
+        return b""
+
+    def hear(self, data: bytes) -> tuple[bytes, list[str]]:
+        """Whatever is sent reaches the receiver."""
+        del self
+        return b"", [data.decode("ascii", "replace")]
+
+    def report(self) -> bytes:
+        return self._source.next(sentences=True) if self._source.speaks else b""
+
+
+class _Server(_Running):
+    """A TCP server; `host` and `port` are where it listens (or, refused, where nothing does)."""
+
+    host = "127.0.0.1"
+
+    def __init__(self, spec: GnssSpec, port: int = 0) -> None:
+        super().__init__(spec)
+        self.port = port
+        self._clients: dict[socket.socket, _Listener] = {}
+
+    def _listener(self) -> _Listener:
+        raise NotImplementedError
+
+    def _open(self) -> None:
+        self._door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._door.bind((self.host, self.port))
+        self.port = self._door.getsockname()[1]
+        # A port that is bound and does not listen refuses, and nobody else can get it meanwhile.
+        if self.spec.access is not Access.REFUSED:
+            self._door.listen()
+
+    def _close(self) -> None:
+        for client in self._clients:
+            client.close()
+        self._door.close()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while True:
+            waiting: list[socket.socket | int] = [self._stop, *self._clients]
+            if self.spec.access is not Access.REFUSED:
+                waiting.append(self._door)
+            ready = select.select(waiting, [], [], max(0.0, due - time.monotonic()))[0]
+            if self._stop in ready:
+                return
+            if self._door in ready:
+                self._admit()
+            for client in [item for item in self._clients if item in ready]:
+                self._hear(client)
+            if time.monotonic() >= due:
+                # Who was kept from telling tells on from now: a receiver does not make up for what it has left out.
+                due = max(due + self.spec.every_s, time.monotonic() + self.spec.every_s / 2)
+                for client, listener in list(self._clients.items()):
+                    self._send(client, listener.report())
+
+    def _admit(self) -> None:
+        client = self._door.accept()[0]
+        if self.spec.access is Access.IN_USE:
+            client.close()
+            return
+        self._clients[client] = self._listener()
+        self._send(client, self._clients[client].greet())
+
+    def _hear(self, client: socket.socket) -> None:
+        try:
+            data = client.recv(_AT_MOST)
+        except OSError:
+            data = b""
+        if not data:
+            del self._clients[client]
+            client.close()
+            return
+        self.heard.append(data)
+        answer, forbidden = self._clients[client].hear(data)
+        self.forbidden += forbidden
+        self._send(client, answer)
+
+    def _send(self, client: socket.socket, data: bytes) -> None:
+        if self.spec.access is Access.MUTE:
+            return
+        size = 1 if self.spec.piecewise else len(data)
+        try:
+            for place in range(0, len(data), size or 1):
+                client.sendall(data[place : place + size])
+        except OSError:
+            # It has gone; the next reading of it says so as well.
+            return
+
+
+class RunningGpsd(_Server):
+    """gpsd with one receiver."""
+
+    def _listener(self) -> _Listener:
+        return _GpsdClient(self.spec)
+
+
+class RunningNmea(_Server):
+    """A server that passes a receiver's sentences on to every client."""
+
+    def _listener(self) -> _Listener:
+        return _NmeaClient(self.spec)
+
+
+class RunningNmeaPort(_Running):
+    """A receiver at a serial port; `path` is the port."""
+
+    path = ""
+
+    def _open(self) -> None:
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.path = os.ttyname(self._theirs)
+        # Our own hold on the far end would look like somebody who has the port; the near end survives without it.
+        os.close(self._theirs)
+        os.set_blocking(self._ours, False)
+
+    def _close(self) -> None:
+        os.close(self._ours)
+
+    def _run(self) -> None:
+        source = Source(self.spec)
+        while not select.select([self._stop], [], [], self.spec.every_s)[0]:
+            if not self._opened():
+                # Bytes of a receiver are lost where nobody has the port open; its mood begins anew with the next one.
+                source = Source(self.spec)
+                continue
+            self._hear()
+            if source.speaks:
+                self._send(source.next(sentences=True))
+
+    def _opened(self) -> bool:
+        poll = select.poll()
+        poll.register(self._ours, 0)
+        return not any(event & select.POLLHUP for _, event in poll.poll(0))
+
+    def _hear(self) -> None:
+        with suppress(OSError):
+            data = os.read(self._ours, _AT_MOST)
+            self.heard.append(data)
+            self.forbidden.append(data.decode("ascii", "replace"))
+
+    def _send(self, data: bytes) -> None:
+        """Bytes are lost as well where whoever has the port open reads too slowly."""
+        size = 1 if self.spec.piecewise else len(data)
+        with suppress(OSError):
+            for place in range(0, len(data), size):
+                os.write(self._ours, data[place : place + size])
+
+
+NOT_REHEARSED = ("a GNSS receiver: the sky, its antenna and cable, how long it takes to its first fix",)

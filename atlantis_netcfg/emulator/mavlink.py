@@ -1,0 +1,265 @@
+"""An emulated autopilot, as far as the MAVLink stream tells that its companion computer forwards by UDP.
+
+It stands for the messages that speak of the remote control, with real frames of version 1 or 2 packed by pymavlink. It
+flies nothing and obeys nothing: every datagram that is sent to it is counted in `forbidden`.
+
+The emulated autopilot: its specification, the messages that it sends, and the thread that sends them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import secrets
+import select
+import socket
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import TracebackType
+
+
+__all__ = ["NOT_REHEARSED", "AutopilotSpec", "RunningAutopilot"]
+
+
+_ARMED = 0x80
+_STABILIZE = 0x51
+"""Mode flags of a vehicle that stands: custom mode, stabilised, remote control."""
+_RC_RECEIVER = 0x10000
+_GYRO = 0x1
+_UNUSED = 0xFFFF
+_STATION = 255
+_TURN_S = 2.0
+"""The sticks go round once in this time."""
+
+
+@dataclass
+class Rounds:
+    """All frames, round by round."""
+
+    spec: AutopilotSpec
+    sent: int = 0
+    """Rounds."""
+    _frames: int = 0
+    _packers: dict[int, Any] = field(default_factory=dict)
+
+    def next(self) -> list[bytes]:
+        """The frames of the next round; none: it is silent."""
+        spec = self.spec
+        self.sent += 1
+        if spec.silent or (spec.silent_after is not None and self.sent > spec.silent_after):
+            return []
+        if spec.garbage:
+            return [b"$GPGGA,not,MAVLink*00\r\n"]
+        return [self._damaged(frame) for frame in self._round()]
+
+    def _round(self) -> Iterator[bytes]:
+        spec = self.spec
+        armed = spec.armed or (spec.armed_after is not None and self.sent > spec.armed_after)
+        if spec.heartbeat:
+            yield self._packed(spec.system_id, "heartbeat", 2, 3, _STABILIZE | (_ARMED if armed else 0), 0, 3)
+        if spec.status:
+            yield self._packed(spec.system_id, "sys_status", *self._sensors(), 250, 16200, -1, -1, *[0] * 6)
+        # The telemetry radio's own level, which is not the remote control's.
+        yield self._packed(spec.system_id, "radio_status", 190, 180, 100, 40, 35, 0, 0)
+        stopped = spec.channels_stop_after is not None and self.sent > spec.channels_stop_after
+        if spec.channels is not None and not stopped:
+            yield self._packed(spec.system_id, "rc_channels", *self._channels(spec.channels))
+        if spec.ground_station:
+            yield self._packed(_STATION, "heartbeat", 6, 8, 0, 0, 4)
+        if spec.other_system is not None:
+            yield self._packed(spec.other_system, "heartbeat", 2, 3, _STABILIZE, 0, 3)
+
+    def _sensors(self) -> tuple[int, int, int]:
+        spec = self.spec
+        bits = (spec.receiver_present, spec.receiver_enabled, spec.receiver_healthy)
+        present, enabled, healthy = (_GYRO | (_RC_RECEIVER if bit else 0) for bit in bits)
+        return present, enabled, healthy
+
+    def _channels(self, count: int) -> tuple[int, ...]:
+        spec, at_s = self.spec, self.sent * self.spec.every_s
+        values = [1500 if number < count else _UNUSED for number in range(18)]
+        for number in range(min(spec.moving, count)):
+            values[number] = 1500 + round(400 * math.sin(2 * math.pi * (at_s / _TURN_S + number / 4)))
+        if spec.odd_us is not None and count > 2:  # noqa: PLR2004 - channel 3
+            values[2] = spec.odd_us
+        rssi = spec.rssi - (spec.rssi_swing if self.sent % 2 else 0)
+        return (round(at_s * 1000), count, *values, max(rssi, 0))
+
+    def _packed(self, system: int, message: str, *values: int) -> bytes:
+        packer = self._packers.get(system)
+        if packer is None:
+            # Takes a twentieth of a second to load.
+            from pymavlink.dialects.v20 import common  # noqa: PLC0415
+
+            packer = self._packers[system] = common.MAVLink(None, srcSystem=system, srcComponent=1)
+        frame = getattr(packer, f"{message}_encode")(*values).pack(packer, force_mavlink1=self.spec.version == 1)
+        # Whoever writes to a link counts its frames; pack alone does not.
+        packer.seq = (packer.seq + 1) % 256
+        return bytes(frame)
+
+    def _damaged(self, frame: bytes) -> bytes:
+        self._frames += 1
+        if self.spec.corrupted and not self._frames % self.spec.corrupted:
+            return frame[:-1] + bytes([frame[-1] ^ 0x5A])
+        return frame
+
+
+_LONGEST = 65535
+_IP_RECVERR = 11
+"""ip(7); the socket module has no name for it before Python 3.14."""
+
+
+class RunningAutopilot:
+    """Sends to `host` and `port` while the context lasts, whether anybody listens there or not.
+
+    Port 0: one that is free when the context begins. It is not held, for whoever listens needs it. What the
+    specification counts in rounds begins anew with whoever comes to listen.
+    """
+
+    host = "127.0.0.1"
+
+    def __init__(self, spec: AutopilotSpec, port: int = 0) -> None:
+        self.spec = spec
+        self.port = port
+        self.forbidden: list[bytes] = []
+        """Datagrams that somebody has sent to it."""
+        self._rounds = Rounds(spec)
+        self._rest = b""
+        self._thread = threading.Thread(target=self._run, name="twin of an autopilot", daemon=True)
+
+    def __enter__(self) -> Self:
+        self.port = self.port or _free_port(self.host)
+        self._stop, self._stopper = os.pipe()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((self.host, 0))
+        # Without it the system does not tell a socket that is not connected that nobody listens.
+        self._socket.setsockopt(socket.IPPROTO_IP, _IP_RECVERR, 1)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._stopper)
+        self._thread.join()
+        os.close(self._stop)
+        self._socket.close()
+
+    @property
+    def source(self) -> tuple[str, int]:
+        """Where its datagrams come from."""
+        host, port = self._socket.getsockname()
+        return str(host), int(port)
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        ends: list[socket.socket | int] = [self._stop, self._socket]
+        while True:
+            ready = select.select(ends, [], [], max(0.0, due - time.monotonic()))[0]
+            if self._stop in ready:
+                return
+            if self._socket in ready:
+                self._hear()
+            if time.monotonic() >= due:
+                due += self.spec.every_s
+                self._send(self._datagrams(self._rounds.next()))
+
+    def _datagrams(self, frames: list[bytes]) -> list[bytes]:
+        if not self.spec.split:
+            return frames
+        whole = self._rest + b"".join(frames)
+        cut = len(whole) // 16 * 16
+        self._rest = whole[cut:]
+        return [whole[place : place + 16] for place in range(0, cut, 16)]
+
+    def _hear(self) -> None:
+        """Take what was sent, and what the system says of earlier datagrams: that nobody listened."""
+        with suppress(BlockingIOError):
+            while True:
+                self._socket.recvmsg(0, _LONGEST, socket.MSG_ERRQUEUE | socket.MSG_DONTWAIT)
+                self._begin_anew()
+        with suppress(OSError):
+            self.forbidden.append(self._socket.recv(_LONGEST, socket.MSG_DONTWAIT))
+
+    def _send(self, datagrams: list[bytes]) -> None:
+        try:
+            for datagram in datagrams:
+                self._socket.sendto(datagram, (self.host, self.port))
+        except ConnectionRefusedError:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        self._rounds, self._rest = Rounds(self.spec), b""
+
+
+_PORTS = range(20_000, 30_000)
+"""Below those that Linux gives to whoever asks for none: nobody else comes upon one of them by accident."""
+_given: set[int] = set()
+
+
+def _free_port(host: str) -> int:
+    """A port on which nobody listens, and that no other twin of this process has sent to."""
+    while True:
+        port = secrets.choice(_PORTS)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found, suppress(OSError):
+            found.bind((host, port))
+            if port not in _given:
+                _given.add(port)
+                return port
+
+
+class AutopilotSpec(BaseModel):
+    """An autopilot, its remote control, and the stream that its companion computer forwards."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    system_id: int = Field(default=1, ge=1, le=255)
+    version: int = Field(default=2, ge=1, le=2)
+    """Of MAVLink."""
+    every_s: float = Field(default=0.1, gt=0)
+    """Between two rounds of all messages. Autopilots send heartbeats once a second; rehearsals are in a hurry."""
+    armed: bool = False
+    armed_after: int | None = None
+    """Armed from so many rounds on."""
+    heartbeat: bool = True
+    channels: int | None = Field(default=16, ge=0, le=18)
+    """`chancount`; None: no RC_CHANNELS is in the stream."""
+    channels_stop_after: int | None = None
+    """So many rounds with RC_CHANNELS, then without."""
+    moving: int = Field(default=4, ge=0, le=18)
+    """So many channels follow the sticks, which go round; all others stand still."""
+    odd_us: int | None = None
+    """Value of channel 3."""
+    rssi: int = Field(default=200, ge=0, le=255)
+    """255: not known."""
+    rssi_swing: int = Field(default=0, ge=0, le=254)
+    """Every other round is so much lower."""
+    status: bool = True
+    """False: no SYS_STATUS is in the stream."""
+    receiver_present: bool = True
+    receiver_enabled: bool = True
+    receiver_healthy: bool = True
+    ground_station: bool = False
+    """A ground station (system 255) is in the same stream."""
+    other_system: int | None = None
+    """Another vehicle is in the same stream, disarmed."""
+    corrupted: int = 0
+    """Of so many frames the last is damaged; 0: none."""
+    garbage: bool = False
+    """Another program's datagrams, no frame among them."""
+    silent: bool = False
+    silent_after: int | None = None
+    """So many rounds, then none."""
+    split: bool = False
+    """Frames go over the borders of datagrams, as a serial-to-UDP bridge cuts them."""
+
+
+NOT_REHEARSED = ("a remote control: its radio and range, the autopilot's failsafe, and motors that start",)

@@ -1,0 +1,160 @@
+"""An emulated 4G modem behind a pseudo-terminal, which answers reads and counts whatever else it is sent.
+
+It stands for the dialogue (echo, unsolicited lines, noise, slow bytes, errors as numbers, words or bare) and for the
+states of a card and a network; the figures are constant. A command that sets something is not obeyed but counted in
+`forbidden`: our driver has to be one that never sends any.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import tty
+from typing import TYPE_CHECKING, Self
+
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+
+__all__ = ["NOT_REHEARSED", "ModemSpec", "RunningModem"]
+
+
+NOT_REHEARSED = ("an AT modem: USB, its other ports, and programs that want to own it",)
+_ABSENT = "+CME ERROR: 10"
+
+
+class ModemSpec(BaseModel):
+    """One emulated modem, its card, and what is on the air."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    maker: str = "Quectel"
+    card: str = "READY"
+    """What `+CPIN?` says: READY, SIM PIN, SIM PUK, or a final result like `+CME ERROR: 10`."""
+    function: int = 1
+    """`+CFUN?`."""
+    eps: int | None = 1
+    """`<stat>` of `+CEREG?`; None: the modem does not know the command."""
+    packet: int | None = 1
+    circuit: int | None = 1
+    operator: str = '0,0,"EXAMPLE-OPERATOR",7'
+    csq: str = "24,99"
+    cesq: str = "99,99,255,255,21,46"
+    apn: str = "internet"
+    """Of the active context."""
+    address: str = "100.64.12.35"
+    """Empty: no context is active."""
+    echo: bool = True
+    unsolicited: tuple[str, ...] = ()
+    """Lines thrown in before each answer."""
+    noise: bytes = b""
+    """Bytes thrown in before each answer."""
+    piecewise: bool = False
+    """Every byte by itself."""
+    mute_after: int | None = None
+    """Answers so many commands, then none."""
+
+    def answer(self, command: str) -> list[str] | None:
+        """Lines with the final result last; None for what is no read that it knows."""
+        stats = {"AT+CEREG?": self.eps, "AT+CGREG?": self.packet, "AT+CREG?": self.circuit}
+        if command in stats:
+            stat = stats[command]
+            return ["ERROR"] if stat is None else [f"{command[2:-1]}: 0,{stat}", "OK"]
+        if command == "AT+CPIN?":
+            return [self.card] if self.card.startswith(("+CM", "ERROR")) else [f"+CPIN: {self.card}", "OK"]
+        known = self._fixed()
+        if command not in known:
+            return None
+        return [*known[command], "OK"]
+
+    def _fixed(self) -> dict[str, list[str]]:
+        up = bool(self.address)
+        rdp = f'+CGCONTRDP: 1,5,"{self.apn}.mnc003.mcc268.gprs","{self.address}.255.255.255.255"'
+        known = {
+            "ATI": [self.maker, "EXAMPLE-MODEM"],
+            "AT+CGMI": [self.maker],
+            "AT+CGMM": ["EXAMPLE-MODEM"],
+            "AT+CGMR": ["EXAMPLE-1.0"],
+            "AT+CFUN?": [f"+CFUN: {self.function}"],
+            "AT+COPS?": [f"+COPS: {self.operator}"],
+            "AT+CSQ": [f"+CSQ: {self.csq}"],
+            "AT+CESQ": [f"+CESQ: {self.cesq}"],
+            "AT+CGACT?": [f"+CGACT: 1,{int(up)}", "+CGACT: 2,0"],
+            "AT+CGPADDR": [f'+CGPADDR: 1,"{self.address}"'] if up else ['+CGPADDR: 1,"0.0.0.0"'],
+            "AT+CGDCONT?": [f'+CGDCONT: 1,"IP","{self.apn}","0.0.0.0",0,0', '+CGDCONT: 2,"IPV4V6","ims","",0,0'],
+            "AT+CGCONTRDP": [rdp] if up else [],
+        }
+        if self.maker == "Quectel":
+            known["AT+QNWINFO"] = ['+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300']
+        return known
+
+
+class RunningModem:
+    """The modem in a thread; `path` is its port while the context lasts."""
+
+    def __init__(self, spec: ModemSpec) -> None:
+        self.spec = spec
+        self.path = ""
+        self.heard: list[str] = []
+        """Every line that came."""
+        self.forbidden: list[str] = []
+        """Those that are no reads that it knows."""
+        self._thread = threading.Thread(target=self._run, name="twin of a modem", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.path = os.ttyname(self._theirs)
+        self._stop, self._stopper = os.pipe()
+        # Our own hold on the far end would look like somebody who has the port; the near end survives without it.
+        os.close(self._theirs)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._stopper)
+        self._thread.join()
+        os.close(self._stop)
+        os.close(self._ours)
+
+    def _run(self) -> None:
+        waiting = b""
+        poll = select.poll()
+        poll.register(self._stop, select.POLLIN)
+        poll.register(self._ours, select.POLLIN)
+        while True:
+            ready = dict(poll.poll())
+            if self._stop in ready:
+                return
+            if not ready.get(self._ours, 0) & select.POLLIN:
+                self._nobody()
+                continue
+            waiting += os.read(self._ours, 4096)
+            *lines, waiting = waiting.split(b"\r")
+            for line in lines:
+                self._hear(line.decode("ascii", "replace").strip("\n"))
+
+    def _nobody(self) -> None:
+        """The far end is closed: poll reports that at once and for ever, so look again in a moment."""
+        select.select([self._stop], [], [], 0.01)
+
+    def _hear(self, line: str) -> None:
+        if not line:
+            return
+        self.heard.append(line)
+        answer = self.spec.answer(line)
+        if answer is None:
+            self.forbidden.append(line)
+            answer = ["ERROR"]
+        if self.spec.mute_after is not None and len(self.heard) > self.spec.mute_after:
+            return
+        out = f"{line}\r".encode() if self.spec.echo else b""
+        out += self.spec.noise
+        out += b"".join(f"\r\n{each}\r\n".encode() for each in (*self.spec.unsolicited, *answer))
+        for piece in [out[place : place + 1] for place in range(len(out))] if self.spec.piecewise else [out]:
+            os.write(self._ours, piece)

@@ -1,0 +1,143 @@
+"""What stands around a router twin, and what the router shows of it: neighbours, loads on PoE, the far end of a VPN.
+
+All of it is a fact of the place and no setting, so that no command changes it; a rehearsal does, by the twin's control.
+The names of fields are those of the manual (PoE-Out, DHCP, Neighbor discovery, OVPN, NTP).
+
+Assumption: poe-load
+
+What stands around a router, as data, and what the router shows of it.
+"""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address, IPv4Interface
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.emulator.routeros.core import connected
+from atlantis_netcfg.emulator.routeros.spec import Environment
+from atlantis_netcfg.emulator.routeros.values import id_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.store import Item
+
+
+__all__ = []
+
+
+_Row = dict[str, str]
+
+
+def move(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Change the place of a router at work; what is not named stays. Raises ValueError for what cannot be."""
+    around = Environment.model_validate({**core.spec.around.model_dump(), **changes})
+    core.spec = core.spec.model_copy(update={"around": around})
+    core.store.revision += 1
+    return around.model_dump(mode="json")
+
+
+def mac_of(core: Core, address: IPv4Address) -> str:
+    """The card that answers for an address; one made of the address where the place does not say."""
+    result = core.spec.around.cards.get(str(address))
+    return (result or f"02:00:5E:10:{int(address) >> 8 & 255:02X}:{int(address) & 255:02X}").upper()
+
+
+def tunnel_addresses(core: Core, path: str) -> list[_Row]:
+    """The addresses that the VPN server has given."""
+    if path != "/ip/address":
+        return []
+    return [_tunnel_address(core, number) for number in sorted(connected(core)) if core.topology.up(number)]
+
+
+def _tunnel_address(core: Core, number: int) -> _Row:
+    name = core.topology.name(number)
+    given = IPv4Interface(core.spec.around.tunnels[name])
+    local = {"address": str(given), "network": str(given.network.network_address), "interface": name}
+    flags = {"invalid": "false", "slave": "false", "dynamic": "true", "disabled": "false"}
+    return {".id": id_text(core.store.dynamic_id("/ip/address", "ovpn", number)), **local} | {
+        "actual-interface": name,
+        **flags,
+    }
+
+
+def alert(core: Core, item: Item) -> _Row:
+    """Of a row of `/ip/dhcp-server/alert`: the servers on its interface that it does not know as valid."""
+    table = core.store.table("/ip/dhcp-server/alert")
+    place = core.store.text(table, item, "interface") or ""
+    valid = (core.store.text(table, item, "valid-server") or "").upper().split(",")
+    on = core.store.text(table, item, "disabled") != "yes"
+    strangers = [mac.upper() for mac in core.spec.around.dhcp_servers.get(place, ()) if on and mac.upper() not in valid]
+    return {"unknown-server": ",".join(strangers)} if strangers else {}
+
+
+def lease(core: Core, item: Item) -> _Row:
+    """Of a static lease: whether its device holds it now."""
+    table = core.store.table("/ip/dhcp-server/lease")
+    address, mac, server = (core.store.text(table, item, name) or "" for name in ("address", "mac-address", "server"))
+    status = core.spec.around.leases.get(address)
+    if status is None:
+        return {}
+    if status != "bound":
+        return {"status": status}
+    bound = {"active-address": address, "active-mac-address": mac, "active-server": server}
+    return {"status": "bound", "expires-after": "45m", "last-seen": "15m", **bound}
+
+
+def ntp(core: Core, _item: Item) -> _Row:
+    """Of `/system/ntp/client`: whether a declared server has set the clock."""
+    server = core.spec.around.time_server
+    client, servers = core.store.table("/system/ntp/client"), core.store.table("/system/ntp/client/servers")
+    on = any(core.store.text(client, item, "enabled") == "yes" for item in client.items)
+    there = {core.store.text(servers, item, "address") for item in servers.items}
+    if not on or server is None or server not in there:
+        return {}
+    return {"status": "synchronized", "synced-server": server, "synced-stratum": "2", "system-offset": "0.412"}
+
+
+def heard_names(core: Core) -> list[_Row]:
+    """Rows of `/ip/neighbor`: who is called what on the interfaces where discovery listens."""
+    settings = core.store.table("/ip/neighbor/discovery-settings")
+    found = []
+    for number, called in enumerate(core.spec.around.called, start=1):
+        interface = core.topology.by_name(called.interface)
+        if (
+            interface is None
+            or not core.topology.up(interface.id)
+            or not _listens(core, settings.items[0], interface.id)
+        ):
+            continue
+        address = {} if called.address is None else {"address": called.address, "address4": called.address}
+        row = {".id": id_text(number), "interface": called.interface, **address, "mac-address": called.mac.upper()}
+        row |= {
+            "identity": called.identity,
+            "platform": called.platform,
+            "version": called.version,
+            "board": called.board,
+        }
+        found.append({**row, "age": "12s", "discovered-by": "mndp", "unpack": "none"})
+    return found
+
+
+def _listens(core: Core, settings: Item, interface: int) -> bool:
+    """`discover-interface-list` is a list, or `!` and a list."""
+    table = core.store.table("/ip/neighbor/discovery-settings")
+    number = core.store.target(table, settings, "discover-interface-list")
+    spelled = core.store.text(table, settings, "discover-interface-list") or ""
+    listed = number is not None and core.topology.listed(number, interface)
+    return not listed if spelled.startswith("!") else listed
+
+
+def load_of(core: Core, port: str, setting: str) -> _Row:
+    """Status and figures of `/interface/ethernet/poe/monitor` for a port (Manual, PoE-Out)."""
+    load = core.spec.around.loads.get(port)
+    if setting == "off":
+        return {"poe-out-status": "off"}
+    if load is None:
+        return {"poe-out-status": "waiting-for-load"}
+    if load.status is not None:
+        return {"poe-out-status": load.status}
+    watts = load.volts * load.milliamps / 1000
+    figures = {"poe-out-voltage": f"{load.volts:g}V", "poe-out-current": f"{load.milliamps}mA"}
+    return {"poe-out-status": "powered-on", **figures, "poe-out-power": f"{watts:.1f}W"}

@@ -1,0 +1,209 @@
+"""The 4G modem of a router twin: its SIM, the network around it, and what `/interface/lte` shows of both.
+
+Sources: Manual, LTE/5G (`allow-roaming`, `use-network-apn` for MBIM modems, `show-capabilities`), and published logs.
+Levels are constants; cells, SMS and eSIM are not emulated.
+
+Assumption: lte-pin-words
+Assumption: lte-pin-once
+
+From settings, card and cell to what the modem is: read by `monitor`, by `print` and by the twin's own topology.
+
+What a modem twin is made of: the card in it, and the cell that it hears.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.emulator.routeros.values import id_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pydantic import BaseModel
+
+    from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.spec import ModemSpec, SimSpec
+    from atlantis_netcfg.emulator.routeros.store import Item
+
+
+__all__ = []
+
+
+LTE, APN = "/interface/lte", "/interface/lte/apn"
+
+
+class Phase(Enum):
+    """How far the modem has come."""
+
+    OFF = auto()
+    NO_SIM = auto()
+    PIN = auto()
+    PUK = auto()
+    SEARCHING = auto()
+    DENIED = auto()
+    REGISTERED = auto()
+    """Without data: roaming is not allowed, or the network does not know the APN."""
+    CONNECTED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The interface's row, and the APN profile that it uses."""
+
+    item: Item
+    name: str
+    enabled: bool
+    pin: str
+    allow_roaming: bool
+    bands: frozenset[int]
+    modes: frozenset[str]
+    operator: str
+    apn: str
+    network_apn: bool
+    default_route: bool
+    distance: str
+
+
+def settings_of(core: Core) -> Settings | None:
+    """Read what the modem is set to; None: the board has none."""
+    if core.spec.modem is None or not core.schema.has_menu(LTE):
+        return None
+    table = core.store.table(LTE)
+    item = next((row for row in table.items if (row.factory or {}).get("name") == core.spec.modem.name), None)
+    if item is None:
+        return None
+    given = {name: core.store.text(table, item, name) or "" for name in table.args}
+    profile = _profile(core, given.get("apn-profiles", "").split(",")[0])
+    return Settings(
+        item=item,
+        name=given["name"],
+        enabled=given.get("disabled") != "yes",
+        pin=given.get("pin", ""),
+        allow_roaming=given.get("allow-roaming") == "yes",
+        bands=frozenset(int(entry) for entry in given.get("band", "").split(",") if entry),
+        modes=frozenset(word for word in given.get("network-mode", "").split(",") if word),
+        operator=given.get("operator", ""),
+        apn=profile.get("apn", ""),
+        network_apn=profile.get("use-network-apn") == "yes",
+        default_route=profile.get("add-default-route") == "yes",
+        distance=profile.get("default-route-distance", "2"),
+    )
+
+
+def _profile(core: Core, name: str) -> dict[str, str]:
+    table = core.store.table(APN)
+    for item in table.items:
+        if core.store.text(table, item, "name") == name:
+            return {arg: core.store.text(table, item, arg) or "" for arg in table.args}
+    return {}
+
+
+def phase_of(core: Core, mine: Settings) -> Phase:
+    """Tell how far the modem comes with these settings."""
+    modem, state = core.spec.modem, core.sim
+    if modem is None or not mine.enabled:
+        return Phase.OFF
+    if modem.sim is None:
+        return Phase.NO_SIM
+    if modem.sim.pin and not state.unlocked:
+        return Phase.PUK if state.tries_left == 0 else Phase.PIN
+    return _on_air(modem, modem.sim, mine)
+
+
+def _on_air(modem: ModemSpec, sim: SimSpec, mine: Settings) -> Phase:
+    cell = modem.cell
+    desired = mine.bands or frozenset(modem.bands)
+    deaf = cell is None or not desired & set(cell.bands) & set(modem.bands)
+    if cell is None or deaf or (mine.modes and "lte" not in mine.modes) or mine.operator not in {"", cell.plmn}:
+        return Phase.SEARCHING
+    if cell.denies:
+        return Phase.DENIED
+    if sim.home != cell.plmn and not mine.allow_roaming:
+        return Phase.REGISTERED
+    apn = cell.own_apn if modem.mbim and mine.network_apn else mine.apn
+    return Phase.CONNECTED if not cell.apns or apn in cell.apns else Phase.REGISTERED
+
+
+def settle(core: Core) -> None:
+    """Let the modem act on what it is set to now: enter a PIN that is new to it, come up or go down."""
+    mine = settings_of(core)
+    if mine is None or core.spec.modem is None:
+        return
+    state, sim = core.sim, core.spec.modem.sim
+    if not mine.enabled:
+        state.restart()
+    elif not mine.pin:
+        state.tried, state.refused = None, False
+    elif sim is not None and sim.pin and mine.pin and mine.pin != state.tried:
+        state.enter(mine.pin, sim.pin)
+        _tell(core, f"{mine.name}: rcvd +CME ERROR: 16" if state.refused else "")
+    phase = phase_of(core, mine)
+    answer = {Phase.NO_SIM: "+CME ERROR: 10", Phase.PIN: "+CPIN: SIM PIN", Phase.PUK: "+CPIN: SIM PUK"}.get(phase)
+    if answer is not None:
+        _tell(core, f"{mine.name}: rcvd {answer}", requested=f"{mine.name}: sent AT+CPIN?")
+    _connect(core, mine, up=phase is Phase.CONNECTED)
+
+
+def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Change the card (`sim`) or the network (`cell`) under a modem at work; None takes it away. Tell what it is then.
+
+    Properties that are not named stay. Raises LookupError where the board has no modem, ValueError for what cannot be.
+    """
+    modem = core.spec.modem
+    if modem is None:
+        raise LookupError(f"{core.spec.name} has no modem")
+    parts = {name: _part(getattr(modem, name, None), part) for name, part in changes.items()}
+    changed = type(modem).model_validate({**modem.model_dump(), **parts})
+    core.spec = core.spec.model_copy(update={"modem": changed})
+    if "sim" in changes:
+        core.sim.swap(changed.sim.tries if changed.sim is not None else 0)
+    settle(core)
+    mine = settings_of(core)
+    phase = Phase.OFF if mine is None else phase_of(core, mine)
+    return {"phase": phase.name.lower(), "tries_left": core.sim.tries_left, "pins_entered": core.sim.pins_entered}
+
+
+def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if changes is None:
+        return None
+    return {**(before.model_dump() if before is not None else {}), **changes}
+
+
+def _tell(core: Core, line: str, *, requested: str | None = None) -> None:
+    """Write what the modem answers to the log, once for each answer."""
+    if not line or line == core.sim.last_line:
+        return
+    core.sim.last_line = line
+    for text in (requested, line):
+        if text is not None:
+            core.note("lte,async", text)
+
+
+def _connect(core: Core, mine: Settings, *, up: bool) -> None:
+    number = mine.item.id
+    if up is (number in core.linked):
+        return
+    core.linked = core.linked | {number} if up else core.linked - {number}
+    core.sim.connected_since = core.now() if up else None
+    core.store.revision += 1
+    core.note("interface,info", f"{mine.name} link {'up' if up else 'down'}")
+
+
+def made(core: Core, path: str) -> list[dict[str, str]]:
+    """The address and the default route that the device makes by itself while the modem is connected."""
+    mine = settings_of(core) if path in {"/ip/address", "/ip/route"} else None
+    modem = core.spec.modem
+    if mine is None or modem is None or modem.cell is None or phase_of(core, mine) is not Phase.CONNECTED:
+        return []
+    number = id_text(core.store.dynamic_id(path, "lte", mine.item.id))
+    flags = {"dynamic": "true", "disabled": "false"}
+    if path == "/ip/address":
+        local = {"address": f"{modem.cell.address}/32", "network": modem.cell.address, "interface": mine.name}
+        return [{".id": number, **local, "actual-interface": mine.name, "invalid": "false", "slave": "false", **flags}]
+    if not mine.default_route:
+        return []
+    way = {"dst-address": "0.0.0.0/0", "routing-table": "main", "gateway": mine.name, "distance": mine.distance}
+    return [{".id": number, **way, "scope": "30", "target-scope": "10", "active": "true", "inactive": "false", **flags}]

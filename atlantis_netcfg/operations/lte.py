@@ -1,0 +1,781 @@
+"""A run for a 4G unit that is not RouterOS: read it, set its SIM, judge it.
+
+4G units that are not RouterOS in a run: set to what is declared of their SIM where that can be, and judged.
+
+Perform a request for the 4G units of a play: one journal and one lock a site, one unit after another.
+
+Set one 4G unit to what is declared of its SIM, or only check it; a change counts once it was read back.
+
+A declared 4G unit that does not run RouterOS, its state as its driver reads it, and its result in a run.
+
+Emulated 4G units for a rehearsal; ModemManager and units without a driver are not emulated.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
+from atlantis_netcfg.bearers.lte import judge as record
+from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, quality
+from atlantis_netcfg.console.ssh import open_commands
+from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
+from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
+from atlantis_netcfg.core.events import Event, Stage, Verdict
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.emulator import modem, rutos
+from atlantis_netcfg.journal import (
+    NOT_RECORDED,
+    ActionsConfirmed,
+    Journal,
+    LayerSent,
+    NoJournal,
+    Outcome,
+    Planned,
+    PlannedAction,
+    RunEnded,
+    RunResumed,
+    RunStarted,
+    Store,
+    conclude,
+    unrecorded,
+)
+from atlantis_netcfg.operations.costs import gate
+from atlantis_netcfg.operations.kinds import is_unit
+from atlantis_netcfg.operations.request import Mode, Request, Target, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.terminals import TriedPin
+from atlantis_netcfg.routeros.apply import Status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.bearers import Finding, Quality
+    from atlantis_netcfg.bearers.lte import LteReading
+    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
+    from atlantis_netcfg.bearers.lte.rutos_settings import Change, LteSettings
+    from atlantis_netcfg.console.ssh import Commands
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import LteAccess
+    from atlantis_netcfg.journal import Pins, Recorder
+    from atlantis_netcfg.operations.request import EventStream
+
+
+_HTTPS, _SSH = 443, 22
+_SERIAL = "serial number of "
+"""Before a device's name where its serial number is kept among the pins; names have no spaces."""
+
+
+class NotRehearsed(NetcfgError):
+    """There is no emulation of what this driver talks to."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnitStatus:
+    """What one look at a unit has given."""
+
+    reading: LteReading
+    findings: tuple[Finding, ...]
+    requests: int = 0
+    sent: int = 0
+    received: int = 0
+    serial: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit, the way to it, and what is known of it from earlier runs."""
+
+    host: Host
+    device: LteRouter
+    store: Store
+    """Pins of its certificates, and whether its SIM's PIN was tried."""
+    notify: Subscriber
+    rehearsed: bool = False
+    target: Target | None = None
+    """Rehearsal: where its emulation listens; None: there is none."""
+
+    @property
+    def name(self) -> str:
+        """The inventory's name."""
+        return self.host.name
+
+    @property
+    def may_set(self) -> bool:
+        """Whether somebody is declared who may set things."""
+        access = self.device.access
+        admin = access is not None and access.admin_user is not None and access.admin_password is not None
+        return self.device.driver is LteDriver.RUTOS and admin
+
+    @property
+    def settings(self) -> LteSettings:
+        """What is declared of its SIM, to be set."""
+        sim = self.device.sim
+        return rutos_settings.LteSettings(
+            apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming
+        )
+
+    @property
+    def expected(self) -> LteExpected:
+        """What is declared of its SIM, to be judged."""
+        sim = self.device.sim
+        return LteExpected(
+            apn=sim.apn,
+            roaming=sim.roaming,
+            pin_declared=sim.pin is not None,
+            apn_required=sim.user is not None or sim.password is not None,
+            bands=sim.bands,
+        )
+
+    def look(self) -> UnitStatus:
+        """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
+        if self.rehearsed and self.target is None and self.device.driver is not LteDriver.MANUAL:
+            raise NotRehearsed(f"not looked at: there is no emulation for driver {self.device.driver}")
+        readers: dict[LteDriver, Callable[[], UnitStatus]] = {
+            LteDriver.RUTOS: self._rutos,
+            LteDriver.AT: self._at,
+            LteDriver.MODEMMANAGER: self._modemmanager,
+            LteDriver.MANUAL: self._manual,
+        }
+        return readers[self.device.driver]()
+
+    def shell(self) -> Commands:
+        """Log in to set things. Raises DeviceFailed, before the password is sent where the host key is not known."""
+        access = self._access
+        assert access.admin_user is not None  # noqa: S101 - `may_set` has said so
+        assert access.admin_password is not None  # noqa: S101 - as above
+        (host, port), key = self.ssh, access.host_key or self.pins.host_key(self.name)
+        key = key if self.target is None else self.target.host_key
+        return open_commands(host, port, access.admin_user, access.admin_password, pin=key)
+
+    @property
+    def _access(self) -> LteAccess:
+        assert self.device.access is not None  # noqa: S101 - declaration/rules/lte.py
+        return self.device.access
+
+    @property
+    def endpoint(self) -> RutosEndpoint:
+        """Driver `rutos`: where its own interface is, and by which certificate it is known."""
+        access, target = self._access, self.target
+        host, port = str(self.device.address), access.port or _HTTPS
+        pin = access.fingerprint or self.pins.get(self.name)
+        if target is not None:
+            host, port, pin = target.host, target.port, target.pin
+        return rutos_client.RutosEndpoint(host, port, access.user, access.password, pin)
+
+    @property
+    def ssh(self) -> tuple[str, int]:
+        """Driver `rutos`: where its SSH server is."""
+        return (str(self.device.address), _SSH) if self.target is None else (self.target.host, self.target.ssh or _SSH)
+
+    @property
+    def pins(self) -> Pins:
+        """By what it is known."""
+        return self.store.pins
+
+    @property
+    def tried(self) -> TriedPin:
+        """What is remembered of a PIN that its SIM has not taken."""
+        return TriedPin(self.store.root, self.host.site, self.name)
+
+    @property
+    def pin_tried(self) -> bool:
+        """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
+        return bool(self.tried.why_not)
+
+    def _rutos(self) -> UnitStatus:
+        found = rutos_read.read(self.endpoint)
+        self._identify(found.serial)
+        reading = found.reading
+        if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
+            # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
+            reading = replace(reading, pin_refused=True)
+        return UnitStatus(
+            reading, judge(reading, self.expected), found.requests, found.sent, found.received, found.serial
+        )
+
+    def _identify(self, serial: str | None) -> None:
+        """A unit is known by its serial number, where it tells one."""
+        if serial is None:
+            return
+        known = self.pins.pin(f"{_SERIAL}{self.name}", serial)
+        if known != serial:
+            raise DeviceFailed(
+                f"{self.name}: another unit answers here: serial number {serial}, and the one that was met is {known}",
+                hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
+            )
+
+    def _at(self) -> UnitStatus:
+        port = self.target.serial if self.target is not None else self.device.serial
+        assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
+        found = at.read(port)
+        return UnitStatus(found.reading, judge(found.reading, self.expected), found.commands)
+
+    def _modemmanager(self) -> UnitStatus:
+        found = modemmanager.read()
+        return UnitStatus(found.reading, (*judge(found.reading, self.expected), *found.findings), found.calls)
+
+    def _manual(self) -> UnitStatus:
+        return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
+
+
+FINE = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
+"""What is no failure of a play: a unit that only a person can look at was not checked, and has not failed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LteResult:
+    """What was set, and what the unit said afterwards."""
+
+    name: str
+    status: Status
+    exit: ExitCode
+    message: str
+    hint: str | None = None
+    planned: int = 0
+    confirmed: int = 0
+    diff: str = ""
+    notes: tuple[str, ...] = ()
+    plan_hash: str = ""
+    findings: tuple[Finding, ...] = ()
+    quality: Quality = field(default_factory=dict)
+    requests: int = 0
+    sent: int = 0
+    """Bytes of what we sent, without headers and TLS, and without SSH; so is `received`."""
+    received: int = 0
+    seconds: float = 0.0
+    serial: str | None = None
+    """The unit's serial number, which identifies it."""
+
+    def as_dict(self) -> Mapping[str, Any]:
+        """As JSON-able data, with every key of a device's result."""
+        return {
+            "status": self.status.value,
+            "exit": int(self.exit),
+            "message": self.message,
+            "hint": self.hint,
+            "busy": "",
+            "planned": self.planned,
+            "confirmed": self.confirmed,
+            "diff": self.diff,
+            "drift": [],
+            "comparison": None,
+            "notes": list(self.notes),
+            "estimate": None,
+            "plan_hash": self.plan_hash,
+            "protection": "none",
+            "protection_words": "none: the settings of a 4G unit are written at once, and read back",
+            "round_trips": self.requests,
+            "bytes": {"sent": self.sent, "received": self.received},
+            "seconds": round(self.seconds, 3),
+            "version": None,
+            "board": None,
+            "findings": [finding.as_dict() for finding in self.findings],
+            "quality": self.quality,
+            "serial": self.serial,
+        }
+
+
+def words(finding: Finding) -> str:
+    """A finding as a note: `WARN: ... (...)`; one that passes is told without its verdict."""
+    verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
+    return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class EmulatedUnit:
+    """A running unit."""
+
+    target: Target
+    export: Callable[[], str]
+    """What it is set to, in its own words."""
+
+
+@contextmanager
+def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str, EmulatedUnit]]:
+    """Start those of these hosts that can be emulated; they end with the context."""
+    with ExitStack() as stack:
+        found = {}
+        for host in hosts:
+            device = host.device
+            if not isinstance(device, LteRouter):
+                continue
+            if device.driver is LteDriver.RUTOS:
+                found[host.name] = _rutos(stack, host.name, device, folder)
+            elif device.driver is LteDriver.AT:
+                found[host.name] = _modem(stack, device)
+        yield found
+
+
+def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
+    """What a rehearsal of these units does not show."""
+    drivers = {host.device.driver for host in hosts if isinstance(host.device, LteRouter)}
+    reasons = {
+        LteDriver.RUTOS: rutos.NOT_REHEARSED,
+        LteDriver.AT: modem.NOT_REHEARSED,
+        LteDriver.MODEMMANAGER: ("ModemManager and its modem: nothing of them is emulated, and nothing was looked at",),
+        LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
+    }
+    return tuple(line for driver, lines in reasons.items() if driver in drivers for line in lines)
+
+
+def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:
+    """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
+    access, sim = device.access, device.sim
+    assert access is not None  # noqa: S101 - declaration/rules/lte.py
+    spec = rutos.RutosSpec(
+        name=name,
+        reader=access.user,
+        reader_password=access.password.reveal(),
+        admin=access.admin_user or "root",
+        admin_password=access.admin_password.reveal() if access.admin_password is not None else "",
+        sim=rutos.RutosSim(pin=None if sim.pin is None else sim.pin.reveal(), apn=sim.apn),
+    )
+    running = stack.enter_context(rutos.RunningRutos(spec, folder / name))
+    ready = running.ready
+    target = Target(
+        host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
+    )
+    return EmulatedUnit(target, running.unit.export)
+
+
+def _modem(stack: ExitStack, device: LteRouter) -> EmulatedUnit:
+    spec = modem.ModemSpec(apn=device.sim.apn or "internet")
+    running = stack.enter_context(modem.RunningModem(spec))
+    return EmulatedUnit(Target(host="", port=0, pin="", serial=running.path), lambda: "\n".join(running.forbidden))
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a unit may take to come back into its network after its settings were reloaded, in seconds."""
+
+    settle_s: float = 120.0
+    poll_s: float = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsResult:
+    """What has become of the settings."""
+
+    found: tuple[Change, ...] = ()
+    done: bool = False
+    refusal: str | None = None
+    commands: int = 0
+    taken_back: bool = False
+    """The PIN was refused, and the unit does not hold it any more."""
+
+    @property
+    def hash(self) -> str:
+        """Of what a person sees of the plan."""
+        return hashlib.sha256(json.dumps([(item.line, item.removed) for item in self.found]).encode()).hexdigest()
+
+    @property
+    def diff(self) -> str:
+        """What would be set, as a difference."""
+        rows = ((f"- {item.removed}\n" if item.removed else "") + f"+ {item.line}\n" for item in self.found)
+        return "".join(rows)
+
+
+LAYER = "uci"
+_TOUCHED = ("proto", "sim", "apn", "auto_apn", "auth", "username", "position", "deny_roaming")
+_SECRET = ("password", "pincode")
+
+
+def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
+    """The unit's configuration, by package and section. Raises SettingRefused, ConsoleLost."""
+    end = shell.run(rutos_settings.SHOW)
+    if end.code:
+        words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
+        raise rutos_settings.SettingRefused(
+            f"the unit's configuration cannot be read over SSH: {words}",
+            hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
+        )
+    return rutos_settings.parse_show(end.out)
+
+
+def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
+    """The configuration of before as far as a run may change it, secrets masked; other people's stands beside it."""
+    return "".join(
+        f"{package}.{section}.{option}='{'********' if option in _SECRET else value}'\n"
+        for (package, section), options in sections.items()
+        for option, value in options.items()
+        if option in (*_TOUCHED, *_SECRET)
+    )
+
+
+def planned_action(number: int, change: Change) -> PlannedAction:
+    """One setting as the journal holds it."""
+    value = "********" if change.secret else change.value
+    return PlannedAction(
+        number=number,
+        layer=LAYER,
+        menu=f"{change.package}.{change.section}",
+        verb="set",
+        subject=change.option,
+        values=((change.option, value),),
+    )
+
+
+_WORST = (Verdict.ERROR, Verdict.FAIL)
+_SETTLED = (
+    Registration.DENIED,
+    Registration.SIM_MISSING,
+    Registration.SIM_PIN_REQUIRED,
+    Registration.SIM_PUK_REQUIRED,
+    Registration.DISABLED,
+)
+"""States in which waiting for the network is in vain."""
+_FINAL = "roaming-not-allowed"
+"""The judge's word for a card that is in a network and will get no data there."""
+
+
+class Converge:
+    """One unit's turn in a run."""
+
+    def __init__(
+        self, unit: Unit, journal: Recorder, *, plan_only: bool, agreed: str | None, patience: Patience
+    ) -> None:
+        self._unit = unit
+        self._journal = journal
+        self._plan_only = plan_only
+        self._agreed = agreed
+        self._patience = patience
+        self._touched = False
+
+    def run(self) -> LteResult:
+        """Look, set what differs, look again; whatever goes wrong is in the result. Faults of ours are raised."""
+        began = time.monotonic()
+        try:
+            result = self._run()
+        except NotRehearsed as nothing:
+            result = LteResult(
+                name=self._unit.name, status=Status.UNCHANGED, exit=ExitCode.NOTHING, message=str(nothing)
+            )
+        except NetcfgError as error:
+            result = self._failed(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
+        result = replace(result, seconds=time.monotonic() - began)
+        self._tell(Stage.DONE if result.exit in FINE else Stage.FAILED, result.message)
+        outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
+        return unrecorded(result, conclude(self._journal, outcome))
+
+    def _run(self) -> LteResult:
+        self._tell(Stage.CONNECTING, f"driver {self._unit.device.driver}")
+        reading = self._unit.look()
+        self._tell(Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
+        if not self._unit.may_set:
+            return self._result(reading, SettingsResult())
+        settings = self._set(reading)
+        if settings.done:
+            try:
+                reading = self._settled(reading)
+                settings = self._taken_back(reading, settings)
+            except DeviceFailed as silent:
+                return self._silent(reading, settings, silent)
+        if not self._plan_only and reading.reading.state is not Registration.SIM_PIN_REQUIRED:
+            self._unit.tried.forget()
+        return self._result(reading, settings)
+
+    def _set(self, reading: UnitStatus) -> SettingsResult:
+        unit, desired = self._unit, self._unit.settings
+        with unit.shell() as shell:
+            sections = sections_of(shell)
+            refusal = rutos_settings.pin_held(reading.reading, desired, sections, tried=unit.tried.why_not)
+            if refusal is not None:
+                return SettingsResult(refusal=refusal, commands=shell.count)
+            settings = SettingsResult(rutos_settings.changes(reading.reading, desired, sections), commands=shell.count)
+            self._tell(Stage.PLANNED, f"{len(settings.found)} settings differ")
+            if self._plan_only or not settings.found:
+                return settings
+            if self._agreed is not None and self._agreed != settings.hash:
+                raise DeviceFailed(
+                    f"{unit.name}: what differs is no longer what was agreed to, so nothing was set",
+                    hint="run it again and look at the plan",
+                )
+            self._write(shell, settings, sections)
+            return replace(settings, done=True, commands=shell.count)
+
+    def _write(
+        self, shell: Commands, settings: SettingsResult, sections: dict[tuple[str, str], dict[str, str]]
+    ) -> None:
+        """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
+        name, numbers = self._unit.name, tuple(range(1, len(settings.found) + 1))
+        self._journal.save(name, masked(sections))
+        actions = tuple(planned_action(number, change) for number, change in zip(numbers, settings.found, strict=True))
+        self._journal.write(Planned(device=name, plan=settings.hash, actions=actions))
+        if any(entry.option == rutos_settings.PIN for entry in settings.found):
+            self._unit.tried.remember()
+        self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
+        self._touched = True
+        self._tell(Stage.APPLYING, f"{len(numbers)} settings")
+        words = shell.run(rutos_settings.WRITE, given=rutos_settings.batch(settings.found)).error.strip()
+        # A unit whose network reloads may drop the session: a new one tells what has come of it.
+        with suppress(ConsoleLost):
+            shell.run(rutos_settings.RELOAD)
+        self._tell(Stage.VERIFYING, "reading back in a new session")
+        now = self._read_back()
+        kept = [
+            item for item in settings.found if now.get((item.package, item.section), {}).get(item.option) == item.value
+        ]
+        if len(kept) != len(settings.found):
+            self._touched = bool(kept)
+            lost = next(element for element in settings.found if element not in kept)
+            raise DeviceFailed(
+                f"{name}: {len(kept)} of {len(settings.found)} settings were kept; not kept: {lost.package}."
+                f"{lost.section}.{lost.option}{f' ({words.splitlines()[0]})' if words else ''}",
+                hint="is the unit's flash full, or its configuration locked? Look at its own page",
+            )
+        self._journal.write(ActionsConfirmed(device=name, actions=numbers))
+        self._touched = False
+
+    def _read_back(self) -> dict[tuple[str, str], dict[str, str]]:
+        """Read in a new session, as soon as one comes about. Raises DeviceFailed."""
+        until = time.monotonic() + self._patience.settle_s
+        while True:
+            try:
+                with self._unit.shell() as fresh:
+                    return sections_of(fresh)
+            except (ConsoleLost, ConsoleUnreachable):
+                if time.monotonic() > until:
+                    raise
+                time.sleep(self._patience.poll_s)
+
+    def _taken_back(self, reading: UnitStatus, settings: SettingsResult) -> SettingsResult:
+        """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
+        wrong = next((item for item in settings.found if item.option == rutos_settings.PIN), None)
+        if wrong is None or reading.reading.state is not Registration.SIM_PIN_REQUIRED:
+            return settings
+        with self._unit.shell() as shell:
+            shell.run(rutos_settings.WRITE, given=rutos_settings.removal(wrong))
+            if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
+                raise DeviceFailed(
+                    f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
+                    hint="remove the PIN on the unit's own page before it starts again",
+                )
+            return replace(settings, taken_back=True, commands=settings.commands + shell.count)
+
+    def _settled(self, before: UnitStatus) -> UnitStatus:
+        """Look until the unit is in its network with a connection, or waiting is in vain."""
+        until = time.monotonic() + self._patience.settle_s
+        requests, sent, received = before.requests, before.sent, before.received
+        while True:
+            reading = self._again()
+            requests, sent, received = requests + reading.requests, sent + reading.sent, received + reading.received
+            quiet = not any(finding.verdict in _WORST for finding in reading.findings)
+            final = any(finding.code == _FINAL for finding in reading.findings)
+            if quiet or final or reading.reading.state in _SETTLED or time.monotonic() > until:
+                return replace(reading, requests=requests, sent=sent, received=received)
+            self._tell(Stage.WAITING, reading.reading.state.value.replace("_", " "))
+            time.sleep(self._patience.poll_s)
+
+    def _again(self) -> UnitStatus:
+        """The settings are applied and verified by now: a unit that reloads may be silent for a moment."""
+        until = time.monotonic() + self._patience.settle_s
+        while True:
+            try:
+                return self._unit.look()
+            except rutos_client.RutosUnreachable:
+                if time.monotonic() > until:
+                    raise
+                time.sleep(self._patience.poll_s)
+
+    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceFailed) -> LteResult:
+        """The settings are kept, and the unit has not answered since."""
+        message = f"{len(settings.found)} settings applied and verified; since then: {silent}"
+        result = self._result(before, settings)
+        return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
+
+    def _result(self, reading: UnitStatus, settings: SettingsResult) -> LteResult:
+        worst = next((finding for finding in reading.findings if finding.verdict in _WORST), None)
+        others = tuple(words(item) for item in reading.findings if item is not worst)
+        status, code, message = self._outcome(reading, settings)
+        hint = None
+        if worst is not None:
+            message, hint = f"{message}; {worst.message}", worst.hint
+            code = ExitCode.CHECKS_FAILED if code is ExitCode.DONE else code
+        if settings.refusal is not None:
+            message = f"left as found, nothing was set: {settings.refusal}"
+        return LteResult(
+            name=self._unit.name,
+            status=status,
+            exit=code,
+            message=message,
+            hint=hint,
+            planned=len(settings.found),
+            confirmed=len(settings.found) - settings.taken_back if settings.done else 0,
+            diff=settings.diff,
+            notes=(*others, *self._unset()),
+            plan_hash=settings.hash,
+            findings=reading.findings,
+            quality=quality(reading.reading),
+            requests=reading.requests + settings.commands,
+            sent=reading.sent,
+            received=reading.received,
+            serial=reading.serial,
+        )
+
+    def _outcome(self, reading: UnitStatus, settings: SettingsResult) -> tuple[Status, ExitCode, str]:
+        if settings.refusal is not None:
+            return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.refusal
+        words = _state(reading)
+        if settings.done:
+            kept = f"{len(settings.found) - settings.taken_back} settings applied and verified"
+            back = ", the PIN taken back" if settings.taken_back else ""
+            return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {words}"
+        if settings.found:
+            return Status.PLANNED, ExitCode.CHANGES, f"{len(settings.found)} settings would be set; {words}"
+        if self._unit.device.driver is LteDriver.MANUAL:
+            return Status.UNCHANGED, ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
+        if self._unit.may_set:
+            return Status.UNCHANGED, ExitCode.DONE, f"as declared, nothing was changed; {words}"
+        return Status.UNCHANGED, ExitCode.DONE, f"checked only; {words}"
+
+    def _unset(self) -> tuple[str, ...]:
+        """What a person should know of how far the driver goes."""
+        driver, sim = self._unit.device.driver, self._unit.device.sim
+        if driver is LteDriver.RUTOS and not self._unit.may_set:
+            return ("no `admin_user` is declared under `access`: the SIM's settings are compared, and not set",)
+        if driver is LteDriver.RUTOS and sim.bands:
+            return ("bands are compared with the band in use, and not set: the unit's own page sets them",)
+        if driver in (LteDriver.AT, LteDriver.MODEMMANAGER):
+            return (f"driver {driver} reads only: the SIM's settings are compared, and not set",)
+        return ()
+
+    def _failed(self, error: NetcfgError, status: Status) -> LteResult:
+        code = ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
+        hint = error.hint and complete(error.hint, site=self._unit.host.site, device=self._unit.name)
+        return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=hint)
+
+    def _tell(self, stage: Stage, message: str) -> None:
+        self._unit.notify(Event(self._unit.name, stage, message))
+
+
+def _state(look: UnitStatus) -> str:
+    """Where the unit is, in a few words."""
+    reading = look.reading
+    words = reading.state.value.replace("_", " ")
+    network = " ".join(word for word in (reading.operator, reading.access_tech, reading.band) if word)
+    return f"{words} ({network})" if network else words
+
+
+_REHEARSED = Patience(settle_s=1.0, poll_s=0.1)
+
+
+def perform(
+    inventory: Path,
+    hosts: Sequence[str],
+    request: Mapping[str, Any] | None,
+    *,
+    plan_only: bool,
+    decrypt: Callable[[str], str],
+) -> dict[str, Any]:
+    """Do what is asked and give `per_host`, the result of each unit as Ansible shows it. Raises NetcfgError.
+
+    Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
+    only saves or compares, is none of ours: then nothing is asked.
+    """
+    with open_request(request, plan_only=plan_only) as (performed, channel):
+        declaration = declaration_of(inventory, decrypt)
+        units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
+        results = _perform(declaration, units, performed, channel) if _ours(performed) else {}
+    return {"per_host": {name: _of_host(result) for name, result in results.items()}}
+
+
+def _ours(request: Request) -> bool:
+    forward = request.back_to is None and request.restore is None
+    return forward and request.mode in (Mode.PLAN, Mode.APPLY, Mode.RESUME)
+
+
+def _perform(
+    declaration: Declaration, units: Sequence[Host], request: Request, channel: EventStream
+) -> dict[str, LteResult]:
+    if units:
+        refuse_examples(declaration, rehearsed=request.rehearsed)
+    gate(declaration, units, request)
+    results: dict[str, LteResult] = {}
+    for site in sorted({host.site for host in units}):
+        results |= _site(declaration, site, [host for host in units if host.site == site], request, channel)
+    return results
+
+
+def _site(
+    declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
+) -> dict[str, LteResult]:
+    """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
+    store = Store(request.state, rehearsed=request.rehearsed)
+    results: dict[str, LteResult] = {}
+    with ExitStack() as stack:
+        journal: Recorder = NoJournal()
+        run = ""
+        if not request.mode.reads_only:
+            stack.enter_context(store.lock(site, request.command))
+            opened = stack.enter_context(_journal(declaration, site, units, request, store))
+            journal, run = opened, opened.run
+            channel.outcome({}, {site: {"4g": run}})
+        for host in units:
+            result = results[host.name] = _unit(host, request, store, journal, channel)
+            if host is units[-1]:
+                ended = RunEnded(exit=int(worst(result.exit for result in results.values())))
+                result = results[host.name] = unrecorded(result, conclude(journal, ended))
+                run = "" if NOT_RECORDED in result.message else run
+            channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {site: {"4g": run}})
+    return results
+
+
+def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: EventStream) -> LteResult:
+    # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
+
+    assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
+    unit = Unit(
+        host,
+        host.device,
+        store,
+        channel.event,
+        rehearsed=request.rehearsed,
+        target=request.targets.get(host.name) if request.rehearsed else None,
+    )
+    turn = Converge(
+        unit,
+        journal,
+        plan_only=request.mode is Mode.PLAN,
+        agreed=None if request.plans is None else request.plans.get(host.name, ""),
+        patience=_REHEARSED if request.rehearsed else Patience(),
+    )
+    try:
+        return turn.run()
+    except Exception as fault:  # noqa: BLE001 - a fault of ours on one unit must not hide what became of the others
+        problem = crashed(fault, request.command, lambda: request.state)
+        return LteResult(
+            name=host.name, status=Status.UNKNOWN, exit=problem.exit, message=str(problem), hint=problem.hint
+        )
+
+
+def _journal(declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: Store) -> Journal:
+    if request.mode is Mode.RESUME and request.run is not None:
+        resumed = RunResumed(revision=declaration.revision, tool=__version__, command=request.command)
+        return store.resume(site, request.run, resumed)
+    return store.start(
+        RunStarted(
+            site=site,
+            revision=declaration.revision,
+            tool=__version__,
+            hosts=tuple(host.name for host in units),
+            rehearsed=request.rehearsed,
+            command=request.command,
+        )
+    )
+
+
+def _of_host(result: LteResult) -> dict[str, Any]:
+    fine = result.exit in FINE
+    message = f"{result.message} ({result.hint})" if result.hint else result.message
+    diff = f"{result.name}:\n{result.diff}" if result.diff else ""
+    changed = bool(result.planned) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
+    return {**result.as_dict(), "ok": fine, "changed": changed, "message": message, "shown": diff}

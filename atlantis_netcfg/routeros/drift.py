@@ -1,0 +1,542 @@
+"""What differs on a device from the declaration: in one vocabulary, with who owns it and since when.
+
+It is made from a plan, so that drift is exactly what a run would change, plus what it would leave alone. Pure: what was
+confirmed last and what the device remembers are given as text and rows.
+
+The vocabulary of drift. docs/drift.md explains every word of it to the person who reads a report.
+
+From a plan to what differs: one entry a row, in the words of a person.
+
+Since when: the device now against the state that a run has read back last.
+
+What the device itself remembers: `/system/history`, its latest hundred changes, gone with a reboot.
+
+Manual, Configuration Management: each entry has action, by, time, and the commands that undo and redo it. An entry that
+names a row otherwise than by its `.id` is not found, and nothing is said then.
+
+Assumption: history-names-ids
+Assumption: history-newest-first
+
+The differences of one menu as rows: what a plan would add, set, move and remove, with what belongs together paired.
+
+A plan is made to be carried out: a rule of the firewall that somebody has edited is added anew and removed, since no
+packet may meet a half of it. Whoever reads about drift wants to hear that it was changed, and how.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.routeros._types import Verb, is_bare
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.diff import added_row, existing_row
+from atlantis_netcfg.routeros.menus import MARK, MENUS, Kind, Menu, Shape, canonical, rank
+from atlantis_netcfg.routeros.planner import as_renamed
+from atlantis_netcfg.rsc import quote
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from datetime import datetime
+
+    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
+
+
+__all__ = [
+    "HISTORY",
+    "ChangeRecord",
+    "Comparison",
+    "Difference",
+    "DriftKind",
+    "FieldDifference",
+    "History",
+    "Owner",
+    "Past",
+    "Since",
+    "compare",
+]
+
+
+class DriftKind(StrEnum):
+    """How one row, or the settings of one menu, differ from the declaration."""
+
+    MISSING = "missing"
+    """Declared, and not there."""
+    CHANGED = "changed"
+    """Declared and there, with other values."""
+    ADDED = "added"
+    """There and not declared, where all is ours: a run would remove it."""
+    ORDER = "order"
+    """Declared and there, at another place of a list in which the first match decides."""
+    FOREIGN = "foreign"
+    """Somebody else's row beside ours: a run leaves it alone."""
+    HIDDEN = "hidden"
+    """Declared, and the device does not show it, so that it cannot be compared."""
+    OPEN = "open"
+    """Safe mode, a job of the scheduler or a marker: what a run or a person has not closed."""
+
+
+class Owner(StrEnum):
+    """Whose the row is, by the declaration and by its mark. Rows of RouterOS itself are nobody's difference."""
+
+    DECLARED = "declared"
+    FORMER = "formerly declared"
+    """It carries our mark, but the declaration has it no more."""
+    TECHNICIAN = "technician"
+    """No mark: somebody made it on the device."""
+    RUN = "a run"
+    """A run of this tool has armed it, or marked the device with it."""
+    SESSION = "a session"
+    """Somebody who is logged in, or was when the link died."""
+
+
+class Since(StrEnum):
+    """When it came about, by comparison with the state that a run has read back last."""
+
+    AFTER = "after"
+    """The device was otherwise then: somebody has changed it since."""
+    ALREADY = "already"
+    """The device was so then: not the device has changed, but the declaration."""
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class FieldDifference:
+    """One property, as declared and as found; secrets are masked."""
+
+    name: str
+    declared: str
+    found: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeRecord:
+    """What the device's own history still knows: who did what when, in its words and by its clock."""
+
+    by: str
+    at: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing that differs."""
+
+    menu: str
+    """As the console writes it: `/ip firewall filter`."""
+    subject: str
+    kind: DriftKind
+    owner: Owner
+    mark: str = ""
+    """The comment by which the declaration or its owner explains the row."""
+    row: str = ""
+    """The whole row in the device's own language, where all of it is missing or too much."""
+    fields: tuple[FieldDifference, ...] = ()
+    since: Since = Since.UNKNOWN
+    why_unknown: str = ""
+    deed: ChangeRecord | None = None
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is drift: not what cannot be compared, nor a foreign row that a run has seen and left alone."""
+        if self.kind is DriftKind.FOREIGN:
+            return self.since is not Since.ALREADY
+        return self.kind is not DriftKind.HIDDEN
+
+    def as_dict(self) -> dict[str, Any]:
+        """The difference as JSON-able data."""
+        return {
+            "menu": self.menu,
+            "subject": self.subject,
+            "kind": self.kind.value,
+            "owner": self.owner.value,
+            "mark": self.mark,
+            "row": self.row,
+            "fields": [{"name": field.name, "declared": field.declared, "found": field.found} for field in self.fields],
+            "since": self.since.value,
+            "why_unknown": self.why_unknown,
+            "history": None
+            if self.deed is None
+            else {"by": self.deed.by, "at": self.deed.at, "action": self.deed.what},
+            "counts": self.counts,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A device against its declaration."""
+
+    menus: tuple[str, ...]
+    """All that were compared, also where nothing differs."""
+    differences: tuple[Difference, ...]
+    run: str | None = None
+    """The run that last read the device's state back."""
+    at: datetime | None = None
+
+    @property
+    def drifted(self) -> tuple[Difference, ...]:
+        """The differences that count."""
+        return tuple(difference for difference in self.differences if difference.counts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The comparison as JSON-able data."""
+        confirmed = None
+        if self.run is not None and self.at is not None:
+            confirmed = {"run": self.run, "at": self.at.isoformat(timespec="seconds")}
+        return {
+            "menus": list(self.menus),
+            "confirmed": confirmed,
+            "differences": [difference.as_dict() for difference in self.differences],
+        }
+
+
+_Values = Mapping[str, str]
+_Key = Callable[[_Values], Hashable]
+_T = TypeVar("_T", bound=Mapping[str, str])
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """One difference: the row as it shall be, and as it is."""
+
+    kind: DriftKind
+    declared: Mapping[str, str] | None = None
+    found: Row | None = None
+
+    def differing(self, menu: Menu) -> tuple[str, ...]:
+        """Return the properties that differ, in the order of the table."""
+        declared, found = self.declared, self.found
+        if declared is None or found is None:
+            return ()
+        return tuple(
+            each.name
+            for each in menu.fields
+            if not each.unread
+            and (not each.keep or each.name in declared)
+            and menu.form(each.name, declared) != menu.form(each.name, found)
+        )
+
+
+def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) -> list[Raw]:
+    """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new."""
+    by_id = {row.get(".id", ""): row for row in rows}
+    found: list[Raw] = []
+    place: dict[str, int] = {}
+    missing: list[_Values] = []
+    gone: list[_Values] = []
+    for action in actions:
+        there = [by_id[each] for each in action.ids]
+        if action.verb is Verb.ADD:
+            missing.append(dict(action.values))
+        elif action.verb is Verb.REMOVE:
+            gone += there
+        elif action.verb is Verb.MOVE:
+            found += [Raw(DriftKind.ORDER, row, row) for row in there]
+        else:
+            for row in there or [*rows[:1], {}][:1]:
+                # A port gets its name by itself, and one of two that swap theirs gets it in two steps: it is one row.
+                at = place.setdefault(row.get(".id", ""), len(found))
+                before = found.pop(at).declared if at < len(found) else None
+                found.insert(at, Raw(DriftKind.CHANGED, _after(before or row, action), row))
+    found += [_together(menu, declared, row) for declared, row in _pairs(menu, missing, gone)]
+    found += [Raw(DriftKind.MISSING, declared=values) for values in missing]
+    return found + [Raw(DriftKind.ADDED, found=row) for row in gone]
+
+
+def content(menu: Menu, values: Mapping[str, str]) -> tuple[str, ...]:
+    """Return all of a row that can be compared between readings: nothing secret, nothing that the device computes."""
+    fields = (each for each in menu.fields if not (each.keep or each.secret or each.unread))
+    return tuple(menu.form(each.name, values) for each in fields)
+
+
+def marked(values: Mapping[str, str]) -> str | None:
+    """Return the comment of a row that carries our mark; it tells what the row is for, whatever else has changed."""
+    comment = values.get("comment", "")
+    return comment if comment.startswith(MARK) else None
+
+
+def _after(row: _Values, action: Action) -> dict[str, str]:
+    unset = {name[1:] for name, _ in action.values if name.startswith("!")}
+    kept = {name: value for name, value in row.items() if name not in unset}
+    return kept | {name: value for name, value in action.values if not name.startswith("!")}
+
+
+def _together(menu: Menu, declared: Mapping[str, str], row: Row) -> Raw:
+    raw = Raw(DriftKind.CHANGED, declared, row)
+    return raw if raw.differing(menu) else Raw(DriftKind.ORDER, declared, row)
+
+
+def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
+    """Return the rows by a key, where it stands for one row only; None stands for none."""
+    found: dict[Hashable, list[_T]] = {}
+    for row in rows:
+        found.setdefault(key(row), []).append(row)
+    return {value: alike[0] for value, alike in found.items() if value is not None and len(alike) == 1}
+
+
+def _pairs(menu: Menu, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
+    """Take out of both lists what is one row: by its whole content, by its keys, then by our own words about it."""
+    pairs = _paired_by(lambda values: content(menu, values), missing, gone)
+    if menu.keys:
+        pairs += _paired_by(menu.identity, missing, gone)
+    return pairs + _paired_by(marked, missing, gone)
+
+
+def _paired_by(key: _Key, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
+    desired, there = alone(key, missing), alone(key, gone)
+    pairs = [(values, there[value]) for value, values in desired.items() if value in there]
+    taken = {id(row) for pair in pairs for row in pair}
+    for rows in (missing, gone):
+        rows[:] = [row for row in rows if id(row) not in taken]
+    return pairs
+
+
+HISTORY = Command("/system/history/print", ((".proplist", "action,by,time,undo,redo"),))
+_VERBS = "add|set|unset|remove|move|enable|disable|comment"
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """The entries as the device prints them, newest first."""
+
+    rows: Sequence[Row] = ()
+
+    def deed(self, menu: Menu, raw: Raw) -> ChangeRecord | None:
+        """Return the latest entry about the row of a difference."""
+        for row in self.rows:
+            commands = [command for command in (row.get("undo", ""), row.get("redo", "")) if _is_about(menu, command)]
+            if any(_names(menu, raw, command) for command in commands):
+                return ChangeRecord(row.get("by", ""), row.get("time", ""), row.get("action", ""))
+        return None
+
+
+def _is_about(menu: Menu, command: str) -> bool:
+    path = "[ /]".join(map(re.escape, menu.path.strip("/").split("/")))
+    return re.match(rf"/{path}[ /](?:{_VERBS})\b", command) is not None
+
+
+def _names(menu: Menu, raw: Raw, command: str) -> bool:
+    if menu.shape is Shape.SINGLETON:
+        return True
+    if raw.found is not None:
+        return re.search(rf"{re.escape(raw.found.get('.id', '*'))}(?![0-9A-Fa-f])", command) is not None
+    return raw.declared is not None and _adds(menu, raw.declared, command)
+
+
+def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
+    """Tell whether the command would bring a row with these keys, or with this comment, back."""
+    names = menu.keys or ("comment",)
+    words = [f"{name}={quote(values[name])}" for name in names if values.get(name)]
+    return " add" in command.replace("/add", " add") and bool(words) and all(word in command for word in words)
+
+
+_NO_HISTORY = History()
+_UNREAD = "over a metered link only their number is read"
+_NEVER = "no run has confirmed a state of this device"
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """One menu, and everything that can be said about it."""
+
+    menu: Menu
+    desired: Desired
+    rows: Sequence[Row]
+    past: Past | None
+    history: History
+
+
+def compare(
+    desired: Desired, observed: Observed, plan: Plan, past: Past | None = None, history: History = _NO_HISTORY
+) -> Comparison:
+    """Say what differs; `plan` is what would make `observed` as `desired`."""
+    rows = as_renamed(desired, observed.rows)
+    paths = sorted(desired.menus, key=rank)
+    differences = [
+        difference
+        for path in paths
+        for difference in _of_menu(_View(MENUS[path], desired, rows[path], past, history), plan)
+    ]
+    titles = tuple(MENUS[path].title for path in paths)
+    return Comparison(titles, tuple(differences), *(() if past is None else (past.run, past.at)))
+
+
+def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
+    path = view.menu.path
+    raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
+    by_id = {row.get(".id"): row for row in view.rows}
+    raws += [Raw(DriftKind.FOREIGN, found=by_id[each.id]) for each in plan.drift if each.menu == path]
+    read = [raw for raw in raws if raw.found is None or view.menu.ordered or not is_bare(raw.found)]
+    yield from (_message(view, raw) for raw in read)
+    if unread := len(raws) - len(read):
+        subject = f"{unread} rows more"
+        yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
+    for hidden in plan.hidden:
+        if hidden.menu == path:
+            yield _hidden(view.menu, hidden.subject, hidden.name)
+
+
+def _message(view: _View, raw: Raw) -> Difference:
+    menu = view.menu
+    since, why = (Since.UNKNOWN, _NEVER) if view.past is None else view.past.since(menu, raw, view.rows)
+    values = raw.declared or raw.found or {}
+    return Difference(
+        menu=menu.title,
+        subject="settings" if menu.shape is Shape.SINGLETON else menu.name_of(values),
+        kind=raw.kind,
+        owner=_owner(menu, raw),
+        mark=values.get("comment", ""),
+        row=_row(menu, raw),
+        fields=tuple(_fields(view, raw)),
+        since=since,
+        why_unknown=why,
+        # What was so already was not done on the device: its history can only tell of something else.
+        deed=None if since is Since.ALREADY else view.history.deed(menu, raw),
+    )
+
+
+def _hidden(menu: Menu, subject: str, name: str) -> Difference:
+    fields = (FieldDifference(name, MASK, "not shown"),)
+    why = "the device does not show it to our user"
+    return Difference(menu.title, subject, DriftKind.HIDDEN, Owner.DECLARED, fields=fields, why_unknown=why)
+
+
+def _owner(menu: Menu, raw: Raw) -> Owner:
+    if raw.declared is not None:
+        return Owner.DECLARED
+    return Owner.FORMER if raw.found is not None and menu.is_ours(raw.found) else Owner.TECHNICIAN
+
+
+def _row(menu: Menu, raw: Raw) -> str:
+    if raw.found is None:
+        return added_row(menu, raw.declared or {})
+    return "" if raw.declared is not None else existing_row(menu, raw.found)
+
+
+def _fields(view: _View, raw: Raw) -> Iterator[FieldDifference]:
+    if raw.kind is DriftKind.ORDER:
+        yield from _place(view, raw)
+    declared, found = raw.declared, raw.found
+    if declared is not None and found is not None:
+        for name in raw.differing(view.menu):
+            yield FieldDifference(name, _value(view.menu, name, declared), _value(view.menu, name, found))
+
+
+def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
+    each = menu.by_name[name]
+    value = values.get(name, menu.default_of(name, values)) or ""
+    if each.secret:
+        return MASK if value else ""
+    return canonical(each.kind, value) if each.kind in (Kind.BOOLEAN, Kind.FLAG) else value
+
+
+def _place(view: _View, raw: Raw) -> Iterator[FieldDifference]:
+    """Yield which place of its list the row has; dynamic rows do not count."""
+    menu, row = view.menu, raw.found or {}
+    desired = [
+        content(menu, item.given) for item in view.desired.items[menu.path] if _same_chain(menu, item.given, row)
+    ]
+    there = [each for each in view.rows if menu.is_touchable(each) and _same_chain(menu, each, row)]
+    local = content(menu, row)
+    if local in desired:
+        found = next((place for place, each in enumerate(there, 1) if each.get(".id") == row.get(".id")), 0)
+        yield FieldDifference("place", str(desired.index(local) + 1), str(found))
+
+
+def _same_chain(menu: Menu, row: Mapping[str, str], other: Mapping[str, str]) -> bool:
+    return not menu.chain or menu.form(menu.chain, row) == menu.form(menu.chain, other)
+
+
+_Verdict = tuple[Since, str]
+_NO_SECRETS = (Since.UNKNOWN, "a confirmed state holds no secrets")
+
+
+@dataclass(frozen=True, slots=True)
+class _Index:
+    """The rows of one menu: by their keys, or by their content where they have none, and by our words about them."""
+
+    by_self: Mapping[tuple[str, ...], Mapping[str, str]]
+    by_mark: Mapping[Hashable, Mapping[str, str]]
+
+    @classmethod
+    def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _Index:
+        key = menu.identity if menu.keys else lambda values: content(menu, values)
+        return cls({key(row): row for row in reversed(rows)}, alone(marked, rows))
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """A confirmed state."""
+
+    run: str
+    at: datetime
+    rows: Mapping[str, tuple[Mapping[str, str], ...]]
+    """By menu; only what is not at its default."""
+    indices: dict[str, _Index] = field(default_factory=dict)
+    """By menu, made when a menu is asked for."""
+
+    @classmethod
+    def read(cls, run: str, at: datetime, text: str) -> Past:
+        """Read what `snapshot.write` has written. Raises RscError."""
+        state = snapshot.read(text, f"the state that run {run} confirmed")
+        return cls(run, at, {path: tuple(item.given for item in items) for path, items in state.items.items()})
+
+    def since(self, menu: Menu, raw: Raw, rows: Sequence[Row]) -> _Verdict:
+        """Return when a difference came about, and why nobody can tell; `rows` are those of the menu now."""
+        if menu.path not in self.rows:
+            return Since.UNKNOWN, f"run {self.run} did not read this menu"
+        if raw.kind is DriftKind.ORDER and raw.found is not None:
+            return self._order(menu, raw.found, rows)
+        if raw.found is None:
+            there = raw.declared is not None and self._then(menu, raw.declared) is not None
+            return (Since.AFTER if there else Since.ALREADY), ""
+        then = self._then(menu, raw.found)
+        if then is None:
+            return Since.AFTER, ""
+        if raw.kind is DriftKind.CHANGED:
+            return _changed(menu, raw, then)
+        return (Since.ALREADY if content(menu, then) == content(menu, raw.found) else Since.AFTER), ""
+
+    def _then(self, menu: Menu, values: Mapping[str, str]) -> Mapping[str, str] | None:
+        """Return the row as it was then: settings are always there, and given rows also at their defaults."""
+        there = self.rows[menu.path]
+        if menu.shape is Shape.SINGLETON:
+            return there[0] if there else {}
+        if menu.path not in self.indices:
+            self.indices[menu.path] = _Index.of(menu, there)
+        index = self.indices[menu.path]
+        found = index.by_self.get(menu.identity(values) if menu.keys else content(menu, values))
+        if found is None and menu.keys and (menu.shape is Shape.FIXED or menu.is_stock(values)):
+            return {key: values[key] for key in menu.keys if key in values}
+        return found if found is not None else index.by_mark.get(marked(values))
+
+    def _order(self, menu: Menu, found: Row, rows: Sequence[Row]) -> _Verdict:
+        """Compare the order of what stood in the row's list then and stands there now."""
+        chain = menu.form(menu.chain, found) if menu.chain else ""
+        then = _chain(menu, self.rows[menu.path], chain)
+        now = _chain(menu, [row for row in rows if menu.is_touchable(row)], chain)
+        both = set(then) & set(now)
+        same = [entry for entry in then if entry in both] == [item for item in now if item in both]
+        return (Since.ALREADY if same else Since.AFTER), ""
+
+
+def _changed(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
+    names = [name for name in raw.differing(menu) if not menu.by_name[name].secret]
+    if not names:
+        return _NO_SECRETS
+    names = [name for name in names if (menu.path, name) not in snapshot.OF_THE_BOX]
+    if not names:
+        return Since.UNKNOWN, "a confirmed state leaves out what a device gives itself"
+    found = raw.found or {}
+    same = all(menu.form(name, found) == menu.form(name, then) for name in names)
+    return (Since.ALREADY if same else Since.AFTER), ""
+
+
+def _chain(menu: Menu, rows: Iterable[Mapping[str, str]], chain: str) -> list[tuple[str, ...]]:
+    return [content(menu, row) for row in rows if not menu.chain or menu.form(menu.chain, row) == chain]
