@@ -17,6 +17,7 @@ from atlantis_netcfg.bootstrap.steps import (
     DeviceState,
     Facts,
     Status,
+    Step,
     Target,
     clear,
     close_door,
@@ -30,15 +31,13 @@ from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable, HostK
 from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import ContactStep, ContactStepDone, DeviceObserved, Pinned
+from atlantis_netcfg.journal import ContactStep, ContactStepDone, DeviceObserved, Pinned, Pins, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from atlantis_netcfg.bootstrap.steps import Step
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.rsc import Export
 
 

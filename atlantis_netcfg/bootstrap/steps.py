@@ -11,17 +11,15 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.console.types import ConsoleRefused, parse_rows
+from atlantis_netcfg.console.types import Console, ConsoleRefused, parse_rows
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.rsc import RscError, console_path, parse, quote
+from atlantis_netcfg.rsc import Export, RscError, Statement, console_path, parse, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.rsc import Statement
 from dataclasses import field
 from enum import StrEnum
 from ipaddress import IPv4Interface
@@ -30,9 +28,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.rsc import Export
 
 
 CLEARED = (

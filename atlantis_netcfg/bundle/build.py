@@ -24,7 +24,7 @@ import fcntl
 import os
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -41,6 +41,7 @@ from atlantis_netcfg.bundle.manifest import (
     HostPart,
     Image,
     Manifest,
+    Signer,
     content_id,
     run,
 )
@@ -48,10 +49,8 @@ from atlantis_netcfg.bundle.requirements import BundleRefused
 from atlantis_netcfg.bundle.resolve import Fetched, Root, index, read_package, sha256_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import Signer
     from atlantis_netcfg.bundle.requirements import HostRequirements, Key, Library, PackageRequirement, Source, Target
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
-from atlantis_netcfg.bundle.requirements import BundleRefused, refused
+from atlantis_netcfg.bundle.requirements import BundleRefused, HostRequirements, refused
 from atlantis_netcfg.bundle.resolve import sha256_of
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bundle.manifest import File, HostPart, Keys
-    from atlantis_netcfg.bundle.requirements import HostRequirements
 
 _TAR_RECORD = 10240
 """An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""

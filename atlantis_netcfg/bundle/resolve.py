@@ -19,13 +19,12 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from atlantis_netcfg.bundle.manifest import program, run
+from atlantis_netcfg.bundle.manifest import Signer, program, run
 from atlantis_netcfg.bundle.requirements import BundleRefused, Key, Source, paragraphs, refused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.bundle.manifest import Signer
     from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Target
 
 _URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._signing import MANIFEST
-from atlantis_netcfg.checklist.report import Document
+from atlantis_netcfg.checklist.report import Document, Drawing
 from atlantis_netcfg.journal import make_private, new_run, os_errors_as, run_order, sync_directory
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from datetime import datetime
     from pathlib import Path
 
     from atlantis_netcfg.checklist.plan import Checklist
-    from atlantis_netcfg.checklist.report import Drawing
 
 _SAME_DAY = timedelta(hours=18)
 

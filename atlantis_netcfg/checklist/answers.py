@@ -19,13 +19,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, StrictBool
 
 from atlantis_netcfg.checklist._ledger import wrong_with
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, SAYABLE, Confirmation, unskippable
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.report import Item, Kind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding, report
@@ -35,10 +35,8 @@ from atlantis_netcfg.declaration.yaml_file import Block, meant, read
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
-    from typing import Self
 
     from atlantis_netcfg.checklist.plan import Checklist
-    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.checklist.session import Book
 
 ALL = "all"

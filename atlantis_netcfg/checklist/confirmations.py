@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist._signing import Refused
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Finding, Kind, Override
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Finding, Item, Kind, Override
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist._ledger import Copied
-    from atlantis_netcfg.checklist.report import Item
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""

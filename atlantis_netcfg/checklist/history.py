@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report, content, parsed
-from atlantis_netcfg.checklist.report import Change, Document, SinceGreen
+from atlantis_netcfg.checklist.report import Change, Document, Item, SinceGreen
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
-
-    from atlantis_netcfg.checklist.report import Item
 
 
 class State(StrEnum):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import SITE, Cell
+from atlantis_netcfg.checklist.probes import SITE, Cell, Step
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, Kind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, nearest
@@ -19,7 +19,6 @@ from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gatew
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer, Site
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Self
 
 from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._opening import begin, found
+from atlantis_netcfg.checklist._opening import Head, begin, found
 from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import Key, NotSigned, Refused, signed
-from atlantis_netcfg.checklist.confirmations import confirmed, named, overridden, spoken
+from atlantis_netcfg.checklist.confirmations import Confirmation, confirmed, named, overridden, spoken
 from atlantis_netcfg.checklist.history import last_green, since
-from atlantis_netcfg.checklist.report import LeftOut
+from atlantis_netcfg.checklist.report import Document, Item, LeftOut, Phase
 from atlantis_netcfg.checklist.verifying import close_book
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.journal import SiteLock, utc_now
@@ -29,10 +29,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.checklist._opening import Head
-    from atlantis_netcfg.checklist.confirmations import Confirmation
     from atlantis_netcfg.checklist.plan import Checklist, Entry
-    from atlantis_netcfg.checklist.report import Document, Item, Phase
 
 _FEW = 8
 

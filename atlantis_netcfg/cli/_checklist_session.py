@@ -20,18 +20,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.checklist import Answers, Book, Head, NotSigned, Scope, books, plan
+from atlantis_netcfg.checklist import Answers, Book, Checklist, Entry, Head, Kept, NotSigned, Scope, books, plan
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Phase, lines
+from atlantis_netcfg.checklist.report import Document, Item, Phase, lines
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, PromptAborted, price_of, shown
 from atlantis_netcfg.cli._output import progress, tell
-from atlantis_netcfg.cli._session import session
+from atlantis_netcfg.cli._session import Session, session
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
-from atlantis_netcfg.core.events import Event, Stage, ignore
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -40,11 +40,7 @@ from atlantis_netcfg.operations.request import refuse_examples
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist import Checklist, Entry, Kept
-    from atlantis_netcfg.checklist.report import Document, Item
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import Session
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
 
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.bearers.cost import CostRefused
-from atlantis_netcfg.checklist import Confirmation, Refused
+from atlantis_netcfg.bearers.cost import CostRefused, Preview
+from atlantis_netcfg.checklist import Answers, Book, Confirmation, Entry, Refused
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
-from atlantis_netcfg.checklist.runner import examine
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, Kind, Phase
+from atlantis_netcfg.checklist.runner import Ears, examine
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
@@ -29,20 +29,12 @@ from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.cost import Preview
-    from atlantis_netcfg.checklist import Answers, Book, Entry
-    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.cli._session import Session
 from typing import TYPE_CHECKING
-
-from atlantis_netcfg.checklist import Answers, Book
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.checklist import Entry
-    from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.checklist.runner import Ears
     from atlantis_netcfg.cli._session import Session
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from atlantis_netcfg.core.errors import UsageError, nearest
+from atlantis_netcfg.core.errors import ExitCode, UsageError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments, Command
-    from atlantis_netcfg.core.errors import ExitCode
 
 
 class LoadedCommand(NamedTuple):

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, TextIO
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
-from atlantis_netcfg.core.events import Stage, ignore
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.cli._arguments import Arguments, Command
-    from atlantis_netcfg.core.events import Event, Subscriber
 
 
 _CARRIED = ("inventory", "authority")

@@ -9,14 +9,13 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Flag
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, Flag
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.operations.vault import Vault
 
 

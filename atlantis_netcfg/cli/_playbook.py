@@ -11,26 +11,23 @@ import io
 import json
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.operations.play_control import PlayControl, other_ends, without_result
 from atlantis_netcfg.operations.request import shared
-from atlantis_netcfg.operations.vault import import_ansible, load_used_plugins
+from atlantis_netcfg.operations.vault import Vault, import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.vault import Vault
 
 
 class EngineError(NetcfgError):

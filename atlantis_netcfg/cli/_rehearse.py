@@ -9,12 +9,11 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import is_unit
-from atlantis_netcfg.report.run import Pass
+from atlantis_netcfg.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.operations.rehearsal import Rehearsal
-    from atlantis_netcfg.report.run import RunReport
 
 
 def rehearse(opened: Session, twins: Rehearsal) -> RunReport:

@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED, Arguments
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
 from atlantis_netcfg.cli._output import Stopped, as_typed, carried, progress
@@ -21,7 +21,7 @@ from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
-from atlantis_netcfg.declaration import choose, load
+from atlantis_netcfg.declaration import Declaration, Host, choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.bearers import bearer_of
@@ -34,8 +34,6 @@ from atlantis_netcfg.report.run import RunReport, consent_question
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.vault import Vault
 

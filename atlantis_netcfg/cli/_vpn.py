@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Flag, Word
 from atlantis_netcfg.core import printable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
-    from typing import Any
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request

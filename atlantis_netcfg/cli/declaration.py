@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Command, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.declaration import Declaration, InventoryInvalid
     from atlantis_netcfg.gateway.dds import ProfileView
 

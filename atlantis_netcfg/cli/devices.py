@@ -25,6 +25,7 @@ from atlantis_netcfg.cli._arguments import (
     UNPROTECTED,
     VERBOSE,
     VIA,
+    Arguments,
     Command,
     Flag,
     Word,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Command
+from atlantis_netcfg.cli._arguments import JSON, Arguments, Command
 from atlantis_netcfg.cli._commands import load
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-
-    from atlantis_netcfg.cli._arguments import Arguments
 
 
 HELP = Command("help", "print this overview")

@@ -7,18 +7,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, Command, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
-    from typing import Any
 
     from atlantis_netcfg.bundle.build import Size
     from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.image.writer import Card
     from atlantis_netcfg.operations.image import Made, Order

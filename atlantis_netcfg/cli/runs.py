@@ -24,6 +24,7 @@ from atlantis_netcfg.cli._arguments import (
     UNPROTECTED,
     VERBOSE,
     VIA,
+    Arguments,
     Command,
     Flag,
     Word,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.cli._session import Session
     from atlantis_netcfg.journal import Run, Store
     from atlantis_netcfg.report.run import RunReport

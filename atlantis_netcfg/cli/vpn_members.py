@@ -13,18 +13,16 @@ How the commands that change who is in the VPN tell what became of it.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Command, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
-    from typing import Any
 
-    from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration

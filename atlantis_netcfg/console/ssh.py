@@ -15,7 +15,7 @@ import socket
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import paramiko
 from netmiko import NetmikoAuthenticationException, NetmikoTimeoutException
@@ -25,10 +25,12 @@ from atlantis_netcfg.console.terminal import Terminal
 from atlantis_netcfg.console.types import (
     COMMAND_S,
     CONNECT_S,
+    Console,
     ConsoleLost,
     ConsoleUnreachable,
     HostKeyChanged,
     LoginFailed,
+    Tally,
     UnknownHostKey,
     WireLost,
 )
@@ -39,11 +41,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
     from types import TracebackType
-    from typing import Self
 
     from _typeshed import ReadableBuffer
-
-    from atlantis_netcfg.console.types import Console, Tally
 
 
 def fingerprint(key: paramiko.PKey) -> str:

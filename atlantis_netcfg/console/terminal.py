@@ -19,6 +19,7 @@ import serial
 from atlantis_netcfg.console.types import (
     COMMAND_S,
     CONNECT_S,
+    Console,
     ConsoleLost,
     ConsoleRefused,
     ConsoleUnreachable,
@@ -28,13 +29,10 @@ from atlantis_netcfg.console.types import (
     WireLost,
     parse_rows,
 )
-from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.core.secret import MASK, Secret
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-
-    from atlantis_netcfg.console.types import Console
-    from atlantis_netcfg.core.secret import Secret
 
 
 WIDTH = 511

@@ -5,21 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.findings import Finding
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.declaration.findings import Finding, Mark
+from atlantis_netcfg.declaration.model import Device, Model, Partner, Pilot, Router, Site, Vehicle
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from atlantis_netcfg.declaration._hosts import Layout
     from atlantis_netcfg.declaration._yaml import Node
-    from atlantis_netcfg.declaration.findings import Mark
-    from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model import Model
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ Without a `decrypt` callable they stay sealed: that is enough to validate an inv
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import date
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -26,8 +26,6 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.findings import Finding, Mark, shown_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from yaml.nodes import MappingNode, SequenceNode
 
 

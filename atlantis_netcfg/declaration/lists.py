@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.declaration._yaml import parse
+from atlantis_netcfg.declaration._yaml import Node, parse
 from atlantis_netcfg.declaration.findings import Finding, choices, shown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration._yaml import Node
 
 _BYTES = 1_000_000
 _ROWS = 10_000

@@ -28,9 +28,9 @@ from atlantis_netcfg.core.errors import NothingMatched, nearest
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._draft import Draft, Part
-from atlantis_netcfg.declaration._hosts import KIND_GROUPS, lay_out
+from atlantis_netcfg.declaration._hosts import KIND_GROUPS, Layout, lay_out
 from atlantis_netcfg.declaration._schema import explain, label_of
-from atlantis_netcfg.declaration._yaml import CLOSED, Node, parse
+from atlantis_netcfg.declaration._yaml import CLOSED, Decrypt, Node, parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant, shown_key, why_no_name
 from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
@@ -38,9 +38,6 @@ from atlantis_netcfg.declaration.rules import RULES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
-
-    from atlantis_netcfg.declaration._hosts import Layout
-    from atlantis_netcfg.declaration._yaml import Decrypt
 
 
 _HOMES = {

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import AllowedTarget, Transport
+from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration.model import Bearer, Pilot
 
 NTP_PORT = 123
 """RFC 5905; UDP."""

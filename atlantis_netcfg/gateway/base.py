@@ -10,10 +10,10 @@ a pure function of the declaration.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from ipaddress import collapse_addresses
+from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import DdsPath, Gateway
+from atlantis_netcfg.declaration.model import DdsPath, Gateway, GpsTime, TimeServer
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
@@ -30,10 +30,8 @@ from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from ipaddress import IPv4Network
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import GpsTime, TimeServer
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import RosDistribution, RosMiddleware, RosOrigin
+from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin
 from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
 from atlantis_netcfg.render import environment
 
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Dds, Ros2
 
 
 _SIGNATURE, _KEY = 2, 6

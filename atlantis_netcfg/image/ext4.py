@@ -21,7 +21,6 @@ from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Lin
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
 
 PROGRAMS = {"e2fsck": "e2fsprogs", "debugfs": "e2fsprogs", "mcopy": "mtools"}

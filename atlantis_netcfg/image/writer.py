@@ -22,15 +22,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.blocks import same
+from atlantis_netcfg.image.blocks import BlockTree, Disk, same
 from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
 from atlantis_netcfg.image.source import Kind, Segment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
-
-    from atlantis_netcfg.image.blocks import BlockTree, Disk
 
 
 class Step(StrEnum):

@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bootstrap.run import FirstContact, features_of
-from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, Status, Target
+from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, ConsoleRoute, Status, Target
 from atlantis_netcfg.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.console.terminal import open_serial
-from atlantis_netcfg.console.types import ConsoleUnreachable
+from atlantis_netcfg.console.types import Console, ConsoleUnreachable
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     ContactStep,
+    Journal,
+    JournalFailed,
     NoJournal,
     Outcome,
     Purpose,
+    Recorder,
     RunEnded,
     RunStarted,
     Store,
@@ -35,13 +38,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.bootstrap.steps import ConsoleRoute
-    from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Access
-    from atlantis_netcfg.journal import Journal, JournalFailed, Recorder
     from atlantis_netcfg.journal.records import Record
 
 SSH_PORT = 22

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
-from atlantis_netcfg.bundle.manifest import Keys, require_programs, run
+from atlantis_netcfg.bundle.manifest import Keys, Manifest, require_programs, run
 from atlantis_netcfg.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.bundle.requirements import (
     BundleRefused,
@@ -29,26 +29,19 @@ from atlantis_netcfg.bundle.requirements import (
 from atlantis_netcfg.bundle.resolve import archive
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.declaration import choose
-from atlantis_netcfg.declaration.model import Gateway, ImageLayout
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.declaration import Declaration, Host, choose
+from atlantis_netcfg.declaration.model import Gateway, ImageLayout, Repository
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
 from atlantis_netcfg.image.source import checksum, expand
 from atlantis_netcfg.operations.computers._access import is_gateway, key_trouble
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, Part, concerns
+from atlantis_netcfg.operations.request import Request, refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
-
-    from atlantis_netcfg.bundle.manifest import Manifest
-    from atlantis_netcfg.core.events import Subscriber
-    from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Repository
-    from atlantis_netcfg.operations.computers.parts import Part
-    from atlantis_netcfg.operations.request import Request
 
 
 _STATUS = "/var/lib/dpkg/status"

@@ -10,30 +10,25 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import ACCEPT, CostRefused, Link, Tariff, bill, preview, size
+from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, Link, Preview, Tariff, bill, preview, size
 from atlantis_netcfg.bearers.policy import Route, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Gateway, LteDriver, LteRouter, Router, VpnServer
-from atlantis_netcfg.journal import CostCounted, Counters, Store
+from atlantis_netcfg.declaration.model import Bearer, Gateway, LteDriver, LteRouter, Router, VpnServer
+from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import Mode
-from atlantis_netcfg.routeros.apply import Admission
+from atlantis_netcfg.operations.request import Mode, Request
+from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
+from atlantis_netcfg.routeros.estimate import Bearer as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
-    from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros._types import Observed
-    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
-    from atlantis_netcfg.routeros.estimate import Bearer as Carrier
 
 _MB: Final = 1_000_000
 

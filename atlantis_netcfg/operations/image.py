@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.declaration.model import AddressBy, Gateway
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, Image
 from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, Layout, require_tools
 from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, Static
 from atlantis_netcfg.image.plan import customise
@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Image
     from atlantis_netcfg.image.blocks import Disk
 
 

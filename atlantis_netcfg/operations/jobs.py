@@ -8,27 +8,22 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
-from atlantis_netcfg.declaration.model import LteRouter
-from atlantis_netcfg.journal import Journal, Store
+from atlantis_netcfg.declaration.model import Access, LteRouter
+from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
-from atlantis_netcfg.operations.kinds import managed
+from atlantis_netcfg.operations.kinds import Managed, managed
 from atlantis_netcfg.operations.restore import confirmed_state, restored
 from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, NoHistory, SshEndpoint, StateVariants
-from atlantis_netcfg.routeros.desired import from_export, read
+from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
+from atlantis_netcfg.routeros.desired import Desired, from_export, read
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Access
-    from atlantis_netcfg.journal import Pins, Recorder
-    from atlantis_netcfg.operations.kinds import Managed
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.apply import History
-    from atlantis_netcfg.routeros.desired import Desired
 
 _SSH = 22
 

@@ -18,12 +18,14 @@ from atlantis_netcfg.declaration.model import (
     LteDriver,
     LteRouter,
     PortUse,
+    Ptp,
     PtpProtocol,
     RadioMenus,
     Router,
 )
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.render import (
+    Prerequisite,
     cpe,
     cpe_prerequisites,
     cpe_view,
@@ -40,8 +42,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Ptp
-    from atlantis_netcfg.render import Prerequisite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:

@@ -24,12 +24,12 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.bearers.lte import judge as record
 from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, quality
-from atlantis_netcfg.console.ssh import open_commands
+from atlantis_netcfg.console.ssh import Commands, open_commands
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
-from atlantis_netcfg.core.events import Event, Stage, Verdict
-from atlantis_netcfg.declaration.model import LteDriver, LteRouter
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.declaration.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
@@ -38,8 +38,10 @@ from atlantis_netcfg.journal import (
     LayerSent,
     NoJournal,
     Outcome,
+    Pins,
     Planned,
     PlannedAction,
+    Recorder,
     RunEnded,
     RunResumed,
     RunStarted,
@@ -61,11 +63,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
     from atlantis_netcfg.bearers.lte.rutos_settings import Change, LteSettings
-    from atlantis_netcfg.console.ssh import Commands
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import LteAccess
-    from atlantis_netcfg.journal import Pins, Recorder
     from atlantis_netcfg.operations.request import EventStream
 
 

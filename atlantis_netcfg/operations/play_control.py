@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.journal import Store
+from atlantis_netcfg.journal import Run, Store
 from atlantis_netcfg.journal.records import DeviceObserved, Planned, StateSaved
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.journal import Run
     from atlantis_netcfg.operations.request import Request
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.emulator.routeros import (
     NOT_REHEARSED,
@@ -42,7 +42,6 @@ from atlantis_netcfg.routeros.assumptions import unconfirmed
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.routeros.estimate import Bearer

@@ -15,13 +15,12 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own, state_dir
-from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration import Declaration, load
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.declaration import Declaration
 
 ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""

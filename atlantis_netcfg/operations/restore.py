@@ -16,8 +16,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
-from atlantis_netcfg.journal import NoSuchRun, Store
-from atlantis_netcfg.routeros import snapshot
+from atlantis_netcfg.journal import Confirmed, NoSuchRun, Store
+from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.journal import Confirmed
-    from atlantis_netcfg.routeros import _items
     from atlantis_netcfg.routeros._items import Item
     from atlantis_netcfg.routeros.desired import Desired
 

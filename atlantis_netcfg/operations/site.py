@@ -15,10 +15,13 @@ from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.worker import run_until_settled
 from atlantis_netcfg.journal import (
+    Confirmed,
     Journal,
+    JournalFailed,
     NoJournal,
     NoSuchRun,
     Purpose,
+    Recorder,
     RunEnded,
     RunResumed,
     RunStarted,
@@ -29,7 +32,7 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.operations.costs import Costs, gate
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.kinds import handled
-from atlantis_netcfg.operations.request import Mode, declaration_of, open_request, refuse_examples
+from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.operations.schedule import RunUnit, far_bearer, members_of, pair_of
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import Status, fleet
@@ -39,8 +42,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.journal import Confirmed, JournalFailed, Recorder
-    from atlantis_netcfg.operations.request import EventStream, Request
     from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
     from atlantis_netcfg.routeros.pair import Pair
 

@@ -31,6 +31,8 @@ from atlantis_netcfg.journal import (
     JournalFailed,
     LayerSent,
     Planned,
+    Record,
+    Recorder,
     StateDamaged,
     Store,
     write_atomically,
@@ -43,7 +45,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import Finding
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.journal import Record, Recorder
 
 
 EVIDENCE_FOLDER = "evidence"

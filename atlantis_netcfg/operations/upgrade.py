@@ -14,10 +14,10 @@ from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.bearers.cost import Link, Preview, preview
 from atlantis_netcfg.console.ssh import upload
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
-from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import (
@@ -28,6 +28,7 @@ from atlantis_netcfg.journal import (
     PackageSent,
     Purpose,
     Rebooting,
+    Recorder,
     RunEnded,
     RunStarted,
     StatesOnly,
@@ -39,24 +40,17 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import gate, link_of, unpaid
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode as RequestMode
-from atlantis_netcfg.routeros.api import Command, Session, SessionLost
-from atlantis_netcfg.routeros.apply import Mode, Status, converge
-from atlantis_netcfg.routeros.estimate import beforehand
-from atlantis_netcfg.routeros.packages import Installed, Package, Upgrade, plan, read_npk
+from atlantis_netcfg.operations.request import Request
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, SshEndpoint, Status, converge
+from atlantis_netcfg.routeros.estimate import Bearer, beforehand
+from atlantis_netcfg.routeros.packages import Installed, Npk, Package, Upgrade, plan, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.cost import Link, Preview
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.journal import Recorder
-    from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.api import Endpoint, Reply
-    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, SshEndpoint
-    from atlantis_netcfg.routeros.estimate import Bearer
-    from atlantis_netcfg.routeros.packages import Npk
 
 _PROGRESS_STEPS = 20
 

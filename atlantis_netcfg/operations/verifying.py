@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.bearers.cost import Preview, preview
 from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.events import Event, Stage, Verdict
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.jobs import endpoint_of
@@ -19,16 +19,13 @@ from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
-from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, fall_silent, read, try_out
+from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, Seen, fall_silent, read, try_out
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.cost import Preview
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.verify import Seen
 
 _FLIGHT_BYTES = 160
 """One small question and its answer, both with their records of TLS."""

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration.channels import lower_edge
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.render.view import ManagementView, Named, Prerequisite, RenderError
+from atlantis_netcfg.render.view import Declared, DeclaredHost, ManagementView, Named, Prerequisite, RenderError
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, ServedLink
-    from atlantis_netcfg.render.view import Declared, DeclaredHost
 
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from ipaddress import IPv4Interface
+from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,8 @@ from atlantis_netcfg.bearers.policy import daily_bytes
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render.view import (
+    Declared,
+    DeclaredHost,
     Judged,
     Link,
     ManagementView,
@@ -33,23 +35,19 @@ from atlantis_netcfg.render.view import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from ipaddress import IPv4Address, IPv4Network
 
     from jinja2 import Template
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Failover, LteRouter, Pilot, Port, Router, Site
-    from atlantis_netcfg.render.view import Declared, DeclaredHost
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from ipaddress import IPv4Network
 
     from jinja2 import Template
 
     from atlantis_netcfg.declaration.model import Pilot, Router, Site
-    from atlantis_netcfg.render.view import Declared, DeclaredHost
 
 
 WATCH_S = 5.0

@@ -8,11 +8,13 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import LanBox
+from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render.view import (
     BRIDGE,
+    Declared,
+    DeclaredHost,
     Forwarded,
     LanView,
     ManagementView,
@@ -33,9 +35,6 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Network
 
     from jinja2 import Template
-
-    from atlantis_netcfg.declaration.model import Pilot, Router, Site
-    from atlantis_netcfg.render.view import Declared, DeclaredHost
 
 
 def _server(declaration: Declared) -> DeclaredHost:

@@ -13,12 +13,10 @@ import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report.drift import difference_lines, of_evidence, verdict
+from atlantis_netcfg.report.drift import DriftReport, difference_lines, of_evidence, verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.report.drift import DriftReport
 
 
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -22,16 +22,13 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import Verb
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros._types import Action, Row, Verb
+from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
 from atlantis_netcfg.rsc import in_quotes, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.routeros._types import Action, Row
-    from atlantis_netcfg.routeros.api import Reply
 
 
 def console(action: Action) -> str:

@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._items import Desired, Item, Mistake, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
-from atlantis_netcfg.rsc import parse
+from atlantis_netcfg.rsc import Statement, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from atlantis_netcfg.rsc import Statement
 
 __all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
 

@@ -11,14 +11,13 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.routeros.menus import Kind, Shape, canonical
+from atlantis_netcfg.routeros.menus import Field, Kind, Menu, Shape, canonical
 from atlantis_netcfg.rsc import Statement, print_statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.menus import Field, Menu
 
 _CONTEXT = 2
 

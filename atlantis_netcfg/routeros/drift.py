@@ -26,14 +26,14 @@ packet may meet a half of it. Whoever reads about drift wants to hear that it wa
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Verb, is_bare
+from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb, is_bare
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Kind, Menu, Shape, canonical, rank
@@ -41,11 +41,9 @@ from atlantis_netcfg.routeros.planner import as_renamed
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
     from datetime import datetime
 
     from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
 
 
 __all__ = [

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Layer, Verb, is_bare
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Layer, Observed, Plan, Row, Verb, is_bare
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
@@ -23,7 +23,6 @@ from atlantis_netcfg.routeros.planner import simulate
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row
 
 PREFLIGHT: Final = 6
 """Sentences that ask about the device itself."""

@@ -6,18 +6,14 @@ The two ends of a radio bridge are one member, a `Pair`, and give two results, n
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
 
 AT_ONCE = 32
 """Devices in work at the same time; each holds its rows in memory only while it is in work."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, PortCounts, Row, is_bare
-from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
+from atlantis_netcfg.routeros.api import WINDOW, Command, Endpoint, Reply
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, STATUS_FIELDS, monitor_of
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED
@@ -26,7 +26,6 @@ from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.routeros.api import Endpoint
     from atlantis_netcfg.routeros.api._values import Channel
 
 

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
 
 BUDGET = 80

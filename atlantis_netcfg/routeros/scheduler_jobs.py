@@ -22,13 +22,12 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from atlantis_netcfg.routeros._types import Facts, Row
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
 
 DEAD_MAN, PAIR = "atlantis-dead-man", "atlantis-pair"

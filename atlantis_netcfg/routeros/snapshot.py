@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.desired import from_export
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical, rank
+from atlantis_netcfg.routeros.menus import MENUS, Field, Kind, Menu, Shape, canonical, rank
 from atlantis_netcfg.rsc import Export, Statement, parse, print_export
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros._items import Desired, Item
     from atlantis_netcfg.routeros._types import Observed, Row
-    from atlantis_netcfg.routeros.menus import Field, Menu
 
 OF_THE_BOX = frozenset(
     {

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Session, SessionLost
+from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.commands import executed, offered, refusal
 from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, Sim, monitor_of, sim_of
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Endpoint, Reply
 
 MARK: Final = "atlantis: scratch row of verify"
 """Comment of the scratch rows, by which a person would know them."""

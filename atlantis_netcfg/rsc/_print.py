@@ -22,12 +22,10 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.rsc._model import FLAGS
+from atlantis_netcfg.rsc._model import FLAGS, Export, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-    from atlantis_netcfg.rsc._model import Export, Statement
 
 
 ENCODING = "utf-8"

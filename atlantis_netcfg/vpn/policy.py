@@ -16,20 +16,17 @@ import re
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from ipaddress import IPv4Network
+from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, LanBox, Router
+from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, VpnService
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import Kind, Member, MembershipList
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-    from ipaddress import IPv4Address
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Dds, VpnService
-    from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 
 class Protocol(StrEnum):

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package, Step, Unit
 from atlantis_netcfg.render import environment, template_folder
-from atlantis_netcfg.vpn.identity import TIMERS, Link
+from atlantis_netcfg.vpn.identity import TIMERS, Certificate, Link, Member, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, firewall
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
 
 FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"

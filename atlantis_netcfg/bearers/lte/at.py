@@ -17,7 +17,7 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import serial
 
@@ -27,7 +27,6 @@ from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from types import TracebackType
-    from typing import Self
 
 _STATES = {
     0: Registration.SEARCHING,

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos_client import NotOffered, RutosLoginFailed, RutosRefused, Wire
+from atlantis_netcfg.bearers.lte.rutos_client import NotOffered, RutosEndpoint, RutosLoginFailed, RutosRefused, Wire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-
-    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
 
 
 NAMES: Mapping[str, tuple[str, ...]] = {

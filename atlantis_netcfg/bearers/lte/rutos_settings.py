@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.core.secret import MASK, Secret
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.core.secret import Secret
 
 SHOW = "uci show network && uci show simcard"
 """Reads both packages in one round trip."""

@@ -17,16 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding, LinkState
 from atlantis_netcfg.checklist.probes.step import Judged, LinkStatusRequest, LinkStatusResult, Step, read, unasked
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Column
+from atlantis_netcfg.declaration.model import Bearer, Column
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.step import Answer, Cell
-    from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import Bearer
 
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}

@@ -28,8 +28,11 @@ from atlantis_netcfg.checklist.probes.ping import (
 )
 from atlantis_netcfg.checklist.probes.step import (
     PLACES,
+    Answer,
+    Cell,
     Judged,
     Place,
+    Question,
     RouterOsQuery,
     Rows,
     Step,
@@ -38,16 +41,13 @@ from atlantis_netcfg.checklist.probes.step import (
     rows_of,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET
+from atlantis_netcfg.declaration.model import ETHERNET, EthernetEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Question
-    from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import EthernetEndpoint
 
 _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-error", "link-downs")
 _TRUE = frozenset({"true", "yes"})

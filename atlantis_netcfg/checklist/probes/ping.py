@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.step import PLACES, CommandResult, Judged, Run, measured, not_run
+from atlantis_netcfg.checklist.probes.step import PLACES, Answer, CommandResult, Judged, Place, Run, measured, not_run
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from atlantis_netcfg.checklist.probes.step import Answer, Place
 
 
 _LOOPBACK = "lo"

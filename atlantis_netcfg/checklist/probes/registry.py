@@ -22,14 +22,12 @@ from atlantis_netcfg.checklist.probes import (
     wifi,
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
-from atlantis_netcfg.checklist.probes.step import SITE, Step
+from atlantis_netcfg.checklist.probes.step import SITE, Cell, Listen, Step
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.declaration.model import ETHERNET, Column
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.probes.step import Cell, Listen
 
 
 TITLES: Mapping[str, str] = {

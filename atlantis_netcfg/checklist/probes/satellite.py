@@ -16,23 +16,22 @@ from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
 from atlantis_netcfg.checklist.probes.step import (
     AllowListTestRequest,
     AllowListTestResult,
+    Answer,
+    Cell,
     Consent,
     Judged,
     Step,
     measured,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Column
+from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Column
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell
-    from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
 
 _NOT_TRIED = "not-tried"
 _SEEN = (Verdict.PASS, Verdict.WARN)

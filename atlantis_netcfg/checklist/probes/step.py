@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom
+from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom, Site
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Site
 
 
 class Place(StrEnum):

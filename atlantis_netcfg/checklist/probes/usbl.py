@@ -17,6 +17,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
+    Modem,
     ask_seatrac,
     declared_address,
     modem_of,
@@ -26,18 +27,15 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step
+from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
 from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AcousticDriver
+from atlantis_netcfg.declaration.model import AcousticDriver, UsblEndpoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Listen, Question, Transcript
-    from atlantis_netcfg.declaration.model import UsblEndpoint
 
 _IDLE = rb"(?i)\$3A3B[0-9A-F]{4}[\r\n]"
 _DEPTH_M = 0.3

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.modem import not_understood, transcript_or_judgement
+from atlantis_netcfg.checklist.probes.acoustic.modem import Modem, not_understood, transcript_or_judgement
 from atlantis_netcfg.checklist.probes.acoustic.status import (
     INTEGRITY_LOW,
     RSSI_DB,
@@ -19,16 +19,13 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
     Reading,
     damage,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.step import Answer, Listen, Question, Transcript
 
 
 _USUAL_MPS = 1500.0

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.wifi import Family
+from atlantis_netcfg.bearers.wifi import Family, WifiPeer
 from atlantis_netcfg.bearers.wifi import queries as wifi_queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
@@ -42,8 +42,13 @@ from atlantis_netcfg.checklist.probes.ping import (
 )
 from atlantis_netcfg.checklist.probes.step import (
     PLACES,
+    Answer,
+    Cell,
     CommandResult,
     Judged,
+    Place,
+    Probe,
+    Question,
     RouterOsQuery,
     Rows,
     Run,
@@ -54,18 +59,13 @@ from atlantis_netcfg.checklist.probes.step import (
     rows_of,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import channels
-from atlantis_netcfg.declaration.model import Column, WifiRole
+from atlantis_netcfg.declaration.model import Column, WifiEndpoint, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.bearers.wifi import WifiPeer
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Place, Probe, Question
-    from atlantis_netcfg.checklist.report import Evidence
-    from atlantis_netcfg.declaration.model import WifiEndpoint
 
 
 _CONNECTED = re.compile(r"^Connected to ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)

@@ -19,14 +19,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report.document import Row
+from atlantis_netcfg.checklist.report.document import Document, Item, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-
-    from atlantis_netcfg.checklist.report.document import Document, Item
 
 
 class State(StrEnum):

@@ -8,17 +8,14 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, State, cut, grid, state
-from atlantis_netcfg.checklist.report.document import EvidenceType
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Cell, GridRow, State, cut, grid, state
+from atlantis_netcfg.checklist.report.document import Document, Evidence, EvidenceType, Item
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from datetime import datetime
-
-    from atlantis_netcfg.checklist.report._shapes import Cell, GridRow
-    from atlantis_netcfg.checklist.report.document import Document, Evidence, Item
 
 
 _TITLES = {

@@ -17,13 +17,13 @@ import asyncio
 import json
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     AllowListTestResult,
+    Answer,
     LinkStatusRequest,
     LinkStatusResult,
     Place,
@@ -32,29 +32,25 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
-from atlantis_netcfg.checklist.runner._way_in import NotReached, way_in
+from atlantis_netcfg.checklist.runner._way_in import NotReached, WayIn, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
 from atlantis_netcfg.checklist.runner.remote_process import Carrier
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.core.events import Event, Stage, ignore
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
 from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.links.look import look, session_to
 from atlantis_netcfg.operations.links.session import command, rows
-from atlantis_netcfg.operations.request import Mode, refuse_examples
+from atlantis_netcfg.operations.request import Mode, Request, refuse_examples
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes import Answer
-    from atlantis_netcfg.checklist.runner._way_in import WayIn
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.allow_list_test.prove import Proving
-    from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.api import Reply
 
 

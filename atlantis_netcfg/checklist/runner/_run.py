@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, Run
 from atlantis_netcfg.checklist.probes.registry import allowed, refused
-from atlantis_netcfg.checklist.report import Finding, Kind
+from atlantis_netcfg.checklist.report import Finding, Item, Kind
 from atlantis_netcfg.checklist.runner.results import unanswered
-from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.crash_report import Crashed, crashed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
 
@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.checklist import Entry
     from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Place, Question
-    from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.checklist.runner._real import Ears
-    from atlantis_netcfg.core.crash_report import Crashed
 
 
 READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})

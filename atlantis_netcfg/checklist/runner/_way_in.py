@@ -14,11 +14,10 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.request import Request, refuse_examples
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
 
 _OPTIONS = (
     "BatchMode=yes",

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.bearers.cost import Preview, preview
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     DdsDiscoverRequest,
     LinkStatusRequest,
     Listen,
     Place,
+    Question,
     RouterOsQuery,
     Run,
 )
@@ -21,17 +22,14 @@ from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
 from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
-from atlantis_netcfg.operations.request import Mode
+from atlantis_netcfg.operations.request import Mode, Request
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.bearers.cost import Preview
     from atlantis_netcfg.checklist import Entry
-    from atlantis_netcfg.checklist.probes import Question
     from atlantis_netcfg.checklist.runner.results import Questions
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.estimate import Bearer
 
 _SSH: Final = 8_000

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     AllowListTestResult,
+    Answer,
     CommandResult,
     DdsDiscoverRequest,
     DdsDiscoverResult,
@@ -20,28 +21,19 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     LinkStatusResult,
     Listen,
+    Question,
     RouterOsQuery,
     Rows,
     Run,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.core.events import Subscriber
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.core.events import Subscriber
 
 
 def telling(notify: Subscriber, total: int, settled: Callable[[Item], None]) -> Callable[[Item], None]:

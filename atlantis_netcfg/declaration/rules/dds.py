@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.findings import meant
+from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration.findings import Finding
 
 _PILOT = Part("pilot")
 

@@ -6,15 +6,17 @@ Canaries: addresses beyond a link that are pinged over it, to learn whether it c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from ipaddress import IPv4Network
+from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.findings import choices, meant
+from atlantis_netcfg.declaration.findings import Finding, choices, meant
 from atlantis_netcfg.declaration.model import (
     ETHERNET,
+    AcousticEndpoint,
     Column,
     Cpe,
+    Device,
     Endpoints,
     Gateway,
     GpsDriver,
@@ -22,15 +24,15 @@ from atlantis_netcfg.declaration.model import (
     LteRouter,
     Router,
     SeenFrom,
+    Site,
+    UsblEndpoint,
+    Vehicle,
 )
 from atlantis_netcfg.declaration.rules.networks import Index, claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import AcousticEndpoint, Device, Site, UsblEndpoint, Vehicle
 
 _Path = tuple[str | int, ...]
 

@@ -9,15 +9,13 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from atlantis_netcfg.declaration._draft import Draft, Part
-from atlantis_netcfg.declaration.model import AddressBy, Gateway
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, Repository
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Repository
 
 _PILOT = Part("pilot")
 

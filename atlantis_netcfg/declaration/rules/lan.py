@@ -8,14 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration._draft import Draft, Part
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.model import (
+    Bearer,
     ControlCentre,
     Cpe,
+    Device,
     Gateway,
     LteRouter,
     Router,
     SatelliteTerminal,
+    Site,
     VpnServer,
 )
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
@@ -23,9 +26,7 @@ from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Bearer, Device, Site
 
 _LAN_HOSTS = (Gateway, VpnServer, ControlCentre)
 _MOST_PREFIX = 29

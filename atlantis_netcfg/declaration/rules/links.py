@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.findings import meant
-from atlantis_netcfg.declaration.model import BEARER_TRAITS, BearerKind, Cpe
+from atlantis_netcfg.declaration.findings import Finding, meant
+from atlantis_netcfg.declaration.model import BEARER_TRAITS, Bearer, BearerKind, Cpe, ServedLink
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Bearer, ServedLink
 
 _RESERVED = "lan"
 

@@ -14,14 +14,12 @@ from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import Cpe, Router
+from atlantis_netcfg.declaration.model import Access, Cpe, Router, Site
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
-
-    from atlantis_netcfg.declaration.model import Access, Site
 
 
 _LAN = "lan"

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right, insort
 from dataclasses import dataclass
-from ipaddress import IPv4Network
+from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration._draft import Draft, Part
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
 
 

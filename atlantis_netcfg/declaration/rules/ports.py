@@ -9,14 +9,11 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.findings import meant
-from atlantis_netcfg.declaration.model import PoeMode, Port, PortUse, Router
+from atlantis_netcfg.declaration.findings import Finding, meant
+from atlantis_netcfg.declaration.model import Bearer, PoeMode, Port, PortUse, PowerSource, Router, ServedLink, Site
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Bearer, PowerSource, ServedLink, Site
 
 
 def links_of(site: Site) -> list[str]:

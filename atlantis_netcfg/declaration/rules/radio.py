@@ -16,13 +16,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
-from atlantis_netcfg.declaration.findings import choices, meant
+from atlantis_netcfg.declaration.findings import Finding, choices, meant
 from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.declaration.findings import Finding
 
 _SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""

@@ -8,16 +8,14 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration._draft import Draft, Part
-from atlantis_netcfg.declaration.model import LteRouter, SatelliteTerminal
+from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, LteRouter, SatelliteTerminal, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import VPN_TARGET, admits, allowed, derived
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.declaration._draft import Rule
     from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Transport
 
 FACTORY_ADDRESS = IPv4Address("192.168.1.1")
 """Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""

@@ -11,14 +11,11 @@ from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.findings import meant
-from atlantis_netcfg.declaration.model import Column, Model, VehicleKind
+from atlantis_netcfg.declaration.findings import Finding, meant
+from atlantis_netcfg.declaration.model import Column, Model, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-    from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Vehicle
 
 
 class Row(Model):

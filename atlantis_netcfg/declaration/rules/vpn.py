@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
-from atlantis_netcfg.declaration.findings import choices, meant
-from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Router, VpnServer
+from atlantis_netcfg.declaration.findings import Finding, choices, meant
+from atlantis_netcfg.declaration.model import ControlCentre, Device, Gateway, Router, VpnServer
 from atlantis_netcfg.declaration.rules.networks import claims, example_in, why_unusable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from ipaddress import IPv4Address
 
-    from atlantis_netcfg.declaration.findings import Finding
-    from atlantis_netcfg.declaration.model import Device
 
 _LAN_KINDS = frozenset({"gateway", "vpn_server", "control_centre"})
 _PASSWORD_BYTES = 1000

@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.schema import version_key
-from atlantis_netcfg.emulator.routeros.spec import Mode
+from atlantis_netcfg.emulator.routeros.spec import Mode, RouterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 
 _LENGTH = 4

@@ -15,14 +15,13 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.modem import refit
-from atlantis_netcfg.emulator.routeros.site import describe
+from atlantis_netcfg.emulator.routeros.site import Site, describe
 from atlantis_netcfg.emulator.routeros.wire.link import Fault, Link, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
 
     from atlantis_netcfg.emulator.routeros.router import Router
-    from atlantis_netcfg.emulator.routeros.site import Site
 
 _AIR = "air"
 """The one command that is about two twins."""

@@ -10,18 +10,14 @@ from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
-from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.store import History, Store
 from atlantis_netcfg.emulator.routeros.topology import Topology
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from ipaddress import IPv4Address
-
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
     from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
-    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -34,12 +30,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Caller
-from ipaddress import ip_address, ip_network
+from ipaddress import IPv4Address, ip_address, ip_network
 from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
 
 _LOG_LINES = 1000
 NETWATCH_GROUP = "*netwatch"

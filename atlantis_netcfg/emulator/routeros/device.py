@@ -25,14 +25,12 @@ from atlantis_netcfg.emulator.routeros.core import Call, Core, File, Listener, R
 from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
 from atlantis_netcfg.emulator.routeros.path import path_open
 from atlantis_netcfg.emulator.routeros.software import boot_with
-from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.storage import FileSide
 from atlantis_netcfg.emulator.routeros.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 
 __all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]

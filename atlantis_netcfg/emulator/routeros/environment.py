@@ -13,14 +13,13 @@ from __future__ import annotations
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.emulator.routeros.core import connected
+from atlantis_netcfg.emulator.routeros.core import Core, connected
 from atlantis_netcfg.emulator.routeros.spec import Environment
 from atlantis_netcfg.emulator.routeros.values import id_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
 

@@ -27,12 +27,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.console.run import run_script
-from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Gateway, Watch
+from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Core, Gateway, Watch
 from atlantis_netcfg.emulator.routeros.path import receives
 from atlantis_netcfg.emulator.routeros.values import seconds
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 _ROWS, _ROUTES, _SETTINGS = "/tool/netwatch", "/ip/route", "/routing/settings"

@@ -11,14 +11,13 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
-from atlantis_netcfg.emulator.routeros.topology import MAIN
+from atlantis_netcfg.emulator.routeros.topology import MAIN, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
-    from atlantis_netcfg.emulator.routeros.topology import Topology
 
 _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"

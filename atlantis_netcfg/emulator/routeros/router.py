@@ -15,8 +15,8 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
 from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection, fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.storage import Flash
-from atlantis_netcfg.emulator.routeros.wire.host import HOST, Listeners
-from atlantis_netcfg.emulator.routeros.wire.link import Counters, Link, TrafficCounters, WireBehaviour
+from atlantis_netcfg.emulator.routeros.wire.host import HOST, Host, Listeners, Member, Pipe
+from atlantis_netcfg.emulator.routeros.wire.link import Counters, Fault, Link, TrafficCounters, WireBehaviour
 from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
-    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member, Pipe
-    from atlantis_netcfg.emulator.routeros.wire.link import Fault
 
 
 class Router:

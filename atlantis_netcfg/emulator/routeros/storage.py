@@ -7,16 +7,13 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.paths import write_private
-from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Trap
+from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Caller, Trap
 from atlantis_netcfg.emulator.routeros.console.run import run_file
-from atlantis_netcfg.emulator.routeros.core import File
+from atlantis_netcfg.emulator.routeros.core import Core, File
 from atlantis_netcfg.emulator.routeros.wire.tls import certificate
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.core import Core
 
 
 _UPLOAD = ".auto.rsc"

@@ -6,14 +6,13 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Menu, Shape, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Arg, Menu, Shape, generic, unmodelled
 from atlantis_netcfg.emulator.routeros.values import reference, references, spell
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.schema import Schema
 
 

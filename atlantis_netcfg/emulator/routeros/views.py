@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed, public_k
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
-from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
 from atlantis_netcfg.emulator.routeros.path import route_to
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
     from atlantis_netcfg.emulator.routeros.topology import Interface, Route, Topology
 

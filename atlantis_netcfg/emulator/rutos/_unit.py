@@ -17,13 +17,11 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.shell.ssh import fingerprint, host_key
-from atlantis_netcfg.emulator.rutos._web import Modem, UciRefused, Web, factory
+from atlantis_netcfg.emulator.rutos._web import Modem, RutosSpec, Uci, UciRefused, Web, factory
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
-
-    from atlantis_netcfg.emulator.rutos._web import RutosSpec, Uci
 
 
 class Gate(asyncssh.SSHServer):

@@ -10,17 +10,15 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
 from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, Probe
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
-from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Reply
 
 
 BUDGET_BYTES = 20_000

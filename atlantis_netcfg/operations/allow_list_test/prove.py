@@ -9,7 +9,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.bearers.policy import Route, active_bearer
 from atlantis_netcfg.bearers.satellite import (
     FACTORY_ADDRESSES,
     WINDOW_S,
@@ -21,10 +21,12 @@ from atlantis_netcfg.bearers.satellite import (
     judge_factory_address,
 )
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, complete
-from atlantis_netcfg.core.events import Event, Stage, Verdict
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     TEMPORARY_ROWS,
+    Reading,
+    Task,
     answered,
     expected_bytes,
     factory_ping,
@@ -34,17 +36,13 @@ from atlantis_netcfg.operations.allow_list_test.plan import (
     session_bytes,
     tasks,
 )
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, HEADERS, on_the_wire
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.policy import Route
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration.model import Bearer, Pilot
-    from atlantis_netcfg.operations.allow_list_test.plan import Reading, Task
-    from atlantis_netcfg.routeros.api import Reply, Session
 
 
 MARK = "atlantis: for a proof, taken back after it"

@@ -6,12 +6,12 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.bearers.cost import Bill, Preview, preview
 from atlantis_netcfg.bearers.satellite import judge_names
-from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.declaration.model import Bearer, Router
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
-from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proving
+from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proof, Proving
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -22,10 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
-    from atlantis_netcfg.operations.allow_list_test.prove import Proof
     from atlantis_netcfg.operations.request import Request
 
 

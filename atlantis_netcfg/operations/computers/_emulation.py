@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Gateway, VpnServer
 from atlantis_netcfg.emulator import lab
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.routeros.estimate import Bearer
     from atlantis_netcfg.vpn.identity import Identity

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, complete
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.journal import NOT_RECORDED, ActionsConfirmed, Outcome, conclude
+from atlantis_netcfg.journal import NOT_RECORDED, ActionsConfirmed, JournalFailed, Outcome, conclude
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
 from atlantis_netcfg.operations.request import EventStream, Mode, Request, declaration_of
 from atlantis_netcfg.operations.site import RunName, SiteRun
@@ -24,9 +24,6 @@ from atlantis_netcfg.routeros.apply import Status
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
-
-    from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.journal import JournalFailed
 
 
 _MENU = "roles"

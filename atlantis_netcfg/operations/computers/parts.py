@@ -7,7 +7,7 @@ take packages and sources from, and how much of them: its site's link, or a bund
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
@@ -24,7 +24,6 @@ from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import openvpn_server
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
 Part = Callable[[Declaration, Host, Request], Mapping[str, Any]]

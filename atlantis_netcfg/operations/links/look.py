@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.cost import bill
-from atlantis_netcfg.bearers.policy import active_bearers, probe_commands
+from atlantis_netcfg.bearers.cost import Bill, bill
+from atlantis_netcfg.bearers.policy import Route, active_bearers, probe_commands
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
-from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
-from atlantis_netcfg.journal import Counters, MonthBytes, Store
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
+from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.bearers import FAST_S, LAN, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.costs import links_of, ways_of
@@ -38,20 +38,15 @@ from atlantis_netcfg.operations.links.status import (
 )
 from atlantis_netcfg.operations.lte import Unit
 from atlantis_netcfg.report.links import LinksReport
+from atlantis_netcfg.routeros.estimate import Bearer as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.bearers import BearerStatus, Finding
-    from atlantis_netcfg.bearers.cost import Bill
-    from atlantis_netcfg.bearers.policy import Route
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
-    from atlantis_netcfg.journal import Usage
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.estimate import Bearer as Carrier
 
 
 @dataclass(slots=True)

@@ -9,17 +9,15 @@ from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Route, probe_commands
-from atlantis_netcfg.routeros.api import Command, Session, Traffic
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Probe, Route, probe_commands
+from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 from atlantis_netcfg.routeros.observe import seconds
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers.policy import Probe
     from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Endpoint, Reply
 
 
 @dataclass(slots=True)

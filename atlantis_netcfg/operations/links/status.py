@@ -4,36 +4,30 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass, field, replace
-from ipaddress import IPv4Address
+from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState, Quality
 from atlantis_netcfg.bearers import wifi as radios
-from atlantis_netcfg.bearers.lte import Registration, judge, routeros
+from atlantis_netcfg.bearers.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.bearers.wifi import Family, WifiExpected, queries
+from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import Cpe, LteDriver, PtpMode
-from atlantis_netcfg.operations.links.session import command, rows
+from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, PtpMode
+from atlantis_netcfg.operations.links.session import Echo, Port, ReadOnlySession, RouterReading, command, rows
 from atlantis_netcfg.operations.terminals import is_terminal, look
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros.api import Command, Reply, Session
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from datetime import date
-    from ipaddress import IPv4Network
 
-    from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.bearers.policy import Route
-    from atlantis_netcfg.bearers.wifi import WifiReading
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.operations.links.session import Echo, Port, ReadOnlySession, RouterReading
     from atlantis_netcfg.operations.lte import Unit
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.api import Reply, Session
 
 
 _MENUS = {family: f"/interface/{family}/print" for family in Family}

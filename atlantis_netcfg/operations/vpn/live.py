@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.operations.vpn.link import RecordOlder, ServerRefused
+from atlantis_netcfg.operations.vpn.link import RecordOlder, ServerLink, ServerRefused
 from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
     Crl,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.gateway.parts import File
-    from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import SessionObservation
     from atlantis_netcfg.vpn.identity import MembershipList

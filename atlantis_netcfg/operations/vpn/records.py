@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
-from atlantis_netcfg.vpn.identity import CertificateStatus
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
 from atlantis_netcfg.vpn.ledger import LedgerDamaged
 
 if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.check import Agreement
-    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
     from atlantis_netcfg.vpn.ledger.file import Entry
 
 _PERIODS = {"d": 1, "w": 7}

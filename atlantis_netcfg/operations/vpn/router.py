@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
-from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import (
     Journal,
@@ -37,20 +37,16 @@ from atlantis_netcfg.journal import (
 )
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.request import refuse_examples
+from atlantis_netcfg.operations.request import Request, refuse_examples
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.operations.vpn.router_import import RouterImport
-from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, Mode, Status, converge
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
-from atlantis_netcfg.vpn.identity import KeyType
+from atlantis_netcfg.vpn.identity import Identity, KeyType
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.routeros.apply import DeviceJob
-    from atlantis_netcfg.vpn.identity import Identity
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,18 +15,16 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
-from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.api import Command, Refused, Session, SessionLost
+from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Session, SessionLost
 from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
     from datetime import datetime
 
-    from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.routeros.api import Endpoint, Reply
     from atlantis_netcfg.vpn.identity import Identity
 
 PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"

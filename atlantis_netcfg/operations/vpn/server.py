@@ -11,7 +11,7 @@ not put right in passing. Silence of the server is no verdict on it.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
@@ -20,29 +20,22 @@ from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, U
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.vpn import live
-from atlantis_netcfg.operations.vpn.link import ServerAway, ServerRefused, SshLink
+from atlantis_netcfg.operations.vpn.link import ServerAway, ServerLink, ServerRefused, SshLink
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
-    from atlantis_netcfg.operations.vpn.link import ServerLink
-    from atlantis_netcfg.operations.vpn.live import Evidence
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.operations.vpn.link import RecordOlder
-from atlantis_netcfg.operations.vpn.live import check_record, desired_files, finish_revocations, note_seen
+from atlantis_netcfg.operations.vpn.live import Evidence, check_record, desired_files, finish_revocations, note_seen
 from atlantis_netcfg.operations.vpn.server_state import ServerState, drift, observe
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.vpn.authority.authority import Authority
 
 

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.operations.vpn.link import AnswerLost
+from atlantis_netcfg.operations.vpn.link import AnswerLost, ServerLink
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.gateway.parts import File
-    from atlantis_netcfg.operations.vpn.link import ServerLink
     from atlantis_netcfg.vpn.identity import MembershipList
 
 

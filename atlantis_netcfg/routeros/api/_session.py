@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Final, Self
 from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, cut_off, fingerprint_of
 from atlantis_netcfg.routeros.api._values import (
     Command,
+    Endpoint,
     FellSilent,
     LoginRefused,
     ProtocolError,
+    Reply,
     SessionLost,
     Traffic,
     Unreachable,
@@ -27,8 +29,6 @@ from atlantis_netcfg.routeros.api._wire import Wire
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
-
-    from atlantis_netcfg.routeros.api._values import Endpoint, Reply
 
 
 async def log_in(wire: Wire, endpoint: Endpoint) -> None:

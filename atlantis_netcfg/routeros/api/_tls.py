@@ -12,13 +12,10 @@ import socket
 import ssl
 import struct
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.routeros.api._values import CertificateChanged, CertificateUnknown, Unreachable
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.api._values import Endpoint, Traffic
+from atlantis_netcfg.routeros.api._values import CertificateChanged, CertificateUnknown, Endpoint, Traffic, Unreachable
 
 _PIECE = 65_536
 _ATTACH_FILTER = 26

@@ -32,8 +32,8 @@ from atlantis_netcfg.journal import (
     Verified,
 )
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Verb
-from atlantis_netcfg.routeros.api import Command, SessionLost
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observed, Plan, Verb
+from atlantis_netcfg.routeros.api import Command, Reply, SessionLost
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
 from atlantis_netcfg.routeros.apply._state import (
     CLAIMS,
@@ -51,7 +51,7 @@ from atlantis_netcfg.routeros.apply._state import (
     saved,
     signs,
 )
-from atlantis_netcfg.routeros.apply._writer import ActionRefused
+from atlantis_netcfg.routeros.apply._writer import ActionRefused, Writer
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
     HISTORY,
@@ -74,11 +74,8 @@ from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dea
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from atlantis_netcfg.routeros._types import Action, Facts, Observed, Plan
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._work import RunContext
-    from atlantis_netcfg.routeros.apply._writer import Writer
 
 
 _COUNT = Command("/system/history/print", (("count-only", ""),))

@@ -11,16 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.console.types import ConsoleUnreachable, SafeModeHeld
+from atlantis_netcfg.console.types import Console, ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.api import Command, Refused, SessionLost
+from atlantis_netcfg.routeros.api import Command, Refused, Reply, SessionLost
 from atlantis_netcfg.routeros.safe_mode import Holder, NoSafeMode, ProtectionLost, held_by
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from atlantis_netcfg.console.types import Console
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._job import OpenConsole, SshEndpoint
 

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.routeros.api import WINDOW, CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
-from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, Unfit
-from atlantis_netcfg.routeros.safe_mode import Holder
+from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, DeviceJob, Unfit
+from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.routeros.api._values import Channel
-    from atlantis_netcfg.routeros.apply._job import DeviceJob
-    from atlantis_netcfg.routeros.safe_mode import SafeMode
 
 
 _GROWTH = 1.5

@@ -17,7 +17,7 @@ from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
 from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._job import Mode, Status, Unfit
+from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Mode, Status, Unfit
 from atlantis_netcfg.routeros.apply._protection import (
     Choice,
     Interfered,
@@ -49,7 +49,6 @@ from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command
-    from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult
 
 
 _FORGOTTEN = History()

@@ -14,18 +14,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Layer, Observed, Verb
+from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console
-from atlantis_netcfg.routeros.menus import MENUS
+from atlantis_netcfg.routeros.menus import MENUS, Menu
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
 from atlantis_netcfg.rsc import quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.routeros._types import Action, Plan, Row
-    from atlantis_netcfg.routeros.menus import Menu
 
 LIMIT = 60_000
 """Bytes. A script of `/execute` takes 64 kB. Assumption: on-event-60k"""

@@ -10,20 +10,19 @@ Menus alone tell nothing: `/interface/wifi` is there from 7.13 on without any ra
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Subscriber, ignore
-from atlantis_netcfg.journal import NoJournal, Recorder
+from atlantis_netcfg.journal import Confirmed, NoJournal, Recorder
 from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
 
 if TYPE_CHECKING:
     from atlantis_netcfg.console.types import Console
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.journal import Confirmed
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
     from atlantis_netcfg.routeros.drift import Comparison
@@ -34,8 +33,6 @@ from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros.api._values import Channel
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
-
     from atlantis_netcfg.routeros._items import Desired
 
 

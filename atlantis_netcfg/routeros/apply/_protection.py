@@ -17,13 +17,12 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.safe_mode import ApiSafeMode, NoSafeMode
+from atlantis_netcfg.routeros.safe_mode import ApiSafeMode, NoSafeMode, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import forbidden
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts, Plan
     from atlantis_netcfg.routeros.apply._job import DeviceJob
-    from atlantis_netcfg.routeros.safe_mode import SafeMode
 
 
 class Protection(StrEnum):

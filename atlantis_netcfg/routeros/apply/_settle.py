@@ -12,24 +12,21 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
-from atlantis_netcfg.routeros._types import Verb
+from atlantis_netcfg.routeros._types import Observed, Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
-from atlantis_netcfg.routeros.apply._job import Status
+from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, safe_mode_of
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import RunContext, cut
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
-from atlantis_netcfg.routeros.safe_mode import ProtectionLost
+from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, jobs_of
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.api._values import Channel
-    from atlantis_netcfg.routeros.apply._job import DeviceResult
-    from atlantis_netcfg.routeros.safe_mode import Holder
 
 _SHOWN = 5
 

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._items import Desired, Item
-from atlantis_netcfg.routeros.api import Command
-from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter
+from atlantis_netcfg.routeros._items import Desired, Item, RunTime
+from atlantis_netcfg.routeros.api import Command, Reply
+from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer
 from atlantis_netcfg.routeros.commands import executed
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
@@ -35,12 +35,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.core.versions import Version
-    from atlantis_netcfg.routeros._items import RunTime
     from atlantis_netcfg.routeros._types import Observed, Plan, Row
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._job import DeviceJob
-    from atlantis_netcfg.routeros.apply._writer import Writer
 
 
 _Content = tuple[str, ...]

@@ -22,7 +22,7 @@ That a run is over is known of the runs of this computer: one at a time may chan
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -31,31 +31,23 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, conclude, unrecorded
+from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, Record, conclude, unrecorded
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Layer, Verb
-from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
+from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, PortCounts, Verb
+from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Choice, Protection
 from atlantis_netcfg.routeros.apply._state import CLAIMS, Sign, Signer, plan_hash, seen, withdrawing
 from atlantis_netcfg.routeros.commands import Examination
-from atlantis_netcfg.routeros.drift import Difference, DriftKind, Owner
-from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode
-from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, disarm, jobs_of
+from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, Owner
+from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
+from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, DeadMan, disarm, jobs_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-
-    from atlantis_netcfg.journal import Record
-    from atlantis_netcfg.routeros._types import Action, Observed, Plan, PortCounts
     from atlantis_netcfg.routeros.api import Command
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._contact import Contact
-    from atlantis_netcfg.routeros.apply._job import DeviceJob
     from atlantis_netcfg.routeros.apply._writer import Writer
-    from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import Estimate
-    from atlantis_netcfg.routeros.safe_mode import SafeMode
-    from atlantis_netcfg.routeros.scheduler_jobs import DeadMan
 
 
 _NAMED, _NAMING = True, False

@@ -15,8 +15,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Verb
-from atlantis_netcfg.routeros.api import WINDOW, Command
+from atlantis_netcfg.routeros._types import Action, Verb
+from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts
 from atlantis_netcfg.routeros.commands import executed, sentence
 from atlantis_netcfg.routeros.menus import MENUS
@@ -24,8 +24,6 @@ from atlantis_netcfg.routeros.menus import MENUS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.routeros._types import Action
-    from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.api._values import Channel
 
 _AT_ONCE = 8

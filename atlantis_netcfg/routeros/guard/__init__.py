@@ -8,16 +8,12 @@ against the plan, unless it was the same before: then our session proves that it
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Layer
+from atlantis_netcfg.routeros._types import Layer, Observed, Plan
 from atlantis_netcfg.routeros.guard import _access, _firewall, _link, _route
 from atlantis_netcfg.routeros.guard._access import touches_path
 from atlantis_netcfg.routeros.guard._state import INTERFACES, ManagementPath, State
 from atlantis_netcfg.routeros.planner import after, simulate
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros._types import Observed, Plan
 
 __all__ = ["MENUS", "ManagementPath", "objections", "touches"]
 

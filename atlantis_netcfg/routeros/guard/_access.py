@@ -19,14 +19,11 @@ from atlantis_netcfg.routeros.guard._firewall import (
     new_session,
 )
 from atlantis_netcfg.routeros.guard._link import interfaces
-from atlantis_netcfg.routeros.guard._state import is_set
+from atlantis_netcfg.routeros.guard._state import State, is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
-
-    from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.guard._state import State
 
 
 POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})

@@ -14,16 +14,13 @@ from enum import IntEnum
 from ipaddress import IPv4Address, ip_network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import is_bare
+from atlantis_netcfg.routeros._types import Row, is_bare
 from atlantis_netcfg.routeros.guard._route import way_back
-from atlantis_netcfg.routeros.guard._state import is_set
+from atlantis_netcfg.routeros.guard._state import State, is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
-
-    from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.guard._state import State
 
 
 class Answer(IntEnum):

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, ip_network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.guard._state import identity, is_set
+from atlantis_netcfg.routeros.guard._state import State, identity, is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.guard._state import State
 
 _DEEP_ENOUGH = 4
 _NO_LIMIT = -1

@@ -9,13 +9,13 @@ trees call the menu a list, since it also takes virtual access points; to us it 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus._model import (
     COMMENT,
     DISABLED,
+    Field,
     Menu,
     Shape,
     boolean,
@@ -31,9 +31,6 @@ from atlantis_netcfg.routeros.menus._model import (
     time,
     words,
 )
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.menus._model import Field
 
 _SINCE = Version.parse("7.13")
 """Before, the same menu was called `/interface/wifiwave2` (Manual, WiFi)."""

@@ -20,15 +20,13 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
-from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply import Channel, DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
-from atlantis_netcfg.routeros.pair._end import NotAsDeclared
+from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.apply import Channel, DeviceResult
-    from atlantis_netcfg.routeros.pair._end import End
     from atlantis_netcfg.routeros.pair._transaction import Transaction
 
 

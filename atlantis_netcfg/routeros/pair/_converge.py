@@ -10,22 +10,17 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.api import Traffic
-from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.pair._back import back, clear, read_again, returned
-from atlantis_netcfg.routeros.pair._end import End
+from atlantis_netcfg.routeros.pair._end import End, Pair
 from atlantis_netcfg.routeros.pair._radio import disagreements
 from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE, Transaction
 from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult
-    from atlantis_netcfg.routeros.pair._end import Pair
 
 
 async def follow(work: Transaction) -> DeviceResult | None:

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Unrolled
-from atlantis_netcfg.routeros.apply import DeviceResult, Mode, Status
+from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Record, Unrolled
+from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, Mode, Status
 from atlantis_netcfg.routeros.apply._change import missing
-from atlantis_netcfg.routeros.apply._contact import fitted
+from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._job import Unfit
 from atlantis_netcfg.routeros.apply._state import Signer, differing, digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._work import AGREE_APART, Leftovers, cleaned, ended, look, planned, unagreed
@@ -31,10 +31,7 @@ from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.journal import Record
     from atlantis_netcfg.routeros._types import Action, Observed, Plan
-    from atlantis_netcfg.routeros.apply import Channel, DeviceJob
-    from atlantis_netcfg.routeros.apply._contact import Contact
 
 
 _SHOWN = 3

@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Verb
+from atlantis_netcfg.routeros._types import Action, Row, Verb
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.routeros._types import Action, Row
 
 
 LEGACY, WIFI = "/interface/wireless", "/interface/wifi"

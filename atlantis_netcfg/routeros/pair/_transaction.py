@@ -22,7 +22,7 @@ from atlantis_netcfg.routeros.apply._protection import Interfered
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
 from atlantis_netcfg.routeros.apply._state import SAVING, digest, fetch, saved
 from atlantis_netcfg.routeros.commands import executed
-from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
+from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared, Pair, Signal
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
 from atlantis_netcfg.routeros.safe_mode import (
     DEAD_SESSION_S,
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Action
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
-    from atlantis_netcfg.routeros.pair._end import Pair, Signal
 
 SAFE_MODE = ApiSafeMode(silence_s=20.0)
 """For answers at the end: the link was there a moment ago, and the far end's job will soon look."""

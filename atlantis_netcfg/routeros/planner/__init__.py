@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.versions import NEWEST_KNOWN
-from atlantis_netcfg.routeros._types import Action, Layer, Plan, Verb
+from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
 from atlantis_netcfg.routeros.pin import sim_of
@@ -32,9 +32,7 @@ from atlantis_netcfg.routeros.planner._rename import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.core.versions import Version
     from atlantis_netcfg.routeros._items import Desired, Item
-    from atlantis_netcfg.routeros._types import Facts, Observed, Row
 
 __all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "renamed", "simulate"]
 

@@ -6,14 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Hidden, Layer, Verb
+from atlantis_netcfg.routeros._types import Drift, Hidden, Layer, Row, Verb
 from atlantis_netcfg.routeros.pin import Sim, objection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from atlantis_netcfg.routeros._items import Desired, Item
-    from atlantis_netcfg.routeros._types import Drift, Row
     from atlantis_netcfg.routeros.diff import Line
     from atlantis_netcfg.routeros.menus import Field, Menu
 

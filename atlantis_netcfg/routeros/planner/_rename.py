@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Action, Layer, Row, Verb
+from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, Row, Verb
 from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape
 from atlantis_netcfg.routeros.planner._change import Change
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Observed, Plan
 
 
 _FOLLOWING = (Kind.INTERFACE, Kind.GATEWAY)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import secrets
 from contextlib import ExitStack, contextmanager, suppress
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
@@ -35,17 +35,15 @@ from atlantis_netcfg.vpn.authority.ledger_session import (
 )
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, Lock, NoAuthority, SessionObservation, os_errors_as
 from atlantis_netcfg.vpn.authority.signer import Signer
-from atlantis_netcfg.vpn.ledger import records
+from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
 from atlantis_netcfg.vpn.ledger.records import Founded, Resealed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
-    from datetime import datetime
     from pathlib import Path
 
     from atlantis_netcfg.vpn.authority.model import HandoutFile, ServerNames
     from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
-    from atlantis_netcfg.vpn.ledger import Entry, LedgerState
 
 
 Sealing = Literal["age", "vault"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -12,16 +12,13 @@ from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head, revoked_serials
 from atlantis_netcfg.vpn.authority.model import is_held, os_errors_as
-from atlantis_netcfg.vpn.ledger import records
+from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading, records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from datetime import datetime
     from pathlib import Path
 
     from cryptography import x509
-
-    from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading
 
 
 SOON = timedelta(days=30)

@@ -32,7 +32,7 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind, ServerNames, os_errors_as
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
-from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, utc_now
+from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, Record, utc_now
 from atlantis_netcfg.vpn.ledger.records import Begun, ClockTrusted, Committed, RolledBack, ServerIssued
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from atlantis_netcfg.vpn.ledger import Record
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn.authority.model import CRL

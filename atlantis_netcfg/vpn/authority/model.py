@@ -18,14 +18,13 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import Holder, sync_directory
-from atlantis_netcfg.vpn.identity import KeyType, Link, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, KeyType, Kind, Link, Member, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.identity import Certificate, Kind, Member
     from atlantis_netcfg.vpn.ledger.records import Issued
 
 

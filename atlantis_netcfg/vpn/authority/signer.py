@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.vpn import names, pki
 from atlantis_netcfg.vpn.authority import model
-from atlantis_netcfg.vpn.authority.ledger_session import needs_another, new_operation
+from atlantis_netcfg.vpn.authority.ledger_session import SigningSession, needs_another, new_operation
 from atlantis_netcfg.vpn.authority.model import (
     CLIENT_DAYS,
     CRL,
@@ -34,7 +34,7 @@ from atlantis_netcfg.vpn.authority.model import (
     ServerNames,
     os_errors_as,
 )
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, Member
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Member, MembershipList, Wrap
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT, records
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Network
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.vpn.authority.ledger_session import SigningSession
-    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
-    from atlantis_netcfg.vpn.identity import KeyType, MembershipList, Wrap
 
 
 _TWO_ENDS = 30

@@ -36,7 +36,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import (
     profile,
     read_identity,
 )
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import Identity, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.vpn.identity import Identity
 
 
 _NAME = re.compile(r"[a-z0-9][a-z0-9.-]{0,79}/[A-Za-z0-9][A-Za-z0-9.-]{0,79}")

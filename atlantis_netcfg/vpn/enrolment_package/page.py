@@ -22,25 +22,22 @@ import re
 import textwrap
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from ipaddress import IPv4Network
+from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from atlantis_netcfg.declaration.model import Transport
 from atlantis_netcfg.render import environment, template_folder
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared, remote
-from atlantis_netcfg.vpn.identity import Kind, Link, MembershipList, Wrap
-from atlantis_netcfg.vpn.policy import ANYTHING, PING, Protocol, policy
+from atlantis_netcfg.vpn.identity import Identity, Kind, Link, Member, MembershipList, Wrap
+from atlantis_netcfg.vpn.policy import ANYTHING, PING, Permission, Policy, Protocol, Traffic, Zone, policy
 from atlantis_netcfg.vpn.server import tunnel_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.vpn.identity import Identity, Member
-    from atlantis_netcfg.vpn.policy import Permission, Policy, Traffic, Zone
 
 
 _OURS = "p_site_hosts"

@@ -8,13 +8,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
-from atlantis_netcfg.vpn.ledger.file import LedgerDamaged
+from atlantis_netcfg.vpn.ledger.file import Entry, LedgerDamaged
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.vpn.ledger import records
-    from atlantis_netcfg.vpn.ledger.file import Entry
 
 NEVER_HANDED_OUT = "never handed out"
 """Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""

@@ -24,6 +24,7 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
+    Modem,
     ask_at,
     declared_address,
     message,
@@ -41,7 +42,7 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
     level_words,
     plain,
 )
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Step, Transcript
+from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, Column
@@ -49,8 +50,6 @@ from atlantis_netcfg.declaration.model import AcousticDriver, Column
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Listen, Question
 
 __all__ = ["steps"]
 

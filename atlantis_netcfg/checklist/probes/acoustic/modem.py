@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.step import Cell, Judged, Listen, Place, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Place, Say, Transcript, Trouble
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
@@ -29,7 +29,6 @@ from atlantis_netcfg.declaration.model import AcousticDriver, AcousticEndpoint, 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Consent
 
 _IN_WATER = "in the water"
 

@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
+    Modem,
     not_understood,
     transcript_or_judgement,
     two_modems,
     whose_unknown,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.acoustic.modem import Modem
-    from atlantis_netcfg.checklist.probes.step import Answer, Listen, Question, Transcript
 
 SOUND_SPEED_MPS = (1300, 1700)
 """Of water; what an EvoLogics modem takes (BIR)."""

@@ -17,9 +17,10 @@ import zlib
 from base64 import b64decode
 from dataclasses import dataclass, field
 from importlib import resources
-from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
+from typing import Any, Iterable, Mapping, Sequence
 
 from atlantis_netcfg.checklist.probes.step import (
+    Answer,
     CommandResult,
     DdsDiscoverRequest,
     DdsDiscoverResult,
@@ -27,13 +28,11 @@ from atlantis_netcfg.checklist.probes.step import (
     DhcpOffer,
     DhcpOffers,
     Listen,
+    Question,
     Run,
     Transcript,
     Trouble,
 )
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.step import Answer, Question
 
 __all__ = ["BOOT", "MODULES", "Batch", "batch", "program", "read_result"]
 

@@ -27,9 +27,12 @@ from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
 from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, troubled
 from atlantis_netcfg.checklist.probes.step import (
+    Answer,
+    Cell,
     Judged,
     Listen,
     Place,
+    Probe,
     Question,
     RouterOsQuery,
     Rows,
@@ -39,13 +42,11 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import GpsDriver, VehicleKind
+from atlantis_netcfg.declaration.model import GpsDriver, GpsEndpoint, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, Probe
-    from atlantis_netcfg.declaration.model import GpsEndpoint
 
 __all__ = [
     "CLOCK_QUERY",

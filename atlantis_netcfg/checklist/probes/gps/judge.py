@@ -10,13 +10,12 @@ from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Reception, Report
-    from atlantis_netcfg.declaration.model import Geofence
 
 RADIUS_M = 6_371_008.8
 """Mean radius of WGS 84."""

@@ -11,15 +11,13 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.step import Trouble
+from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import GpsDriver
+from atlantis_netcfg.declaration.model import Geofence, GpsDriver
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.checklist.probes.step import Transcript
-    from atlantis_netcfg.declaration.model import Geofence
 
 DAY_S = 86_400.0
 

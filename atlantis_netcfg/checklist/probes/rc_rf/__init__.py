@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     ranges,
     unusable,
 )
-from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System, enough, read
+from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Listen, Place, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from atlantis_netcfg.bearers import Finding
-    from atlantis_netcfg.checklist.probes.rc_rf.stream import Stream
     from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
 

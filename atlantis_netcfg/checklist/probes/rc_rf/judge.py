@@ -12,15 +12,13 @@ from statistics import correlation
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, System
-from atlantis_netcfg.checklist.probes.step import Trouble
+from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Channels, Stream, System
+from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes.rc_rf.stream import Channels, Stream
-    from atlantis_netcfg.checklist.probes.step import Transcript
 
 FRESH_S = 3.0
 """Heartbeats come once a second, channels at least so."""

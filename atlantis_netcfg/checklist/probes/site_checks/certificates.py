@@ -26,13 +26,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, Rows
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
 from atlantis_netcfg.render import prerequisites
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 IDENTITY = "/etc/openvpn/client/atlantis.identity"
 """Certificates and keys of a gateway computer in the VPN; a test holds it to `vpn.client`, which is beside us."""

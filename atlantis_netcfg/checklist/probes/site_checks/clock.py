@@ -24,12 +24,11 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, Rows
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.checklist.report import Evidence
 
 APART_S = 2.0

@@ -41,13 +41,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Judged, Place, Trouble
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ControlCentre
+from atlantis_netcfg.declaration.model import ControlCentre, Dds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
-    from atlantis_netcfg.declaration.model import Dds
 
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2

@@ -23,12 +23,11 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged, RouterOsQuery
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 FACTORY: Mapping[str, str] = {
     "192.168.88.1": "MikroTik's factory address",

@@ -13,11 +13,15 @@ from typing import TYPE_CHECKING, Any, cast
 from atlantis_netcfg.bearers import Finding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.step import (
+    Answer,
+    Cell,
     CommandResult,
+    DhcpOffer,
     DhcpOffers,
     LinkStatusRequest,
     LinkStatusResult,
     Place,
+    Probe,
     RouterOsQuery,
     Rows,
     Run,
@@ -26,16 +30,13 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router
-from atlantis_netcfg.render import router_view
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router, Site
+from atlantis_netcfg.render import RouterView, router_view
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell, DhcpOffer, Probe
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import Site
-    from atlantis_netcfg.render import RouterView
 
 
 def good(code: str, message: str) -> Finding:

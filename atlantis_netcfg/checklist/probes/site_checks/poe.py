@@ -19,13 +19,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unknown,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Judged, RouterOsQuery
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
 from atlantis_netcfg.declaration.model import PoeMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
 
 _NAMES = "names"
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")

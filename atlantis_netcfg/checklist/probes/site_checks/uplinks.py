@@ -31,13 +31,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, Step
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.render.view import Uplink
 
 

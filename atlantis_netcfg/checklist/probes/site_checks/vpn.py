@@ -26,13 +26,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import CommandResult, Judged, LinkStatusResult
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, LinkStatusResult, Question, Step
 from atlantis_netcfg.declaration.model import ControlCentre, VpnServer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.checklist.report import Evidence
 
 TUNNEL = "tun0"

@@ -15,8 +15,8 @@ import io
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _words as words
-from atlantis_netcfg.checklist.report._html import attached
-from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, printable
+from atlantis_netcfg.checklist.report._html import Attached, Photo, attached
+from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
 from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, State, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.checklist.report._words import clock, counts, evidence_groups, headline, scope, signed, title
@@ -24,8 +24,6 @@ from atlantis_netcfg.checklist.report._words import clock, counts, evidence_grou
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.checklist.report._html import Attached, Photo
-    from atlantis_netcfg.checklist.report._pdf._sheet import Sheet
     from atlantis_netcfg.checklist.report._shapes import Badge, Box, Cell, Grid, Layout, Wire
     from atlantis_netcfg.checklist.report.document import Document, Item, Override
 

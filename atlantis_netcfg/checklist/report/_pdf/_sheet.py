@@ -10,12 +10,11 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS
+from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, State
 from atlantis_netcfg.checklist.report._words import signed
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.report._shapes import State
     from atlantis_netcfg.checklist.report.document import Document, Item
 
 FAMILY = "DejaVu"

@@ -18,8 +18,10 @@ from atlantis_netcfg.emulator.gnss import Access, Speech
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
     CertificateSpec,
+    ComputerSpec,
     DdsSpec,
     EchoSpec,
+    InterfaceSpec,
     NeighbourSpec,
     OfferSpec,
     RouteSpec,
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.checklist.runner.simulated._world import Act, World
-    from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ What stands around the RouterOS twins of a rehearsal when all is well, and what 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -35,11 +35,8 @@ from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import AcousticEndpoint, UsblEndpoint, WifiEndpoint
-    from atlantis_netcfg.emulator.linux import ComputerSpec
 
 
 _OUTDOORS_MHZ = 5500

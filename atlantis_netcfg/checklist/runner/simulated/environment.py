@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.checklist.probes import (
+    Answer,
     CommandResult,
     DdsDiscoverRequest,
     DdsDiscoverResult,
@@ -24,15 +25,16 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     Listen,
     Place,
+    Question,
     Run,
     Transcript,
     Trouble,
 )
 from atlantis_netcfg.checklist.probes.step import DhcpOffer
-from atlantis_netcfg.checklist.runner._real import RealEars, ask_here
-from atlantis_netcfg.checklist.runner.results import unanswered
+from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
-from atlantis_netcfg.checklist.runner.simulated._world import clock_words, healthy
+from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World, clock_words, healthy
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
@@ -44,10 +46,6 @@ from atlantis_netcfg.operations.request import Mode, Request
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes import Answer, Question
-    from atlantis_netcfg.checklist.runner._real import Ears
-    from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions
-    from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import FLAGGED, NOT_ALLOWED, SUSPICIOUS, allowed, public_key
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS, Shape
+from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import NOT_OFFERED, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import HIDDEN
 from atlantis_netcfg.rsc import Statement, print_statement
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from atlantis_netcfg.emulator.routeros.core import Call, Core
-    from atlantis_netcfg.emulator.routeros.menus import Unique
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 

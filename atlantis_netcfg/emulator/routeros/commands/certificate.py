@@ -26,13 +26,12 @@ from atlantis_netcfg.emulator.routeros.certificates import TLS_CRYPT_SINCE, Ovpn
 from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check, complete, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands.write import located
-from atlantis_netcfg.emulator.routeros.core import Call, Result
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
 from atlantis_netcfg.emulator.routeros.values import BadValue, reference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
 

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
 from atlantis_netcfg.emulator.routeros.console.run import check_syntax, run_file, run_script
-from atlantis_netcfg.emulator.routeros.core import Call, File, Result
+from atlantis_netcfg.emulator.routeros.core import Call, Core, File, Result
 from atlantis_netcfg.emulator.routeros.spec import Deviation, Execute
 from atlantis_netcfg.emulator.routeros.values import id_text
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.core import Core
 
 _MOST_CONTENTS = 60 * 1024
 _MOST_SCRIPT = 64 * 1024

@@ -6,18 +6,12 @@ Fields and their units: Manual, LTE/5G; the names of all are among those that th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item
-from atlantis_netcfg.emulator.routeros.core import Result
-from atlantis_netcfg.emulator.routeros.modem import Phase, phase_of, settings_of
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
+from atlantis_netcfg.emulator.routeros.modem import Phase, Settings, phase_of, settings_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.core import Call, Core
-    from atlantis_netcfg.emulator.routeros.modem import Settings
 
 _Row = dict[str, str]
 _BOX = {"manufacturer": "Quectel", "model": "EG18-EA", "revision": "EG18EAPAR01A12M4G", "imei": "001017000000000"}

@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.core import Result
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, RadioState
+from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Peer, RadioState, Settings
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.core import Call, Core
-    from atlantis_netcfg.emulator.routeros.radio._settings import Peer, Settings
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 _Row = dict[str, str]

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.commands.radio import amounting
-from atlantis_netcfg.emulator.routeros.core import Result
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -24,18 +24,15 @@ from atlantis_netcfg.emulator.routeros.views import rows, without_counters
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.emulator.routeros.core import Call, Core
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.emulator.routeros.core import Core
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Answer
-from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.modem import settle
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.routeros.access import FEATURES
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.core import Call, Result, notify_holder_lost
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.path import answers
 from atlantis_netcfg.emulator.routeros.spec import Deviation, Mode
@@ -27,7 +27,6 @@ from atlantis_netcfg.emulator.routeros.values import id_text
 from atlantis_netcfg.emulator.routeros.views import count_echoes
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import Item
 
 _PING_SIZE = "56"

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.commands._checks import (
     no_such_item,
     unknown,
 )
-from atlantis_netcfg.emulator.routeros.core import Result
+from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
 from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -25,7 +25,6 @@ from atlantis_netcfg.emulator.routeros.views import made_rows
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.core import Call, Core
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 _SELECTORS = (".id", "numbers", "number")

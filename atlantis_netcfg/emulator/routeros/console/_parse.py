@@ -23,7 +23,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.commands.read import Condition
+from atlantis_netcfg.emulator.routeros.commands.read import Condition, Where
 from atlantis_netcfg.emulator.routeros.schema import UNSEEN, UNSEEN_6
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
@@ -31,7 +31,6 @@ from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from atlantis_netcfg.emulator.routeros.commands.read import Where
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.menus import Arg
 

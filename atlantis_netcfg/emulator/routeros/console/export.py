@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
-from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Select, Shape
+from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
 from atlantis_netcfg.emulator.routeros.values import Flag, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
 from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.menus import Arg
     from atlantis_netcfg.emulator.routeros.store import Item, Table
 
 Values = tuple[tuple[str, str | None], ...]

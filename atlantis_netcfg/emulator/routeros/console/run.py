@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.answers import Trap
+from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument
 from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
 from atlantis_netcfg.emulator.routeros.console._parse import (
@@ -32,15 +32,13 @@ from atlantis_netcfg.emulator.routeros.console._parse import (
     Variable,
 )
 from atlantis_netcfg.emulator.routeros.console.people import View, reported, shown, summed
-from atlantis_netcfg.emulator.routeros.core import Call
+from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.views import without_counters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.core import Core
 
 _COMPARE: dict[str, Callable[[int, int], bool]] = {
     "=": operator.eq,

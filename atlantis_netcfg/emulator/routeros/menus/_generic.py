@@ -7,14 +7,10 @@ of which the list itself shows that it is only a part (numbers, addresses and na
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import Schema, offered
 from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Kind, Not, Ref, Refs, Text
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.schema import Schema
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
 _EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}

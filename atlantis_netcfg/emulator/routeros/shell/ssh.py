@@ -36,19 +36,15 @@ from cryptography.hazmat.primitives.serialization import (
 
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.device import Printed
+from atlantis_netcfg.emulator.routeros.device import Device, Printed
 from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import Session
-from atlantis_netcfg.emulator.routeros.wire.host import Pipe
+from atlantis_netcfg.emulator.routeros.wire.host import Host, Pipe
 from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, TrafficCounters, masked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Sequence
     from pathlib import Path
-
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.wire.host import Host
 
 
 class Gone(Exception):

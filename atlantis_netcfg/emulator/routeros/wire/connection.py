@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
-from atlantis_netcfg.emulator.routeros.wire.host import Pipe
+from atlantis_netcfg.emulator.routeros.wire.host import Host, Pipe
 from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, Faults, TrafficCounters, masked
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.emulator.routeros.answers import Answer
-    from atlantis_netcfg.emulator.routeros.wire.host import Host
     from atlantis_netcfg.emulator.routeros.wire.tls import Channel
 
 

@@ -16,6 +16,7 @@ from atlantis_netcfg.emulator.routeros.wire.link import (
     Faults,
     Link,
     Pace,
+    TrafficCounters,
     WireBehaviour,
 )
 from atlantis_netcfg.emulator.routeros.wire.tls import Channel, Plain, Tls, context
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.spec import Management
     from atlantis_netcfg.emulator.routeros.wire.host import Host, Member, MemberLine, Pipe
-    from atlantis_netcfg.emulator.routeros.wire.link import TrafficCounters
 
 
 class AccessPath:

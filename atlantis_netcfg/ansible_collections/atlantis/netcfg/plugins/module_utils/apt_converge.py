@@ -10,18 +10,12 @@ import re
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Callable, Collection, Mapping, Sequence
 
 from .apt_messages import of_install, of_update, others
-from .apt_run import fits, half_done, installed, refuse_another_system, wait_for_others
-from .apt_sources import check_key
+from .apt_run import Apt, Package, fits, half_done, installed, refuse_another_system, wait_for_others
+from .apt_sources import Key, Sources, check_key
 from .errors import ModuleError
-
-if TYPE_CHECKING:
-    from typing import Callable, Collection, Mapping, Sequence
-
-    from .apt_run import Apt, Package
-    from .apt_sources import Key, Sources
 
 _ARCHIVES = "/var/cache/apt/archives"
 _SPARE_BYTES = 32 * 1024 * 1024

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Iterable, Sequence
 
 from .errors import ModuleError
-
-if TYPE_CHECKING:
-    from typing import Iterable, Sequence
 
 _LINES = 8
 _SOURCE = r"(?P<url>\S+) (?P<suite>\S+?)(?: (?:In)?Release)?"

@@ -13,14 +13,12 @@ import time
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Callable, Sequence
 from urllib.parse import quote
 
 from .errors import ModuleError
 
 if TYPE_CHECKING:
-    from typing import Callable, Sequence
-
     from .filesystem import FileSystem
 
 _FOLDER = "/var/lib/atlantis/apt"

@@ -8,17 +8,11 @@ import hashlib
 import re
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Mapping, Sequence
 
 from .errors import ModuleError
-from .filesystem import Stamps
-from .openpgp import NotAKey, public_keys
-
-if TYPE_CHECKING:
-    from typing import Mapping, Sequence
-
-    from .filesystem import FileSystem
-    from .openpgp import PublicKey
+from .filesystem import FileSystem, Stamps
+from .openpgp import NotAKey, PublicKey, public_keys
 
 _STAMP = "apt-update"
 _WARN_DAYS = 60

@@ -21,17 +21,12 @@ import shutil
 import subprocess
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Callable, Iterable
 from urllib.parse import urlsplit
 
 from .build_messages import Trouble, about_git, last_words, trouble
-from .build_plan import is_commit
+from .build_plan import Repository, is_commit
 from .errors import ModuleError
-
-if TYPE_CHECKING:
-    from typing import Callable, Iterable
-
-    from .build_plan import Repository
 
 _USER = "oauth2"
 """GitLab takes any name beside an access token; NAME:TOKEN is for deploy tokens, which have one."""

@@ -23,15 +23,12 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable, Iterator
 
 from .build_git import Git, configure
 from .build_messages import CardFull, about_building
 from .build_plan import Plan, Shelf, is_commit
 from .errors import ModuleError, in_words
-
-if TYPE_CHECKING:
-    from typing import Callable, Iterator
 
 _MEMORY_OF_A_JOB_KIB = 1_200 * 1024
 """A compiler at work on the message types of ROS 2 takes about a gigabyte."""

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import re
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import Iterable
 
 from .errors import ModuleError
-
-if TYPE_CHECKING:
-    from typing import Iterable
 
 _LINES = 6
 _LONG = 240

@@ -21,13 +21,10 @@ import os
 import re
 import shutil
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Collection, Mapping
 
 from .errors import ModuleError, in_words
 from .filesystem import FileSystem
-
-if TYPE_CHECKING:
-    from typing import Collection, Mapping
 
 MARKER = "build.json"
 _KEY_DIGITS = 12

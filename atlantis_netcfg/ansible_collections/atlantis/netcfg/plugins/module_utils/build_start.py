@@ -17,18 +17,13 @@ import time
 import uuid
 import zipfile
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable, Mapping
 
 from . import build_git, build_make, build_messages, build_plan, errors, filesystem
 from .build_git import keep
 from .build_plan import Plan, Repository, Shelf
 from .errors import ModuleError, in_words
-from .programs import is_there, run, succeed
-
-if TYPE_CHECKING:
-    from typing import Callable, Mapping
-
-    from .programs import Done
+from .programs import Done, is_there, run, succeed
 
 _MODULES = (build_git, build_make, build_plan, build_messages, errors, filesystem)
 """What the program of the build consists of; that they are imported here brings them to the gateway."""

@@ -11,21 +11,17 @@ import hashlib
 import json
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Callable, Iterable, Mapping
 
 from . import ssh_access
 from .errors import ModuleError
 from .file_transaction import FileTransaction, clear, strays
-from .filesystem import ABSENT, Stamps
-from .programs import last_lines, run, succeed
+from .filesystem import ABSENT, FileSystem, Stamps
+from .programs import Done, last_lines, run, succeed
 from .ssh_access import alone
 
 if TYPE_CHECKING:
-    from typing import Callable, Iterable, Mapping
-
     from .desired_state import DesiredState, Step, Unit
-    from .filesystem import FileSystem
-    from .programs import Done
 
 _NO_INSTALL = ("static", "generated", "transient", "alias", "indirect", "enabled-runtime", "linked")
 """States of a unit file that `systemctl enable` does not change for the better."""

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import posixpath
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Iterable, Mapping
 
 from .errors import ModuleError
-
-if TYPE_CHECKING:
-    from typing import Iterable, Mapping
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,14 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Callable, Iterator
 
 from .errors import ModuleError
-from .programs import is_there, last_lines
+from .programs import Done, is_there, last_lines
 
 if TYPE_CHECKING:
-    from typing import Callable, Iterator
-
     from .desired_state import DesiredState, File, Owned
     from .filesystem import FileSystem, Found
-    from .programs import Done
 
 
 class FileTransaction:

@@ -16,13 +16,10 @@ import os
 import pwd
 import stat
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Iterator, Mapping
 from urllib.parse import quote
 
 from .errors import ModuleError, in_words
-
-if TYPE_CHECKING:
-    from typing import Iterator, Mapping
 
 _PERMISSIONS = 0o7777
 _SECOND_NS = 1_000_000_000

@@ -12,12 +12,12 @@ import json
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from . import network_files, network_guard
 from .errors import ModuleError, in_words
 from .network_desired import OURS, DesiredNetwork, same
-from .network_files import state_of
+from .network_files import Computer, state_of
 from .network_guard import (
     APPLIED,
     APPLY_AFTER_S,
@@ -30,11 +30,6 @@ from .network_guard import (
     addresses,
     running,
 )
-
-if TYPE_CHECKING:
-    from typing import Any
-
-    from .network_files import Computer
 
 _SERVERS = ("sshd", "dropbear")
 """OpenSSH 9.8 and later call the process of a session `sshd-session`."""

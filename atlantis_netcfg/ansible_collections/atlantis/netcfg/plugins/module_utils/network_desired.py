@@ -18,14 +18,12 @@ import socket
 import tempfile
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Iterator, Mapping
 
 from .errors import ModuleError
 from .network_guard import addresses
 
 if TYPE_CHECKING:
-    from typing import Iterator, Mapping
-
     from .network_files import Computer
 
 _PLANS = ("/lib/netplan", "/etc/netplan", "/run/netplan")

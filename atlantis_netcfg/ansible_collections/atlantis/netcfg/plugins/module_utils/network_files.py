@@ -10,11 +10,9 @@ import fcntl
 import json
 import os
 import subprocess
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, NamedTuple, Sequence
 
 if TYPE_CHECKING:
-    from typing import Callable, Dict, Iterator, Sequence
-
     Manifest = Dict[str, Any]
 
 FOLDER = "/var/lib/atlantis/network"

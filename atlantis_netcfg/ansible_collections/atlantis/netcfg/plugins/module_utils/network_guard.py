@@ -14,14 +14,9 @@ import json
 import re
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import Iterator, Sequence
 
-from .network_files import FOLDER, Computer, put
-
-if TYPE_CHECKING:
-    from typing import Iterator, Sequence
-
-    from .network_files import Manifest
+from .network_files import FOLDER, Computer, Manifest, put
 
 PENDING, APPLIED, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
 PREVIOUS, DESIRED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"

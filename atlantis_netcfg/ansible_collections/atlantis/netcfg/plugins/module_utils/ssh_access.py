@@ -9,13 +9,11 @@ import os
 import pwd
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Iterator, Mapping
 
 from .errors import ModuleError, in_words
 
 if TYPE_CHECKING:
-    from typing import Iterator, Mapping
-
     from .desired_state import WayIn
     from .filesystem import FileSystem
 

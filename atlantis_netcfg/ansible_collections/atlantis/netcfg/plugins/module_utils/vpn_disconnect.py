@@ -21,19 +21,13 @@ import subprocess
 import threading
 import time
 from ipaddress import IPv4Address, ip_address, ip_network
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable, Collection, Mapping, Sequence
 
 from .errors import ModuleError
 from .programs import last_lines
 from .ssh_access import alone
-from .vpn_management import Busy, Closed, Down, Torn
-from .vpn_server import ANSWERS, BUSY, DOWN
-
-if TYPE_CHECKING:
-    from typing import Callable, Collection, Mapping, Sequence
-
-    from .vpn_management import Management, Session
-    from .vpn_server import Server
+from .vpn_management import Busy, Closed, Down, Management, Session, Torn
+from .vpn_server import ANSWERS, BUSY, DOWN, Server
 
 _HEARD_S = 0.01
 """So long after its HALT the server has sent it; a kill at once would take the message back [measured, 2.6.14]."""

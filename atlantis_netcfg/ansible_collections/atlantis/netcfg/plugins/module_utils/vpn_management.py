@@ -14,10 +14,7 @@ import re
 import select
 import socket
 import time
-from typing import TYPE_CHECKING, Any, Dict
-
-if TYPE_CHECKING:
-    from typing import Iterable, Iterator
+from typing import Any, Dict, Iterable, Iterator
 
 END = "END"
 Session = Dict[str, Any]

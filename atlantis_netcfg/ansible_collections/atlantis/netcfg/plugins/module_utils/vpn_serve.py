@@ -23,7 +23,7 @@ import signal
 import stat
 import sys
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable, Mapping, Sequence
 
 from .desired_state import DesiredState
 from .errors import ModuleError, in_words
@@ -31,9 +31,6 @@ from .file_transaction import FileTransaction, clear, strays
 from .ssh_access import alone
 from .vpn_disconnect import Ending, Unheard, revoke, verify
 from .vpn_server import ANSWERS, DOWN, Place, Server
-
-if TYPE_CHECKING:
-    from typing import Callable, Mapping, Sequence
 
 _VERSION = re.compile(r"OpenVPN (\S+)")
 

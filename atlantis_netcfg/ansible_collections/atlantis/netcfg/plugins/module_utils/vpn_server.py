@@ -18,18 +18,12 @@ import re
 import time
 from dataclasses import dataclass, field
 from ipaddress import ip_address, ip_network, summarize_address_range
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable, Iterable, Iterator
 
 from .errors import ModuleError
 from .filesystem import FileSystem, Stamps
-from .programs import last_lines, run
-from .vpn_management import Busy, Closed, Down, Torn, opened, sessions, written
-
-if TYPE_CHECKING:
-    from typing import Callable, Iterable, Iterator
-
-    from .programs import Done
-    from .vpn_management import Management, Session
+from .programs import Done, last_lines, run
+from .vpn_management import Busy, Closed, Down, Management, Session, Torn, opened, sessions, written
 
 _SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
 _HINT = "`provision vpn status` tells what is wrong with the authority's own list"

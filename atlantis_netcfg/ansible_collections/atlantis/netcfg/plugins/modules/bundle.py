@@ -57,14 +57,11 @@ import re
 import shutil
 import tarfile
 from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any, Iterator, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError, in_words
-
-if TYPE_CHECKING:
-    from typing import Iterator, Mapping
 
 FOLDER = "/var/lib/atlantis/bundle"
 _LIST = ".held.json"

@@ -40,17 +40,12 @@ notes:
 
 import time
 from datetime import datetime, timezone
-from typing import TYPE_CHECKING
+from typing import Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
-from ..module_utils.programs import is_there, run
-
-if TYPE_CHECKING:
-    from typing import Callable
-
-    from ..module_utils.programs import Done
+from ..module_utils.programs import Done, is_there, run
 
 TOLERANCE_S = 300
 """More than a question may be under way: a satellite may be silent for 70 s, and ssh repeats itself after it."""

@@ -61,19 +61,14 @@ hint:
 import hashlib
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.build_messages import last_words
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem, Stamps
-from ..module_utils.programs import run
-
-if TYPE_CHECKING:
-    from typing import Callable
-
-    from ..module_utils.programs import Done
+from ..module_utils.programs import Done, run
 
 _STAMP = "connection test"
 _STILL_RUNS = 124

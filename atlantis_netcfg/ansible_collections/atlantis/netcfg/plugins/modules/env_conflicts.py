@@ -46,16 +46,12 @@ notes:
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Iterator, Mapping
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem
-
-if TYPE_CHECKING:
-    from typing import Iterator, Mapping
-
 
 OF_ALL = (
     "/etc/environment",

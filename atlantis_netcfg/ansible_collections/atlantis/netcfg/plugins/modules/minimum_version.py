@@ -52,17 +52,12 @@ hint:
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Callable
 
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
-from ..module_utils.programs import run
-
-if TYPE_CHECKING:
-    from typing import Callable
-
-    from ..module_utils.programs import Done
+from ..module_utils.programs import Done, run
 
 _NOT_THERE = 127
 

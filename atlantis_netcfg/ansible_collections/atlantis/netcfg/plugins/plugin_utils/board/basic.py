@@ -10,10 +10,7 @@ import json
 import sys
 import syslog
 import zlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from typing import NoReturn
+from typing import Any, NoReturn
 
 MARK = "ATLANTIS-RESULT "
 
