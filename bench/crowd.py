@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import Link, SiteSpec, TwinSpec, spawn
+from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, TwinSpec, spawn
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
 from bench import edits, measure
@@ -73,4 +73,4 @@ def _finished(declaration: Declaration, item: str) -> TwinSpec:
     text = router(declaration, host)
     seed = "\n".join(edits.first_script(text, twin.router.management.local))
     ready = twin.router.model_copy(update={"seed": seed})
-    return twin.model_copy(update={"router": ready, "link": Link()})
+    return twin.model_copy(update={"router": ready, "link": RouterLink()})

@@ -19,7 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.blocks import BlockTree, Bus, Disk
+from atlantis_netcfg.image.blocks import BlockDevice, BlockTree, DeviceBus
 from atlantis_netcfg.image.source import segments
 from atlantis_netcfg.image.writer import Card, write
 
@@ -32,8 +32,8 @@ _MIB = 2**20
 class _AsCard(BlockTree):
     """The kernel's tree, in which the loop device of this bench is a card: the product has no such door."""
 
-    def disk(self, path: Path) -> Disk:
-        return replace(super().disk(path), bus=Bus.USB)
+    def disk(self, path: Path) -> BlockDevice:
+        return replace(super().disk(path), bus=DeviceBus.USB)
 
 
 def main() -> int:

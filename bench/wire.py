@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.emulator.routeros import Link, Router
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink
 from atlantis_netcfg.journal import RunStarted, Store
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.jobs import device_job
@@ -56,7 +56,9 @@ async def measured(folder: Path, shape: Shape) -> dict[Scenario, WireFigure]:
     """Configure a router that was just adopted, find nothing to do on it, put twenty rules of its firewall right."""
     declared = Declared.make(folder)
     twin = declared.twin
-    router = Router(twin.router, state_dir=folder / "flash", link=Link(), knobs=twin.knobs, ports=twin.ports)
+    router = EmulatedRouter(
+        twin.router, state_dir=folder / "flash", link=RouterLink(), knobs=twin.knobs, ports=twin.ports
+    )
     figures = {}
     for scenario in (Scenario.FIRST, Scenario.NOTHING, Scenario.FIREWALL):
         # Started anew, so that its history is short, as that of the bench's routers.
@@ -69,7 +71,7 @@ async def measured(folder: Path, shape: Shape) -> dict[Scenario, WireFigure]:
     return figures
 
 
-async def _run(declared: Declared, router: Router, proxy: Proxy, state: Path) -> WireFigure:
+async def _run(declared: Declared, router: EmulatedRouter, proxy: Proxy, state: Path) -> WireFigure:
     host, port = proxy.address
     target = Target(host=host, port=port, pin=router.pin or "", host_key=router.host_key)
     request = Request(state=state, rehearsed=True, targets={ROUTER: target})
@@ -82,7 +84,7 @@ async def _run(declared: Declared, router: Router, proxy: Proxy, state: Path) ->
         return WireFigure(result, proxy.count, clock() - begun)
 
 
-async def _damage(router: Router) -> None:
+async def _damage(router: EmulatedRouter) -> None:
     """Take the firewall back to the state before the change."""
     rules = [[answer.kind, *answer.words] for answer in await router.console([f"{FILTER}/print"])]
     edits: list[Sequence[str]] = []

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import count, groupby
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.emulator.routeros import Link, SiteSpec, SpawnedSite, spawn
+from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, spawn
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.rsc import parse, print_statement
 from bench import edits, measure, namespace
@@ -145,7 +145,7 @@ class World:
         return doors
 
     def _twins(self, folder: Path) -> SpawnedSite:
-        twin = self.declared.twin.model_copy(update={"link": Link()})
+        twin = self.declared.twin.model_copy(update={"link": RouterLink()})
         folder.mkdir(parents=True, exist_ok=True)
         return spawn(SiteSpec(name="bench", twins=(twin,)), folder)
 

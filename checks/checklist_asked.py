@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist import Scope, State, books, plan
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist import Scope, VehicleState, books, plan
+from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.cli._arguments import Arguments
 from atlantis_netcfg.cli._checklist_session import folder_of, listening, taking_part
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.checklist import Checklist, Entry
+    from atlantis_netcfg.checklist import Checklist, PlanEntry
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.declaration import Declaration
 
 __all__ = ["Asking", "How", "answer_lines", "waits"]
 
 
-_VALID = frozenset({State.OPEN, State.SIGNED})
+_VALID = frozenset({VehicleState.OPEN, VehicleState.SIGNED})
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,20 +67,20 @@ class Asking:
         sites = declaration.sites if site == ALL else [site]
         return cls(declaration, how, {item: plan(declaration, item, scope) for item in sites})
 
-    def entries(self) -> Iterable[Entry]:
+    def entries(self) -> Iterable[PlanEntry]:
         """In the order of the lists."""
         return (entry for found in self.lists.values() for entry in found.entries)
 
-    def name(self, entry: Entry) -> str:
+    def name(self, entry: PlanEntry) -> str:
         """Of its test: the item's id; of several sites, where a vehicle has one item at each, with the site."""
         return entry.item.id if len(self.lists) == 1 else f"{entry.cell.site}:{entry.item.id}"
 
-    def item(self, entry: Entry) -> Item:
+    def item(self, entry: PlanEntry) -> Item:
         """What is known of an item: measured now, or answered by a person before."""
         site = entry.cell.site
         if entry.step.unless:
             return entry.item
-        if entry.item.kind is not Kind.AUTOMATIC:
+        if entry.item.kind is not ItemKind.AUTOMATIC:
             return self._people(site).get(entry.item.id, entry.item)
         if site not in self._found:
             self._found[site] = {item.id: item for item in self._ask(site)}
@@ -89,7 +89,7 @@ class Asking:
     def _ask(self, site: str) -> tuple[Item, ...]:
         """Ask all that is wanted of a site at once."""
         expected = [item for item in self.lists[site].entries if self.name(item) in self.selected]
-        entries = [entry for entry in expected if entry.item.kind is Kind.AUTOMATIC and not entry.step.unless]
+        entries = [entry for entry in expected if entry.item.kind is ItemKind.AUTOMATIC and not entry.step.unless]
         rehearse, listed = self.how.rehearse, replace(self.lists[site], entries=tuple(entries))
         with (
             session(

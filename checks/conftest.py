@@ -27,7 +27,7 @@ from checks.gateway_reached import Answers, NotReached, ask
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.report import Item
     from atlantis_netcfg.declaration import Declaration, Host
 
@@ -154,7 +154,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 @pytest.fixture
-def found(entry: Entry, request: pytest.FixtureRequest) -> Item:
+def found(entry: PlanEntry, request: pytest.FixtureRequest) -> Item:
     """What is known of an item. What could not be asked is an error, what nobody has answered is skipped."""
     try:
         item = _asking(request.config).item(entry)

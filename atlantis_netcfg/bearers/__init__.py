@@ -8,6 +8,6 @@ RouterOS device or knows the inventory: `operations` brings the answers and the 
 
 from __future__ import annotations
 
-from atlantis_netcfg.bearers.status import BearerStatus, Finding, LinkState, Quality
+from atlantis_netcfg.bearers.status import BearerFinding, BearerStatus, LinkState, Quality
 
-__all__ = ["BearerStatus", "Finding", "LinkState", "Quality"]
+__all__ = ["BearerFinding", "BearerStatus", "LinkState", "Quality"]

@@ -52,7 +52,7 @@ class Tariff:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class MeteredLink:
     """A bearer as its cost sees it."""
 
     name: str
@@ -117,7 +117,7 @@ class Bill:
 class Preview:
     """What an action is expected to cost on a bearer."""
 
-    link: Link
+    link: MeteredLink
     bill: Bill
     at_most: bool = False
     """It is a bound, because what has to be done is not known yet."""
@@ -172,7 +172,7 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
     return Bill(nbytes, seconds, billed, basis, tariff.price_per_mb * billed / _MB, tariff.currency)
 
 
-def preview(nbytes: int, seconds: float, link: Link, *, at_most: bool = False) -> Preview:
+def preview(nbytes: int, seconds: float, link: MeteredLink, *, at_most: bool = False) -> Preview:
     """Say what an action of so many bytes and seconds is expected to cost on a bearer. ValueError as `bill`."""
     return Preview(link, bill(nbytes, seconds, link.tariff if link.metered else None), at_most)
 

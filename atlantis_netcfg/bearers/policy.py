@@ -37,7 +37,7 @@ _TRUE = frozenset({"true", "yes"})
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class BearerRoute:
     """A bearer as the router's routing knows it."""
 
     name: str
@@ -52,7 +52,7 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class Probe:
+class PolicyProbe:
     """A ping that tries one bearer: `path` with `arguments`, as the API takes them."""
 
     bearer: str
@@ -63,7 +63,7 @@ class Probe:
     """What it sends and receives over the bearer if everything is answered."""
 
 
-def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Route]) -> tuple[str, ...]:
+def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> tuple[str, ...]:
     """Return the bearers by which the main table's default leads now, in the order of `bearers`.
 
     Several are ECMP over different links; none means that the site has no way out, or one that is not a bearer's.
@@ -72,7 +72,7 @@ def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Ro
     return tuple(bearer.name for bearer in bearers if bearer.name in found)
 
 
-def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Route]) -> str | None:
+def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> str | None:
     """Return the one bearer that carries the traffic; None if there is none, or not one alone.
 
     Two canaries of one link are two equal routes and still one bearer. A default route that is nobody's beside a
@@ -102,7 +102,7 @@ def _distance(row: Mapping[str, str]) -> int:
     return int(text) if text.isdecimal() else 1
 
 
-def _owner(row: Mapping[str, str], bearers: Sequence[Route]) -> str | None:
+def _owner(row: Mapping[str, str], bearers: Sequence[BearerRoute]) -> str | None:
     """A flag that is there says `blackhole=` or `blackhole=true`; such a route leads nowhere, so to no bearer."""
     if row.get("blackhole", "no") not in ("no", "false"):
         return None
@@ -117,7 +117,7 @@ def _owner(row: Mapping[str, str], bearers: Sequence[Route]) -> str | None:
     return None
 
 
-def probe_commands(bearers: Sequence[Route], *, count: int = 3) -> tuple[Probe, ...]:
+def probe_commands(bearers: Sequence[BearerRoute], *, count: int = 3) -> tuple[PolicyProbe, ...]:
     """Return pings that test every probed bearer by its own routing table; nobody's traffic moves.
 
     A ping from a link's own address is led into the link's own table by a routing rule, so it takes this link whether
@@ -125,7 +125,7 @@ def probe_commands(bearers: Sequence[Route], *, count: int = 3) -> tuple[Probe, 
     airtime is for traffic. `/tool/ping` is in the command trees of every version that we know; `/ping` left with 7.23.
     """
     return tuple(
-        Probe(
+        PolicyProbe(
             bearer.name,
             canary,
             "/tool/ping",

@@ -14,7 +14,7 @@ from enum import StrEnum
 from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.bearers.status import Finding
+from atlantis_netcfg.bearers.status import BearerFinding
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
 
@@ -32,7 +32,7 @@ FACTORY_ADDRESSES = ("192.168.1.1",)
 """Where terminals answer that nobody has set up: as technicians report it, and Teltonika's default as well."""
 
 
-def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tuple[Finding, ...]:
+def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tuple[BearerFinding, ...]:
     """Say that the network has given the link an address behind its own NAT; what is not readable is not judged.
 
     `address`: of the SIM or the terminal towards the network, as a reader or the declared evidence gives it.
@@ -48,14 +48,14 @@ def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tu
     message = f"`{bearer}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
     if forwards:
         hint = "the forwarded ports of this router stay closed on this link: ask the provider for a public address"
-        return (Finding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
+        return (BearerFinding(Verdict.FAIL, "carrier-nat-closes-forwards", message, hint),)
     hint = "nothing to do: the VPN is started from the site; a public address would have to be ordered"
-    return (Finding(Verdict.WARN, "carrier-nat", message, hint),)
+    return (BearerFinding(Verdict.WARN, "carrier-nat", message, hint),)
 
 
 def judge_factory_address(
     host: str, port: str, declared: str, *, answers: bool, answers_at_factory: str | None
-) -> tuple[Finding, ...]:
+) -> tuple[BearerFinding, ...]:
     """Compare where a box should answer on a port with where it does (ARP, which costs no airtime).
 
     `answers_at_factory`: the factory address at which something answers on that port, None if nothing does.
@@ -65,13 +65,13 @@ def judge_factory_address(
             return ()
         message = f"`{host}` does not answer at {declared} on {port}, nor where its factory puts it"
         hint = "is it powered and plugged into that port? A terminal takes minutes to start"
-        return (Finding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
+        return (BearerFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
     if answers:
         message = f"on {port} `{host}` answers at {declared}, and something else at {answers_at_factory}"
-        return (Finding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
+        return (BearerFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
     message = f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared}"
     hint = f"set {declared} on its own page ({answers_at_factory} from a laptop), or declare the network that it has"
-    return (Finding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
+    return (BearerFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
 
 
 STALE_AFTER_DAYS = 180
@@ -79,7 +79,7 @@ STALE_AFTER_DAYS = 180
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class SatelliteEvidence:
     """One look at the terminal, as the inventory declares it."""
 
     firmware: str
@@ -101,8 +101,8 @@ class Backup:
 
 
 def judge_evidence(
-    name: str, evidence: Evidence | None, backup: Backup | None, confirmed_firmware: str | None, today: date
-) -> tuple[Finding, ...]:
+    name: str, evidence: SatelliteEvidence | None, backup: Backup | None, confirmed_firmware: str | None, today: date
+) -> tuple[BearerFinding, ...]:
     """Everything that is to be said of a terminal's evidence; empty: it is complete, young and good.
 
     `backup`: the file that was found, None if there is none; `confirmed_firmware`: what the evidence said when a run
@@ -110,7 +110,7 @@ def judge_evidence(
     """
     if evidence is None:
         return (
-            Finding(
+            BearerFinding(
                 Verdict.WARN,
                 "terminal-not-looked-at",
                 f"nobody has looked at the terminal {name}: its firmware and its own allow-list are unknown",
@@ -125,53 +125,55 @@ def judge_evidence(
     )
 
 
-def _age(name: str, evidence: Evidence, today: date) -> Iterator[Finding]:
+def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[BearerFinding]:
     days = (today - evidence.seen_on).days
     seen = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
     if days > STALE_AFTER_DAYS:
         hint = f"look again, and write who and when under `evidence:` in host_vars/{name}.yml"
-        yield Finding(Verdict.WARN, "terminal-evidence-old", f"{seen}, {days} days ago", hint)
+        yield BearerFinding(Verdict.WARN, "terminal-evidence-old", f"{seen}, {days} days ago", hint)
     elif days < 0:
         hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
-        yield Finding(Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{seen}, which is yet to come", hint)
+        yield BearerFinding(
+            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{seen}, which is yet to come", hint
+        )
 
 
-def _filter(name: str, evidence: Evidence) -> Iterator[Finding]:
+def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[BearerFinding]:
     if not evidence.allow_list:
         message = (
             f"the terminal {name} has no allow-list of its own, or another one: only the router limits what it sends"
         )
         hint = "enter the declared destinations on the terminal's page; `provision prove site=…` lists and tries them"
-        yield Finding(Verdict.WARN, "terminal-without-allow-list", message, hint)
+        yield BearerFinding(Verdict.WARN, "terminal-without-allow-list", message, hint)
 
 
-def _backup(name: str, evidence: Evidence, backup: Backup | None) -> Iterator[Finding]:
+def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[BearerFinding]:
     declared = evidence.backup_sha256
     if declared is None:
         message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
         hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
-        yield Finding(Verdict.WARN, "terminal-without-backup", message, hint)
+        yield BearerFinding(Verdict.WARN, "terminal-without-backup", message, hint)
     elif backup is None:
         message = f"the backup of the terminal {name} that is declared is not on this computer"
         file = evidence.backup_file or "the file"
         hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
-        yield Finding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
     elif backup.sha256 != declared:
         message = (
             f"the backup {backup.path} of the terminal {name} is not the declared one: SHA-256 {backup.sha256[:16]}…, "
             f"declared {declared[:16]}…"
         )
         hint = "its settings have changed, or the file is another one: look at its pages, then declare what is right"
-        yield Finding(Verdict.FAIL, "terminal-backup-differs", message, hint)
+        yield BearerFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
 
 
-def _firmware(name: str, evidence: Evidence, confirmed: str | None) -> Iterator[Finding]:
+def _firmware(name: str, evidence: SatelliteEvidence, confirmed: str | None) -> Iterator[BearerFinding]:
     if confirmed is not None and confirmed != evidence.firmware:
         message = (
             f"the terminal {name} had firmware {confirmed} when a run last recorded it, and has {evidence.firmware}"
         )
         hint = "a new firmware may have other defaults: look at its allow-list again, and prove it"
-        yield Finding(Verdict.WARN, "terminal-firmware-changed", message, hint)
+        yield BearerFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +191,7 @@ class NamedTarget:
 
 def judge_names(
     targets: Iterable[NamedTarget], resolved: Mapping[str, frozenset[str] | None], by: str
-) -> tuple[Finding, ...]:
+) -> tuple[BearerFinding, ...]:
     """Compare declared addresses with what names resolve to; `by` says who was asked: `this computer`, `the router`.
 
     `resolved` holds the IPv4 addresses of each name, an empty set for a name that does not exist, None for a name that
@@ -198,25 +200,25 @@ def judge_names(
     return tuple(finding for target in targets for finding in _judge(target, resolved.get(target.dns_name), by))
 
 
-def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[Finding]:
+def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[BearerFinding]:
     name = f"{target.dns_name} ({target.what})"
     if addresses is None:
         message = f"{by} could not ask for {name}: whether it is still {target.address} is not known"
-        yield Finding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
+        yield BearerFinding(Verdict.INCONCLUSIVE, "allow-list-name-not-asked", message, "ask again where DNS answers")
     elif not addresses:
         message = f"{by} knows no address of {name}; the allow-list admits {target.address}"
         hint = f"correct `dns_name`, or the name itself ({target.where})"
-        yield Finding(Verdict.WARN, "allow-list-name-unknown", message, hint)
+        yield BearerFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
     elif target.address not in addresses:
         found = ", ".join(sorted(addresses))
         message = f"{name} has moved: {by} resolves it to {found}, the allow-list admits {target.address}"
         hint = f"declare the right address ({target.where}) and provision the site before it is left with its satellite"
-        yield Finding(Verdict.FAIL, "allow-list-name-moved", message, hint)
+        yield BearerFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
     elif len(addresses) > 1:
         others = ", ".join(sorted(addresses - {target.address}))
         message = f"{name} has more addresses than the allow-list admits: {target.address}, but also {others}"
         hint = "whoever takes one of the others over the satellite is dropped: add them to `allow:` if they are meant"
-        yield Finding(Verdict.WARN, "allow-list-name-has-more", message, hint)
+        yield BearerFinding(Verdict.WARN, "allow-list-name-has-more", message, hint)
 
 
 WINDOW_S = 90.0
@@ -230,7 +232,7 @@ class Expected(StrEnum):
     REFUSED = "refused"
 
 
-class Outcome(StrEnum):
+class ProbeOutcome(StrEnum):
     """What was seen."""
 
     ANSWERED = "answered"
@@ -242,7 +244,7 @@ class Outcome(StrEnum):
     """There is no way to ask this target from the router; `note` says why."""
 
 
-class Probe(StrEnum):
+class SatelliteProbe(StrEnum):
     """How a target was tried."""
 
     ICMP = "icmp"
@@ -263,8 +265,8 @@ class Attempt:
     target: str
     """As a person would say it: `203.0.113.2 udp 1194`."""
     expected: Expected
-    probe: Probe
-    outcome: Outcome
+    probe: SatelliteProbe
+    outcome: ProbeOutcome
     after_s: float | None = None
     """Until the first answer."""
     window_s: float = 0.0
@@ -274,56 +276,62 @@ class Attempt:
     note: str = ""
 
 
-def judge_attempt(attempt: Attempt, *, link_seen: bool) -> Finding:
+def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
     """Judge one attempt: PASS, FAIL, or INCONCLUSIVE where silence or a missing way proves nothing.
 
     `link_seen`: something was reached over the satellite in the same run; over a dead link everything looks refused.
     """
-    if attempt.outcome is Outcome.NOT_TRIED:
+    if attempt.outcome is ProbeOutcome.NOT_TRIED:
         message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
-        return Finding(Verdict.INCONCLUSIVE, "not-tried", message)
+        return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message)
     if attempt.expected is Expected.REACHED:
         return _reached(attempt)
-    if attempt.outcome is Outcome.SILENT and not link_seen:
+    if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
         message = f"{attempt.name} ({attempt.target}) did not answer, but nothing else was reached over the satellite"
-        return Finding(Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again")
+        return BearerFinding(
+            Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again"
+        )
     return _refused(attempt)
 
 
-def _reached(attempt: Attempt) -> Finding:
+def _reached(attempt: Attempt) -> BearerFinding:
     who = f"{attempt.name} ({attempt.target})"
-    if attempt.outcome is Outcome.ANSWERED:
+    if attempt.outcome is ProbeOutcome.ANSWERED:
         after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
-        return Finding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
-    if attempt.outcome is Outcome.REFUSED_HERE:
+        return BearerFinding(Verdict.PASS, "reached", f"{who} was reached{after} over the satellite")
+    if attempt.outcome is ProbeOutcome.REFUSED_HERE:
         hint = "provision the site first: its filter is not the declared one"
-        return Finding(Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint)
-    if attempt.window_s < WINDOW_S or attempt.probe is Probe.UDP_COUNTER:
+        return BearerFinding(
+            Verdict.FAIL, "refused-by-the-router", f"{who} is allowed, and the router refuses it", hint
+        )
+    if attempt.window_s < WINDOW_S or attempt.probe is SatelliteProbe.UDP_COUNTER:
         why = attempt.note or f"{attempt.window_s:.0f} s of silence are an ordinary gap of this link"
-        return Finding(Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer")
+        return BearerFinding(
+            Verdict.INCONCLUSIVE, "silent", f"{who} did not answer: {why}", "try again later, or longer"
+        )
     message = f"{who} did not answer in {attempt.window_s:.0f} s over the satellite"
     hint = "is the terminal connected, and does its own allow-list hold this target?"
-    return Finding(Verdict.FAIL, "not-reached", message, hint)
+    return BearerFinding(Verdict.FAIL, "not-reached", message, hint)
 
 
-def _refused(attempt: Attempt) -> Finding:
+def _refused(attempt: Attempt) -> BearerFinding:
     who = f"{attempt.name} ({attempt.target})"
-    if attempt.outcome is Outcome.ANSWERED:
+    if attempt.outcome is ProbeOutcome.ANSWERED:
         if attempt.filter_open:
             message = f"{who} was reached with the router's filter open: only the router enforces the allow-list"
             hint = "enter the declared destinations on the terminal's page"
-            return Finding(Verdict.WARN, "only-the-router-enforces", message, hint)
+            return BearerFinding(Verdict.WARN, "only-the-router-enforces", message, hint)
         hint = "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed"
-        return Finding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
-    if attempt.outcome is Outcome.REFUSED_HERE:
-        return Finding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
+        return BearerFinding(Verdict.FAIL, "leak", f"{who} is not allowed, and was reached over the satellite", hint)
+    if attempt.outcome is ProbeOutcome.REFUSED_HERE:
+        return BearerFinding(Verdict.PASS, "refused", f"{who} is refused by the router, nothing was sent")
     if attempt.filter_open and attempt.window_s < WINDOW_S:
         message = f"{who} did not answer in {attempt.window_s:.0f} s: too short to tell a refusal from a gap"
-        return Finding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
+        return BearerFinding(Verdict.INCONCLUSIVE, "silent", message, "try again with a longer window")
     if attempt.filter_open:
         message = f"{who} did not answer in {attempt.window_s:.0f} s with the router's filter open"
-        return Finding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
-    return Finding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")
+        return BearerFinding(Verdict.PASS, "refused-beyond", f"{message}: the terminal or the network refuses it")
+    return BearerFinding(Verdict.PASS, "refused", f"{who} was not reached in {attempt.window_s:.0f} s")
 
 
 class Capability(StrEnum):
@@ -372,7 +380,7 @@ class ManualTerminal:
 
     name: str
     """Of the terminal, as the inventory calls it."""
-    evidence: Evidence | None = None
+    evidence: SatelliteEvidence | None = None
 
     @property
     def capabilities(self) -> frozenset[Capability]:

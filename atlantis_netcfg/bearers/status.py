@@ -35,7 +35,7 @@ class LinkState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class BearerFinding:
     """One thing that somebody should know of a bearer."""
 
     verdict: Verdict
@@ -69,7 +69,7 @@ class BearerStatus:
     quality: Quality
     month_bytes: int | None
     """Counted this month in both directions, as far as we have looked."""
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[BearerFinding, ...] = ()
 
     @property
     def verdict(self) -> Verdict:

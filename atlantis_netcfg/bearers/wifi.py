@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.status import (
-    Finding,
+    BearerFinding,
     LinkState,
     Quality,
     Query,
@@ -34,7 +34,7 @@ class Family(StrEnum):
     """Packages `wifi-qcom` and `wifi-qcom-ac`; no CCQ, no noise floor."""
 
 
-class Condition(StrEnum):
+class WifiCondition(StrEnum):
     """What the radio does; a word that nobody knows is `unknown`, never a failure."""
 
     RUNNING = "running"
@@ -84,7 +84,7 @@ class WifiReading:
     """What a radio said at one moment."""
 
     family: Family
-    condition: Condition = Condition.UNKNOWN
+    condition: WifiCondition = WifiCondition.UNKNOWN
     status: str | None = None
     """The device's own word."""
     channel: str | None = None
@@ -127,7 +127,7 @@ class WifiExpected:
     strongest_dbm: float = -35.0
 
 
-def judge(reading: WifiReading, expected: WifiExpected) -> tuple[Finding, ...]:
+def judge(reading: WifiReading, expected: WifiExpected) -> tuple[BearerFinding, ...]:
     """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
     if reading.associated:
         return tuple(_association(reading, expected))
@@ -137,11 +137,11 @@ def judge(reading: WifiReading, expected: WifiExpected) -> tuple[Finding, ...]:
 def link_state(reading: WifiReading) -> LinkState:
     """What the radio itself says of its link; no probe has been sent."""
     if reading.associated is None:
-        return LinkState.SEARCHING if reading.condition is Condition.RADAR else LinkState.UNKNOWN
+        return LinkState.SEARCHING if reading.condition is WifiCondition.RADAR else LinkState.UNKNOWN
     if reading.associated:
         refused = bool(reading.peers) and all(peer.authorised is False for peer in reading.peers)
         return LinkState.DOWN if refused else LinkState.UP
-    waiting = {Condition.SEARCHING, Condition.RADAR, Condition.RUNNING}
+    waiting = {WifiCondition.SEARCHING, WifiCondition.RADAR, WifiCondition.RUNNING}
     return LinkState.SEARCHING if reading.condition in waiting else LinkState.DOWN
 
 
@@ -172,34 +172,34 @@ def _is_declared(peer: WifiPeer, expected: WifiExpected) -> bool | None:
     return None
 
 
-def _apart(reading: WifiReading, expected: WifiExpected) -> Finding:
+def _apart(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
     """Why nobody is registered."""
-    if reading.condition is Condition.DISABLED:
+    if reading.condition is WifiCondition.DISABLED:
         hint = "run the site to enable it, or look who has disabled it"
-        return Finding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
-    if reading.condition is Condition.RADAR:
+        return BearerFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
+    if reading.condition is WifiCondition.RADAR:
         return _radar(reading, expected)
     if reading.associated is None:
         status = f"`{reading.status}`" if reading.status else "nothing"
         message = f"it cannot be told whether {expected.peer} is registered: the radio's state is {status}"
         hint = "look at the radio's own status page, or ask again in a minute"
-        return Finding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
+        return BearerFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
     if expected.access_point:
         message = f"the access point is on the air, but {expected.peer} is not registered"
         hint = (
             f"has {expected.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
             " ends; after a radar event it may take ten minutes"
         )
-        return Finding(Verdict.FAIL, "not-associated", message, hint)
+        return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
     message = f"the station searches for `{expected.ssid}` of {expected.peer} and does not find it"
     hint = (
         f"is {expected.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
         f" protocol ({expected.protocol}) and channel ({expected.frequency_mhz} MHz) at both ends"
     )
-    return Finding(Verdict.FAIL, "not-associated", message, hint)
+    return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
 
 
-def _radar(reading: WifiReading, expected: WifiExpected) -> Finding:
+def _radar(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
     low, high = _LONG_RADAR_WAIT_MHZ
     channel = reading.channel_mhz or expected.frequency_mhz
     reach = max(_HALF_CHANNEL_MHZ, expected.width_mhz - _HALF_CHANNEL_MHZ)
@@ -210,25 +210,25 @@ def _radar(reading: WifiReading, expected: WifiExpected) -> Finding:
         how_long = f"up to 10 minutes at {low}-{high} MHz" if long else "60 s"
     message = f"the radio listens for radar at {channel} MHz before it may send ({how_long})"
     hint = "wait, then look again; if it comes back often, choose another channel: radars are near ports and ships"
-    return Finding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
-def _association(reading: WifiReading, expected: WifiExpected) -> Iterator[Finding]:
+def _association(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
     yield from _company(reading, expected)
     peer = _declared_peer(reading, expected)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
-        yield Finding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
+        yield BearerFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
     if peer is None:
         return
     if peer.authorised is False:
         message = f"{expected.peer} is registered but not authorised: the keys differ"
-        yield Finding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
+        yield BearerFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
     yield from _levels(peer, expected)
     yield from _flow(reading, peer)
 
 
-def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[Finding]:
+def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
     by_peer = [(peer, _is_declared(peer, expected)) for peer in reading.peers]
     strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in by_peer if declared is False]
     if not strangers:
@@ -236,55 +236,55 @@ def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[Finding]:
     names = ", ".join(strangers)
     if any(declared for _, declared in by_peer):
         message = f"besides {expected.peer}, {names} is registered"
-        yield Finding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
+        yield BearerFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
         message = f"registered to {names}, which is not {expected.peer}"
         hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
-        yield Finding(Verdict.FAIL, "wrong-peer", message, hint)
+        yield BearerFinding(Verdict.FAIL, "wrong-peer", message, hint)
 
 
-def _levels(peer: WifiPeer, expected: WifiExpected) -> Iterator[Finding]:
+def _levels(peer: WifiPeer, expected: WifiExpected) -> Iterator[BearerFinding]:
     level = peer.signal_dbm
     if level is not None and level < expected.weakest_dbm:
         message = f"{expected.peer} is heard with {level:g} dBm, below {expected.weakest_dbm:g} dBm"
         hint = "align both antennas, look for what stands in between, and check the antenna's cables"
-        yield Finding(Verdict.WARN, "signal-weak", message, hint)
+        yield BearerFinding(Verdict.WARN, "signal-weak", message, hint)
     if level is not None and level > expected.strongest_dbm:
         message = (
             f"{expected.peer} is heard with {level:g} dBm, above {expected.strongest_dbm:g} dBm: receivers saturate"
         )
-        yield Finding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
+        yield BearerFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
     if imbalance is not None and imbalance > IMBALANCE_DB:
         message = f"the chains hear {imbalance:g} dB apart, more than {IMBALANCE_DB:g} dB"
         hint = "check polarisation and alignment, then the connector of the weaker chain"
-        yield Finding(Verdict.WARN, "chain-imbalance", message, hint)
+        yield BearerFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
 
-def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[Finding]:
+def _flow(reading: WifiReading, peer: WifiPeer) -> Iterator[BearerFinding]:
     quality_of = [value for value in (peer.tx_ccq_percent, peer.rx_ccq_percent) if value is not None]
     if not quality_of and reading.overall_ccq_percent is not None:
         quality_of = [reading.overall_ccq_percent]
     if quality_of and min(quality_of) < LOW_CCQ_PERCENT and reading.family is Family.WIRELESS:
         message = f"the connection quality (CCQ) is {min(quality_of):g} %, below {LOW_CCQ_PERCENT:g} %"
         hint = "frames are repeated: look for others on the channel, a signal that is too strong, or a bad connector"
-        yield Finding(Verdict.WARN, "ccq-low", message, hint)
+        yield BearerFinding(Verdict.WARN, "ccq-low", message, hint)
     rates = [value for value in (peer.tx_rate_mbps, peer.rx_rate_mbps) if value is not None]
     if rates and min(rates) < LOW_RATE_MBPS:
         message = f"the rate is {min(rates):g} Mbit/s, below {LOW_RATE_MBPS:g} Mbit/s"
         hint = "an idle link shows the rate of its management frames: look again while traffic flows, then align"
-        yield Finding(Verdict.WARN, "rate-low", message, hint)
+        yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
 
 
 _WORDS = {
-    "disabled": Condition.DISABLED,
-    "searching-for-network": Condition.SEARCHING,
-    "searching": Condition.SEARCHING,
-    "connecting": Condition.SEARCHING,
-    "connected-to-ess": Condition.CONNECTED,
-    "connected": Condition.CONNECTED,
-    "running-ap": Condition.RUNNING,
-    "running": Condition.RUNNING,
+    "disabled": WifiCondition.DISABLED,
+    "searching-for-network": WifiCondition.SEARCHING,
+    "searching": WifiCondition.SEARCHING,
+    "connecting": WifiCondition.SEARCHING,
+    "connected-to-ess": WifiCondition.CONNECTED,
+    "connected": WifiCondition.CONNECTED,
+    "running-ap": WifiCondition.RUNNING,
+    "running": WifiCondition.RUNNING,
 }
 _RADAR = re.compile(r"radar|\bdfs\b|\bcac\b")
 _SIGNAL_DBM = (-120.0, -1.0)
@@ -318,7 +318,7 @@ def read(
     status = _meaningful(monitored.get("status")) or _meaningful(monitored.get("state"))
     condition = _condition(status)
     mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
-    if not mine and condition is Condition.CONNECTED and "bssid" in monitored:
+    if not mine and condition is WifiCondition.CONNECTED and "bssid" in monitored:
         mine = [{"mac-address": monitored["bssid"], "radio-name": monitored.get("radio-name", "")}]
     return WifiReading(
         family=family,
@@ -326,7 +326,7 @@ def read(
         status=status,
         channel=_meaningful(monitored.get("channel")),
         channel_mhz=_mhz(monitored.get("channel")),
-        wait_left_s=_wait_left(status) if condition is Condition.RADAR else None,
+        wait_left_s=_wait_left(status) if condition is WifiCondition.RADAR else None,
         overall_ccq_percent=percent(monitored.get("overall-tx-ccq")),
         peers=tuple(_read_peer(row, monitored) for row in mine),
         associated=_associated(condition, monitored, mine, complete=registrations is not None),
@@ -338,9 +338,9 @@ def _meaningful(text: str | None) -> str | None:
     return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
 
 
-def _condition(status: str | None) -> Condition:
+def _condition(status: str | None) -> WifiCondition:
     word = (status or "").lower()
-    return Condition.RADAR if _RADAR.search(word) else _WORDS.get(word, Condition.UNKNOWN)
+    return WifiCondition.RADAR if _RADAR.search(word) else _WORDS.get(word, WifiCondition.UNKNOWN)
 
 
 def _mhz(channel: str | None) -> int | None:
@@ -354,15 +354,17 @@ def _wait_left(status: str | None) -> float | None:
 
 
 def _associated(
-    condition: Condition, monitored: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
+    condition: WifiCondition, monitored: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
 ) -> bool | None:
-    if rows or condition is Condition.CONNECTED:
+    if rows or condition is WifiCondition.CONNECTED:
         return True
     counts = [whole(monitored.get(name)) for name in ("registered-clients", "registered-peers")]
     if any(counts):
         return True
-    complete = complete or 0 in counts or condition in {Condition.SEARCHING, Condition.DISABLED, Condition.RADAR}
-    return False if complete and condition is not Condition.UNKNOWN else None
+    complete = (
+        complete or 0 in counts or condition in {WifiCondition.SEARCHING, WifiCondition.DISABLED, WifiCondition.RADAR}
+    )
+    return False if complete and condition is not WifiCondition.UNKNOWN else None
 
 
 def _read_peer(row: Mapping[str, str], monitored: Mapping[str, str]) -> WifiPeer:

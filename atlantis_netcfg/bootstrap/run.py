@@ -12,13 +12,13 @@ from atlantis_netcfg.bootstrap.steps import (
     CERTIFICATE,
     FACTORY_USER,
     Adopted,
+    AdoptionStatus,
+    AdoptionStep,
+    AdoptionTarget,
+    BoxFacts,
     ConsoleRoute,
     ConsoleRoutes,
     DeviceState,
-    Facts,
-    Status,
-    Step,
-    Target,
     clear,
     close_door,
     fingerprint,
@@ -111,12 +111,12 @@ def features_of(desired: Export) -> dict[str, str]:
     return needed
 
 
-def objections(facts: Facts, target: Target) -> tuple[Objection, ...]:
+def objections(facts: BoxFacts, target: AdoptionTarget) -> tuple[Objection, ...]:
     """Everything at once, so that a person goes to the device one time."""
     return (*_box(facts, target), *_software(facts, target), *_device_mode(facts, target))
 
 
-def _box(facts: Facts, target: Target) -> Iterator[Objection]:
+def _box(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     model, found = (target.model or "").lower(), facts.board.lower()
     if model and found and model not in found and found not in model:
         yield Objection(
@@ -133,7 +133,7 @@ def _box(facts: Facts, target: Target) -> Iterator[Objection]:
         )
 
 
-def _software(facts: Facts, target: Target) -> Iterator[Objection]:
+def _software(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     if facts.version < OLDEST:
         yield Objection(
             f"RouterOS {facts.version} is too old: {OLDEST} is the oldest that can be adopted",
@@ -148,7 +148,7 @@ def _software(facts: Facts, target: Target) -> Iterator[Objection]:
         )
 
 
-def _device_mode(facts: Facts, target: Target) -> Iterator[Objection]:
+def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
     mode = facts.device_mode
     if mode is None:
         return
@@ -177,7 +177,7 @@ def _press(change: str) -> str:
 
 
 @contextmanager
-def repeatable(target: Target) -> Iterator[None]:
+def repeatable(target: AdoptionTarget) -> Iterator[None]:
     """Say of whatever breaks in that the same command goes on."""
     try:
         yield
@@ -202,7 +202,7 @@ def repeatable(target: Target) -> Iterator[None]:
         ) from unavailable
 
 
-def cut_off(target: Target, step: Step, lost: ConsoleLost) -> CutOff:
+def cut_off(target: AdoptionTarget, step: AdoptionStep, lost: ConsoleLost) -> CutOff:
     """Say at which step the connection was lost."""
     hint = "run the same command again: first contact goes on where it was cut"
     if step.key == "management":
@@ -214,7 +214,7 @@ def cut_off(target: Target, step: Step, lost: ConsoleLost) -> CutOff:
     return CutOff(f"{target.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
 
 
-def not_fresh(target: Target, facts: Facts) -> NotFactoryFresh:
+def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
     """Say what somebody has configured, and how to take the device all the same."""
     found = foreign(facts, target)
     rest = f", and {len(found) - 5} more" if len(found) > 5 else ""  # noqa: PLR2004 - what a person takes in
@@ -226,7 +226,7 @@ def not_fresh(target: Target, facts: Facts) -> NotFactoryFresh:
     )
 
 
-def still_to_move(target: Target, error: NetcfgError) -> StillToMove:
+def still_to_move(target: AdoptionTarget, error: NetcfgError) -> StillToMove:
     """Say where the laptop has to go."""
     return StillToMove(
         f"nobody answered at {target.host} ({error}); the default configuration is still on the router, "
@@ -247,11 +247,11 @@ _RETRY_S = 0.5
 class ConsoleExecutor:
     """Types; never decides."""
 
-    target: Target
+    target: AdoptionTarget
     journal: Recorder
     notify: Subscriber
 
-    def do(self, steps: Sequence[Step], console: Console, *, in_safe_mode: bool = False) -> None:
+    def do(self, steps: Sequence[AdoptionStep], console: Console, *, in_safe_mode: bool = False) -> None:
         """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
         for step in steps:
             self.journal.write(ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
@@ -262,7 +262,7 @@ class ConsoleExecutor:
                 raise cut_off(self.target, step, lost) from lost
             self.journal.write(ContactStepDone(device=self.target.name, step=step.key))
 
-    def _type(self, step: Step, console: Console, *, guarded: bool) -> None:
+    def _type(self, step: AdoptionStep, console: Console, *, guarded: bool) -> None:
         size = GUARDED_LINES if guarded else len(step.lines)
         for start in range(0, len(step.lines), size):
             with safe(console) if guarded else nullcontext():
@@ -299,7 +299,7 @@ _STICKER = (
 class FirstContact:
     """First contact with one device. Every step is journalled before it is typed, and may be repeated."""
 
-    target: Target
+    target: AdoptionTarget
     routes: ConsoleRoutes
     pins: Pins
     journal: Recorder
@@ -322,8 +322,8 @@ class FirstContact:
         with repeatable(self.target), self._console(None) as (console, _):
             facts, state = self._judge(console)
         if state is DeviceState.ADOPTED:
-            return Adopted(Status.ALREADY, state, facts=facts)
-        return Adopted(Status.PLANNED, state, self._titles(facts), facts=facts)
+            return Adopted(AdoptionStatus.ALREADY, state, facts=facts)
+        return Adopted(AdoptionStatus.PLANNED, state, self._titles(facts), facts=facts)
 
     def adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
         """Bring the device to the adopted state; `agree` raises if a person does not want the steps.
@@ -341,7 +341,7 @@ class FirstContact:
                 return self._already(console, facts)
             if not route.serial and not self._agreed:
                 self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
-            planned = Adopted(Status.PLANNED, found, self._titles(facts), facts=facts)
+            planned = Adopted(AdoptionStatus.PLANNED, found, self._titles(facts), facts=facts)
             agree(planned)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
             self.journal.save(self.target.name, state)
@@ -359,11 +359,11 @@ class FirstContact:
             facts = self._settled(look(console))
         if final.serial:
             self._from_afar(pin, notes)
-        return Adopted(Status.ADOPTED, found, planned.steps, tuple(notes), facts)
+        return Adopted(AdoptionStatus.ADOPTED, found, planned.steps, tuple(notes), facts)
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
-    def _judge(self, console: Console) -> tuple[Facts, DeviceState]:
+    def _judge(self, console: Console) -> tuple[BoxFacts, DeviceState]:
         facts = look(console)
         self._observed(facts)
         state = recognise(facts, self.target, self.now())
@@ -374,7 +374,7 @@ class FirstContact:
                 raise not_fresh(self.target, facts)
         return facts, state
 
-    def _observed(self, facts: Facts) -> None:
+    def _observed(self, facts: BoxFacts) -> None:
         identity = next(
             (dict(statement.values) for statement in facts.export.statements if statement.menu == "/system/identity"),
             {},
@@ -385,7 +385,7 @@ class FirstContact:
             )
         )
 
-    def _titles(self, facts: Facts) -> tuple[str, ...]:
+    def _titles(self, facts: BoxFacts) -> tuple[str, ...]:
         steps = [step.title for step in prepare(facts, self.target, self.now())]
         steps += [step.title for step in clear(facts)]
         return (*steps, *(step.title for step in close_door(facts, self.target)))
@@ -506,11 +506,11 @@ class FirstContact:
         self.journal.write(Pinned(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
-    def _already(self, console: Console, facts: Facts) -> Adopted:
+    def _already(self, console: Console, facts: BoxFacts) -> Adopted:
         if self.pins.get(self.target.name) is None or self.pins.host_key(self.target.name) is None:
             self._known()
             self._pin(console)
-        return Adopted(Status.ALREADY, DeviceState.ADOPTED, facts=facts)
+        return Adopted(AdoptionStatus.ALREADY, DeviceState.ADOPTED, facts=facts)
 
     # --- the new way -----------------------------------------------------------------------------------------------
 
@@ -556,7 +556,7 @@ class FirstContact:
             )
         self._known()
 
-    def _settled(self, facts: Facts) -> Facts:
+    def _settled(self, facts: BoxFacts) -> BoxFacts:
         if recognise(facts, self.target, self.now()) is not DeviceState.ADOPTED:
             left = ", ".join(self._titles(facts)) or "nothing that is known"
             raise Unfinished(

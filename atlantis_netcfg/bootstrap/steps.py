@@ -149,7 +149,7 @@ _RADIOS = ("/interface/wireless", "/interface/wifi")
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ConsoleLine:
     """One line for the console; `secrets` are values in it that nobody may read."""
 
     text: str
@@ -158,16 +158,16 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class AdoptionStep:
     """Lines that belong together; `title` is for a person, `guarded` for safe mode."""
 
     key: str
     title: str
-    lines: tuple[Line, ...]
+    lines: tuple[ConsoleLine, ...]
     guarded: bool = False
 
 
-def prepare(facts: Facts, target: Target, now: datetime) -> tuple[Step, ...]:
+def prepare(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> tuple[AdoptionStep, ...]:
     """What is added beside the way in use, which it leaves alone. `now`: the laptop's clock, UTC."""
     steps = (
         _clock(facts, now),
@@ -179,20 +179,22 @@ def prepare(facts: Facts, target: Target, now: datetime) -> tuple[Step, ...]:
     return tuple(step for step in steps if step is not None and step.lines)
 
 
-def clear(facts: Facts) -> tuple[Step, ...]:
+def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
     """Remove the default configuration (and whatever stands in its menus); to be typed over the management port."""
-    lines: list[Line] = [*_radios_off(facts)]
+    lines: list[ConsoleLine] = [*_radios_off(facts)]
     back = _resets(facts)
     for menu in CLEARED:
         if menu == "/interface/list/member":
             lines += back
-        lines += [Line(f"{console_path(menu)} remove {row['.id']}") for row in removable(menu, facts.rows[menu])]
+        lines += [ConsoleLine(f"{console_path(menu)} remove {row['.id']}") for row in removable(menu, facts.rows[menu])]
     if not lines:
         return ()
-    return (Step("clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), guarded=True),)
+    return (
+        AdoptionStep("clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), guarded=True),
+    )
 
 
-def _radios_off(facts: Facts) -> Iterator[Line]:
+def _radios_off(facts: BoxFacts) -> Iterator[ConsoleLine]:
     """Switch off what the factory has on the air, open and without a firewall behind it any more.
 
     A radio that carries our comment has been provisioned, and stays.
@@ -208,106 +210,108 @@ def _radios_off(facts: Facts) -> Iterator[Line]:
             and not ours
         ):
             where = " ".join(f"{name}={quote(value or '')}" for name, value in statement.find)
-            yield Line(f"{console_path(statement.menu)} set [ find {where} ] disabled=yes")
+            yield ConsoleLine(f"{console_path(statement.menu)} set [ find {where} ] disabled=yes")
 
 
-def close_door(facts: Facts, target: Target) -> tuple[Step, ...]:
+def close_door(facts: BoxFacts, target: AdoptionTarget) -> tuple[AdoptionStep, ...]:
     """Disable everybody but our user."""
     names = factory_users(facts, target)
-    lines = tuple(Line(f"/user disable {quote(name)}") for name in names)
-    return (Step("users", f"disable user {', '.join(names)}", lines),) if lines else ()
+    lines = tuple(ConsoleLine(f"/user disable {quote(name)}") for name in names)
+    return (AdoptionStep("users", f"disable user {', '.join(names)}", lines),) if lines else ()
 
 
-def factory_users(facts: Facts, target: Target) -> list[str]:
+def factory_users(facts: BoxFacts, target: AdoptionTarget) -> list[str]:
     """Users besides ours who may log in."""
     users = [user for user in facts.users if user.get("disabled") not in _TRUE]
     return [user["name"] for user in users if user.get("name") not in (None, target.user)]
 
 
-def _clock(facts: Facts, now: datetime) -> Step | None:
+def _clock(facts: BoxFacts, now: datetime) -> AdoptionStep | None:
     """A box without battery wakes up in 1970: its certificate would have expired before it is used."""
     if facts.now is not None and abs(facts.now - now) < _CLOCK_OFF:
         return None
     date = now.strftime("%Y-%m-%d") if facts.version >= Version(7, 10) else now.strftime("%b/%d/%Y").lower()
-    line = Line(f"/system clock set date={date} time={now:%H:%M:%S}")
-    return Step("clock", f"set the clock ({date}, UTC)", (line,))
+    line = ConsoleLine(f"/system clock set date={date} time={now:%H:%M:%S}")
+    return AdoptionStep("clock", f"set the clock ({date}, UTC)", (line,))
 
 
-def _user(facts: Facts, target: Target) -> Step | None:
+def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     password = f"password={_typed(target.password.reveal())}"
     found = next((user for user in facts.users if user.get("name") == target.user), None)
     if found is None:
-        line = Line(f"/user add name={quote(target.user)} group=full {password} comment=atlantis", (target.password,))
-        return Step("user", f"add user {target.user} (group full)", (line,))
+        line = ConsoleLine(
+            f"/user add name={quote(target.user)} group=full {password} comment=atlantis", (target.password,)
+        )
+        return AdoptionStep("user", f"add user {target.user} (group full)", (line,))
     if found.get("group") == "full" and found.get("disabled") not in _TRUE:
         return None
-    line = Line(f"/user set {quote(target.user)} group=full disabled=no {password}", (target.password,))
-    return Step("user", f"let user {target.user} in (group full)", (line,))
+    line = ConsoleLine(f"/user set {quote(target.user)} group=full disabled=no {password}", (target.password,))
+    return AdoptionStep("user", f"let user {target.user} in (group full)", (line,))
 
 
-def _certificate(facts: Facts, target: Target) -> Step | None:
+def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     """Self-signed: it is pinned, nobody follows a chain (Manual, Certificates: without `ca` it signs itself)."""
     found = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
-    sign = Line(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
+    sign = ConsoleLine(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
     if found is None:
         names = quote(f"IP:{target.host},DNS:{target.name}")
-        add = Line(
+        add = ConsoleLine(
             f"/certificate add name={CERTIFICATE} common-name={quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
-        return Step("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
+        return AdoptionStep("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
     if not found.get("fingerprint"):
-        return Step("certificate", f"sign certificate {CERTIFICATE} on the device", (sign,))
+        return AdoptionStep("certificate", f"sign certificate {CERTIFICATE} on the device", (sign,))
     return None
 
 
-def _service(facts: Facts, target: Target) -> Step | None:
+def _service(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     found = next((row for row in facts.services if row.get("name") == "api-ssl" and "port" in row), {})
     desired = {"certificate": CERTIFICATE, "port": str(target.api_port)}
     if all(found.get(name) == value for name, value in desired.items()) and found.get("disabled") not in _TRUE:
         return None
-    line = Line(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={target.api_port}")
-    return Step("api-ssl", f"api-ssl with that certificate on port {target.api_port}", (line,))
+    line = ConsoleLine(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={target.api_port}")
+    return AdoptionStep("api-ssl", f"api-ssl with that certificate on port {target.api_port}", (line,))
 
 
-def _port(facts: Facts, target: Target) -> Step | None:
+def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     """The management port out of the bridge, with its address, and let in by whatever firewall there is."""
     name = next((row.get("name", "") for row in facts.ethernets if row.get("default-name") == target.port), target.port)
     addresses = facts.rows["/ip/address"]
     there = any(row.get("address") == target.address and row.get("interface") == name for row in addresses)
     lines = [*_freed(facts, name)]
     stale = [row for row in addresses if row.get("address") == target.address and row.get("interface") != name]
-    lines += [Line(f"/ip address remove {row['.id']}") for row in stale if row.get("dynamic") not in _TRUE]
+    lines += [ConsoleLine(f"/ip address remove {row['.id']}") for row in stale if row.get("dynamic") not in _TRUE]
     if not there or lines:
         lines += _let_in(facts, name)
     if not there:
         value = f"address={target.address} interface={quote(name)}"
-        lines.append(Line(f"/ip address add {value} comment={quote(MARK)}"))
+        lines.append(ConsoleLine(f"/ip address add {value} comment={quote(MARK)}"))
     title = f"management address {target.address} on {target.port}"
     soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
-    return Step("management", title, soon, guarded=True) if lines else None
+    return AdoptionStep("management", title, soon, guarded=True) if lines else None
 
 
-def _freed(facts: Facts, name: str) -> Iterator[Line]:
+def _freed(facts: BoxFacts, name: str) -> Iterator[ConsoleLine]:
     ethernet = next((row for row in facts.ethernets if row.get("name") == name), {})
     if ethernet.get("disabled") in _TRUE:
-        yield Line(f"/interface ethernet enable {quote(name)}")
+        yield ConsoleLine(f"/interface ethernet enable {quote(name)}")
     for menu in ("/interface/bridge/port", "/ip/dhcp-client"):
         for row in facts.rows[menu]:
             if row.get("interface") == name and row.get("dynamic") not in _TRUE:
-                yield Line(f"{console_path(menu)} remove {row['.id']}")
+                yield ConsoleLine(f"{console_path(menu)} remove {row['.id']}")
 
 
-def _let_in(facts: Facts, name: str) -> list[Line]:
+def _let_in(facts: BoxFacts, name: str) -> list[ConsoleLine]:
     """One rule before all others; it goes with them."""
     rules = [row for row in facts.rows["/ip/firewall/filter"] if row.get("dynamic") not in _TRUE]
     if not rules or any(row.get("comment", "") == TEMPORARY for row in rules):
         return []
     rule = f"chain=input action=accept in-interface={quote(name)} comment={quote(TEMPORARY)}"
-    return [Line(f"/ip firewall filter add {rule} place-before={rules[0]['.id']}")]
+    return [ConsoleLine(f"/ip firewall filter add {rule} place-before={rules[0]['.id']}")]
 
 
-def _resets(facts: Facts) -> list[Line]:
+def _resets(facts: BoxFacts) -> list[ConsoleLine]:
     lines = []
     for menu, plain in resets(facts.version).items():
         device_row: Row = {}
@@ -317,7 +321,7 @@ def _resets(facts: Facts) -> list[Line]:
         change = {name: value for name, value in plain.items() if device_row.get(name, value) != value}
         if change:
             values = " ".join(f"{name}={quote(value)}" for name, value in change.items())
-            lines.append(Line(f"{console_path(menu)} set {values}"))
+            lines.append(ConsoleLine(f"{console_path(menu)} set {values}"))
     return lines
 
 
@@ -326,7 +330,7 @@ def _typed(value: str) -> str:
     return quote(value) if value else '""'
 
 
-def recognise(facts: Facts, target: Target, now: datetime) -> DeviceState:
+def recognise(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> DeviceState:
     """Tell by users, certificates and the export.
 
     A device that is adopted may hold anything: it may have been provisioned since.
@@ -340,7 +344,7 @@ def recognise(facts: Facts, target: Target, now: datetime) -> DeviceState:
     return DeviceState.HALF if ours or marked else DeviceState.FACTORY
 
 
-def _left(facts: Facts) -> bool:
+def _left(facts: BoxFacts) -> bool:
     """Whether something of the default configuration, or of first contact, is still there."""
     return any(
         is_default(statement) or (dict(statement.values).get("comment") or "").startswith(TEMPORARY)
@@ -348,7 +352,7 @@ def _left(facts: Facts) -> bool:
     )
 
 
-def foreign(facts: Facts, target: Target) -> tuple[str, ...]:
+def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
     """What neither the factory nor this toolkit has put there: menus with their number of lines, names of users."""
     lines: dict[str, int] = {}
     for statement in facts.export.statements:
@@ -364,7 +368,7 @@ def foreign(facts: Facts, target: Target) -> tuple[str, ...]:
 _NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")
 
 
-def look(console: Console) -> Facts:
+def look(console: Console) -> BoxFacts:
     """Read everything that first contact decides by. Raises DeviceFailed if it is no RouterOS that can be read."""
     resource = _settings(console, "/system/resource") or {}
     try:
@@ -377,7 +381,7 @@ def look(console: Console) -> Facts:
         export = parse(text, "the device's export")
     except RscError as error:
         raise DeviceFailed(f"the device's export could not be read: {error}") from error
-    return Facts(
+    return BoxFacts(
         version=version,
         board=resource.get("board-name", ""),
         architecture=resource.get("architecture-name", ""),
@@ -458,7 +462,7 @@ TEMPORARY = "atlantis: first contact"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
+class AdoptionTarget:
     """The "adopted" state of one router, from its declaration."""
 
     name: str
@@ -502,7 +506,7 @@ class DeviceState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class BoxFacts:
     """What a device says about itself on its console."""
 
     version: Version
@@ -554,7 +558,7 @@ class ConsoleRoutes(Protocol):
         """The host key that the device has shown; None as long as nobody came by SSH."""
 
 
-class Status(StrEnum):
+class AdoptionStatus(StrEnum):
     """How first contact ended."""
 
     ALREADY = "unchanged"
@@ -566,8 +570,8 @@ class Status(StrEnum):
 class Adopted:
     """What came of it; `notes` say what nobody has verified, and what to do now."""
 
-    status: Status
+    status: AdoptionStatus
     standing: DeviceState
     steps: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    facts: Facts | None = None
+    facts: BoxFacts | None = None

@@ -37,11 +37,11 @@ from atlantis_netcfg.bundle.manifest import (
     MANIFEST,
     SIGNATURE,
     BundledLibrary,
-    File,
+    BundleFile,
+    BundleImage,
+    BundleSigner,
     HostPart,
-    Image,
     Manifest,
-    Signer,
     content_id,
     run,
 )
@@ -51,7 +51,14 @@ from atlantis_netcfg.bundle.resolve import Fetched, Root, index, read_package, s
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.requirements import HostRequirements, Key, Library, PackageRequirement, Source, Target
+    from atlantis_netcfg.bundle.requirements import (
+        BundleTarget,
+        HostRequirements,
+        Library,
+        PackageRequirement,
+        PackageSource,
+        RequirementKey,
+    )
 
 
 _USER = "oauth2"
@@ -285,7 +292,7 @@ class StagingDirectory:
     place: Path
     """Where the bundle shall be; an earlier one may be there."""
     folder: Path
-    files: dict[str, File] = field(default_factory=dict)
+    files: dict[str, BundleFile] = field(default_factory=dict)
     """By the path in the bundle."""
 
     @property
@@ -301,7 +308,7 @@ class StagingDirectory:
             place.write_bytes(source)
         elif source != place:
             source.replace(place)
-        self.files[path] = File(path=path, size=place.stat().st_size, sha256=sha256_of(place))
+        self.files[path] = BundleFile(path=path, size=place.stat().st_size, sha256=sha256_of(place))
 
     def finish(self) -> None:
         """Remove what is not of the bundle, and let it take the place of an earlier one."""
@@ -396,30 +403,30 @@ Tell = Callable[[str, float | None], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Purpose:
+class BundlePurpose:
     """One host, the system on it, and where that system's own packages come from."""
 
     requirements: HostRequirements
-    target: Target
-    archive: tuple[Source, Key] | None
+    target: BundleTarget
+    archive: tuple[PackageSource, RequirementKey] | None
     """None: all packages come from the sources of the wish."""
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class BundleOrder:
     """What bundle is made, and where."""
 
     site: str
     revision: str
     """Of the declaration."""
-    purposes: tuple[Purpose, ...]
+    purposes: tuple[BundlePurpose, ...]
     place: Path
     image: Path | None = None
     """The vendor's image; it is copied into the bundle."""
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
+class BundleSize:
     """What is going to be fetched, in bytes; told before it is."""
 
     packages: int
@@ -428,7 +435,7 @@ class Size:
     """Without what an interrupted or earlier bundle has left."""
 
 
-def make(order: Order, signer: Signer, tell: Tell, sized: Callable[[Size], None]) -> Manifest:
+def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[BundleSize], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
     with workshop(order.place) as work:
         tell("asking what there is", None)
@@ -453,12 +460,12 @@ def make(order: Order, signer: Signer, tell: Tell, sized: Callable[[Size], None]
     return manifest
 
 
-def _fetch(root: Root, purpose: Purpose, files: Sequence[Fetched], tell: Tell) -> None:
+def _fetch(root: Root, purpose: BundlePurpose, files: Sequence[Fetched], tell: Tell) -> None:
     words = f"fetching packages for {purpose.requirements.host}"
     root.fetch(_missing(purpose), files, lambda share: tell(words, share))
 
 
-def _missing(purpose: Purpose) -> list[PackageRequirement]:
+def _missing(purpose: BundlePurpose) -> list[PackageRequirement]:
     """What the target does not have already, in one order."""
     has = purpose.target.installed
     return sorted(
@@ -467,7 +474,7 @@ def _missing(purpose: Purpose) -> list[PackageRequirement]:
     )
 
 
-def _root(work: StagingDirectory, purpose: Purpose) -> Root:
+def _root(work: StagingDirectory, purpose: BundlePurpose) -> Root:
     request, target = purpose.requirements, purpose.target
     expected = (request.distribution or target.distribution, request.codename or target.codename)
     if expected != (target.distribution, target.codename):
@@ -484,13 +491,15 @@ def _root(work: StagingDirectory, purpose: Purpose) -> Root:
     return root
 
 
-def _size(roots: dict[str, Root], lacking: dict[str, tuple[Fetched, ...]]) -> Size:
+def _size(roots: dict[str, Root], lacking: dict[str, tuple[Fetched, ...]]) -> BundleSize:
     files = {file.name: (root, file) for name, root in roots.items() for file in lacking[name]}
     missing = [file.size for root, file in files.values() if not root.has(file)]
-    return Size(len(files), sum(file.size for _, file in files.values()), sum(missing))
+    return BundleSize(len(files), sum(file.size for _, file in files.values()), sum(missing))
 
 
-def _packages(work: StagingDirectory, signer: Signer, purpose: Purpose, fetched: Sequence[Fetched]) -> HostPart:
+def _packages(
+    work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, fetched: Sequence[Fetched]
+) -> HostPart:
     """Put a host's packages and their index into the bundle."""
     request, target = purpose.requirements, purpose.target
     packages = [read_package(_archived(work, file), file.sha256) for file in fetched]
@@ -544,7 +553,7 @@ def _reuse(work: StagingDirectory, lacking: dict[str, tuple[Fetched, ...]]) -> N
                 same(earlier, target)
 
 
-def _libraries(work: StagingDirectory, part: HostPart, purpose: Purpose, gathered: Gathered) -> HostPart:
+def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, gathered: Gathered) -> HostPart:
     """Put a host's libraries into the bundle."""
     current, libraries = dict(part.held), []
     for library in purpose.requirements.libraries:
@@ -558,7 +567,7 @@ def _libraries(work: StagingDirectory, part: HostPart, purpose: Purpose, gathere
     return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
 
-def _image(work: StagingDirectory, image: Path | None) -> Image | None:
+def _image(work: StagingDirectory, image: Path | None) -> BundleImage | None:
     if image is None:
         return None
     path = f"images/{image.name}"
@@ -567,10 +576,10 @@ def _image(work: StagingDirectory, image: Path | None) -> Image | None:
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(image, place)
     work.add(path, place)
-    return Image(name=image.name, sha256=work.files[path].sha256, path=path)
+    return BundleImage(name=image.name, sha256=work.files[path].sha256, path=path)
 
 
-def _signed(work: StagingDirectory, order: Order, signer: Signer, hosts: dict[str, HostPart]) -> Manifest:
+def _signed(work: StagingDirectory, order: BundleOrder, signer: BundleSigner, hosts: dict[str, HostPart]) -> Manifest:
     """Write the manifest and its signature: from then on the folder is a bundle."""
     image = _image(work, order.image)
     files = tuple(work.files[path] for path in sorted(work.files))

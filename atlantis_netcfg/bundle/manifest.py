@@ -60,7 +60,7 @@ class _Data(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class File(_Data):
+class BundleFile(_Data):
     """One file of the bundle; `size` in bytes."""
 
     path: Inside
@@ -76,7 +76,7 @@ class BundledLibrary(_Data):
     commit: Annotated[str, Field(pattern=r"^[0-9a-f]{40}([0-9a-f]{24})?$")]
 
 
-class Image(_Data):
+class BundleImage(_Data):
     """The vendor's image that cards are made of, for people; `path` is None where only its checksum is kept."""
 
     name: str
@@ -115,16 +115,16 @@ class Manifest(_Data):
     """Of the declaration, as `provision validate` tells it."""
     key: Annotated[str, Field(pattern=r"^[0-9A-F]{40}$")]
     """Fingerprint of the key that signs it."""
-    files: tuple[File, ...]
+    files: tuple[BundleFile, ...]
     hosts: dict[str, HostPart]
-    image: Image | None = None
+    image: BundleImage | None = None
 
     @property
     def size(self) -> int:
         """Bytes of all files."""
         return sum(file.size for file in self.files)
 
-    def of(self, host: str) -> dict[str, File]:
+    def of(self, host: str) -> dict[str, BundleFile]:
         """Path on the board -> file, of one host."""
         files = {file.path: file for file in self.files}
         return {path: files[inside] for path, inside in sorted(self.hosts[host].held.items())}
@@ -134,7 +134,7 @@ class Manifest(_Data):
         return f"{json.dumps(self.model_dump(mode='json'), indent=1, ensure_ascii=False)}\n".encode()
 
 
-def content_id(files: tuple[File, ...], hosts: dict[str, HostPart]) -> str:
+def content_id(files: tuple[BundleFile, ...], hosts: dict[str, HostPart]) -> str:
     """The `id` of a manifest with that content."""
     data = [[file.model_dump() for file in files], {name: part.model_dump() for name, part in hosts.items()}]
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
@@ -227,7 +227,7 @@ class Keys:
         """Those in a state directory."""
         return cls(state / "bundle")
 
-    def signer(self) -> Signer:
+    def signer(self) -> BundleSigner:
         """This computer's key, made at first use."""
         private_directory(self.folder)
         place = self.folder / _SECRET
@@ -244,7 +244,7 @@ class Keys:
         found = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
         if found is None:
             raise BundleRefused(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
-        return Signer(found[1], public, secret)
+        return BundleSigner(found[1], public, secret)
 
     def accepts(self, fingerprint: str) -> bool:
         """Whether bundles signed by that key are taken here."""
@@ -259,7 +259,7 @@ class Keys:
 
 
 @dataclass(frozen=True, slots=True)
-class Signer:
+class BundleSigner:
     """A key that can sign."""
 
     fingerprint: str

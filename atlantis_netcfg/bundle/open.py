@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import File, HostPart, Keys
+    from atlantis_netcfg.bundle.manifest import BundleFile, HostPart, Keys
 
 _TAR_RECORD = 10240
 """An archive ends with a whole record (tar(5)); a file has a block of 512 bytes before it and is filled up to one."""
@@ -108,7 +108,7 @@ def _damage(folder: Path, manifest: Manifest) -> Iterator[str]:
             yield f"{file.path}: {words}"
 
 
-def _wrong(path: Path, file: File) -> str:
+def _wrong(path: Path, file: BundleFile) -> str:
     try:
         size = path.stat().st_size
         if size != file.size:

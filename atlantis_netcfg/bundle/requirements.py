@@ -36,7 +36,7 @@ class PackageRequirement:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class PackageSource:
     """A file that tells apt where packages are, as it stands on the board."""
 
     path: str
@@ -44,7 +44,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
+class RequirementKey:
     """A keyring that `Signed-By` of a source names."""
 
     path: str
@@ -70,9 +70,9 @@ class HostRequirements:
 
     host: str
     packages: tuple[PackageRequirement, ...]
-    sources: tuple[Source, ...] = ()
-    keys: tuple[Key, ...] = ()
-    pins: tuple[Source, ...] = ()
+    sources: tuple[PackageSource, ...] = ()
+    keys: tuple[RequirementKey, ...] = ()
+    pins: tuple[PackageSource, ...] = ()
     libraries: tuple[Library, ...] = ()
     distribution: str | None = None
     codename: str | None = None
@@ -105,7 +105,7 @@ _RELEASES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class BundleTarget:
     """What packages are resolved against."""
 
     status: bytes = field(repr=False)
@@ -123,7 +123,7 @@ class Target:
         return f"{self.distribution} {self.codename} {self.architecture}"
 
 
-def read_target(status: bytes, named: str) -> Target:
+def read_target(status: bytes, named: str) -> BundleTarget:
     """Read a status file; `named` is what people call it. Raises BundleRefused."""
     packages = list(paragraphs(status.decode(errors="replace")))
     local = next((each for each in packages if each.get("Package") == "dpkg"), None)
@@ -147,7 +147,7 @@ def read_target(status: bytes, named: str) -> Target:
         for each in packages
         if each.get("Status", "").endswith(" ok installed") and each.get("Architecture") in {architecture, "all"}
     }
-    return Target(status, architecture, distribution, codename, installed)
+    return BundleTarget(status, architecture, distribution, codename, installed)
 
 
 def paragraphs(text: str) -> Iterator[dict[str, str]]:

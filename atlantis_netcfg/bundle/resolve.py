@@ -19,13 +19,13 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from atlantis_netcfg.bundle.manifest import Signer, program, run
-from atlantis_netcfg.bundle.requirements import BundleRefused, Key, Source, paragraphs, refused
+from atlantis_netcfg.bundle.manifest import BundleSigner, program, run
+from atlantis_netcfg.bundle.requirements import BundleRefused, PackageSource, RequirementKey, paragraphs, refused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Target
+    from atlantis_netcfg.bundle.requirements import BundleTarget, HostRequirements, PackageRequirement
 
 _URI = re.compile(r"'(?P<uri>[^']+)' (?P<name>\S+) (?P<size>\d+) SHA256:(?P<sha256>[0-9a-f]{64})")
 _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
@@ -51,7 +51,7 @@ class Root:
     archives: Path
 
     @classmethod
-    def make(cls, folder: Path, shared: Path, target: Target, request: HostRequirements) -> Root:
+    def make(cls, folder: Path, shared: Path, target: BundleTarget, request: HostRequirements) -> Root:
         """Lay the folder out anew for the wish's sources; `shared` keeps what was fetched before."""
         if re.search(r"[\s\"';]", str(folder)):
             raise BundleRefused(
@@ -174,7 +174,7 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _settings(root: Root, target: Target) -> str:
+def _settings(root: Root, target: BundleTarget) -> str:
     places = {
         "Dir": f"{root.folder}/",
         "Dir::State": f"{root.folder}/state/",
@@ -225,7 +225,7 @@ _DATE = "Sat, 01 Jan 2000 00:00:00 UTC"
 
 
 @dataclass(frozen=True, slots=True)
-class Package:
+class ResolvedPackage:
     """One .deb file."""
 
     name: str
@@ -241,17 +241,19 @@ class Package:
         return f"{self.name}_{self.version.replace(':', '-')}_{self.architecture}.deb"
 
 
-def read_package(deb: Path, sha256: str) -> Package:
+def read_package(deb: Path, sha256: str) -> ResolvedPackage:
     """Look into a package file. Raises BundleRefused."""
     done = run(["dpkg-deb", "--field", str(deb)])
     control = done.stdout.decode(errors="replace").rstrip()
     fields = next(paragraphs(control), {})
     if done.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
         raise BundleRefused(f"{deb.name} is no Debian package", hint="remove it, and type the same again")
-    return Package(fields["Package"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256)
+    return ResolvedPackage(
+        fields["ResolvedPackage"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256
+    )
 
 
-def index(packages: Iterable[Package], target: Target, signer: Signer) -> dict[str, bytes]:
+def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: BundleSigner) -> dict[str, bytes]:
     """The files of the index by name; packages are expected in `pool` beside them."""
     ordered = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
     text = "\n".join(
@@ -305,7 +307,7 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
 _OF_PCS = ("amd64", "i386")
 
 
-def archive(target: Target, mirror: str | None, keyring: Path | None) -> tuple[Source, Key]:
+def archive(target: BundleTarget, mirror: str | None, keyring: Path | None) -> tuple[PackageSource, RequirementKey]:
     """The source of a target's own distribution and the key that signs it. Raises BundleRefused.
 
     `mirror` in place of the archive's address (Debian's security updates then lie at MIRROR-security, as mirrors have
@@ -319,7 +321,9 @@ def archive(target: Target, mirror: str | None, keyring: Path | None) -> tuple[S
     text = _stanza(base, suites, row, place)
     if row.security:
         text += "\n" + _stanza(base + row.security, f"{name}-security", row, place)
-    return Source(f"/etc/apt/sources.list.d/{target.distribution}.sources", text), Key(str(place), _key(row, keyring))
+    return PackageSource(f"/etc/apt/sources.list.d/{target.distribution}.sources", text), RequirementKey(
+        str(place), _key(row, keyring)
+    )
 
 
 def _stanza(base: str, suites: str, row: Distribution, keyring: PurePosixPath) -> str:

@@ -7,33 +7,33 @@ The closed list is signed by a named person over everything in it, and whoever h
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist._opening import Head
+from atlantis_netcfg.checklist._opening import BookHead
 from atlantis_netcfg.checklist._signing import FILE as KEY
-from atlantis_netcfg.checklist._signing import KeyDamaged, NotSigned, Refused
+from atlantis_netcfg.checklist._signing import NotSigned, SigningKeyDamaged, SigningRefused
 from atlantis_netcfg.checklist.answers import Answers, AnswersInvalid, Overriding
 from atlantis_netcfg.checklist.confirmations import Confirmation
-from atlantis_netcfg.checklist.history import Kept, State, books, changes, last_green, narrowed, since
-from atlantis_netcfg.checklist.plan import Checklist, Entry, Scope, plan
+from atlantis_netcfg.checklist.history import Kept, VehicleState, books, changes, last_green, narrowed, since
+from atlantis_netcfg.checklist.plan import Checklist, PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.session import Book
-from atlantis_netcfg.checklist.verifying import Trouble, verify, verify_report
+from atlantis_netcfg.checklist.verifying import SigningTrouble, verify, verify_report
 
 __all__ = [
     "KEY",
     "Answers",
     "AnswersInvalid",
     "Book",
+    "BookHead",
     "Checklist",
     "Confirmation",
-    "Entry",
-    "Head",
     "Kept",
-    "KeyDamaged",
     "NotSigned",
     "Overriding",
-    "Refused",
+    "PlanEntry",
     "Scope",
-    "State",
-    "Trouble",
+    "SigningKeyDamaged",
+    "SigningRefused",
+    "SigningTrouble",
+    "VehicleState",
     "books",
     "changes",
     "last_green",

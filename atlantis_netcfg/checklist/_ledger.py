@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from atlantis_netcfg.checklist._signing import Refused, content, parsed
+from atlantis_netcfg.checklist._signing import SigningRefused, content, parsed
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.journal import make_private, os_errors_as, unwritable, utc_now, write_atomically
@@ -38,39 +38,39 @@ if TYPE_CHECKING:
 FILE = "records.jsonl"
 
 
-class _Record(BaseModel):
+class _ChecklistRecord(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Begun(_Record):
+class ChecklistBegun(_ChecklistRecord):
     """The list as it was worked out; once more when it is gone on with and is another one."""
 
     record: Literal["begun"] = "begun"
     document: Document
 
 
-class GoneOn(_Record):
+class GoneOn(_ChecklistRecord):
     """Somebody opened the book again."""
 
     record: Literal["gone on"] = "gone on"
 
 
-class Result(_Record):
+class RecordedResult(_ChecklistRecord):
     """An item as it is from now on; what it was before stands above."""
 
     record: Literal["settled", "confirmed", "overridden"]
     item: Item
 
 
-class Superseded(_Record):
+class ResultSuperseded(_ChecklistRecord):
     """A new book was begun in its place."""
 
     record: Literal["superseded"] = "superseded"
     why: str
 
 
-Record = Annotated[Begun | GoneOn | Result | Superseded, Field(discriminator="record")]
-_RECORDS: TypeAdapter[Begun | GoneOn | Result | Superseded] = TypeAdapter(Record)
+Record = Annotated[ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded, Field(discriminator="record")]
+_RECORDS: TypeAdapter[ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded] = TypeAdapter(Record)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Recorded:
     """One record and when it was written."""
 
     at: datetime
-    record: Begun | GoneOn | Result | Superseded
+    record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,16 +129,18 @@ def _record(line: bytes, before: str) -> Recorded | str:
 
 def replayed(lines: Lines) -> Document | None:
     """The checklist as the records leave it, unsigned; None where there is not even a list."""
-    begun = [recorded.record.document for recorded in lines.records if isinstance(recorded.record, Begun)]
+    begun = [recorded.record.document for recorded in lines.records if isinstance(recorded.record, ChecklistBegun)]
     if not begun:
         return None
     results = {
-        record.record.item.id: record.record.item for record in lines.records if isinstance(record.record, Result)
+        record.record.item.id: record.record.item
+        for record in lines.records
+        if isinstance(record.record, RecordedResult)
     }
     return begun[-1].model_copy(update={"items": tuple(results.get(item.id, item) for item in begun[-1].items)})
 
 
-class Ledger(EventLog):
+class ChecklistLog(EventLog):
     """The log, open for appending. After a failed write it refuses every other one."""
 
     def __init__(self, path: Path, now: Callable[[], datetime] = utc_now) -> None:
@@ -149,13 +151,13 @@ class Ledger(EventLog):
         super().__init__(path, partial(unwritable, "the checklist", path))
         self.cut(lines.good)
 
-    def write(self, record: Begun | GoneOn | Result | Superseded) -> None:
+    def write(self, record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
         line = self._line(record)
         self.append(line + b"\n")
         self._last = hashlib.sha256(line).hexdigest()
 
-    def _line(self, record: Begun | GoneOn | Result | Superseded) -> bytes:
+    def _line(self, record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
@@ -221,14 +223,14 @@ def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
 def _bytes(path: Path) -> bytes:
     wrong = wrong_with(path)
     if wrong is not None:
-        raise Refused(wrong[0], hint=wrong[1])
+        raise SigningRefused(wrong[0], hint=wrong[1])
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise Refused(f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions") from error
+        raise SigningRefused(f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions") from error
     if len(data) > MAX_BYTES:
-        raise Refused(f"`{path}` grows while it is read", hint="give it when it is whole")
+        raise SigningRefused(f"`{path}` grows while it is read", hint="give it when it is whole")
     return data
 
 
@@ -238,7 +240,9 @@ def _picture(path: Path, data: bytes) -> bytes:
     if kind is None:
         return data
     if kind not in _READ:
-        raise Refused(f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG)
+        raise SigningRefused(
+            f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG
+        )
     from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
 
     try:
@@ -248,9 +252,9 @@ def _picture(path: Path, data: bytes) -> bytes:
                 pixels = image.width * image.height
                 kept = _encoded(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
     except Exception as error:  # Pillow raises all sorts for damaged files
-        raise Refused(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
+        raise SigningRefused(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
     if not kept:
-        raise Refused(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
+        raise SigningRefused(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
     return kept
 
 

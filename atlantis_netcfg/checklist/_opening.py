@@ -21,7 +21,7 @@ _SAME_DAY = timedelta(hours=18)
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class BookHead:
     """What a document has besides the list and what was found."""
 
     rehearsed: bool
@@ -37,7 +37,7 @@ class Head:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundBook:
     """The book to go on with, if there is one."""
 
     folder: Path | None
@@ -53,7 +53,7 @@ def runs(folder: Path) -> list[Path]:
     return sorted(books, key=lambda path: run_order(path.name))
 
 
-def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Callable[[], datetime]) -> Found:
+def found(folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now: Callable[[], datetime]) -> FoundBook:
     """Look for the open book of the same list; one that no longer fits is closed as unfinished, and that is told."""
     words = ""
     for run in reversed(runs(folder)):
@@ -65,14 +65,14 @@ def found(folder: Path, checklist: Checklist, head: Head, *, anew: bool, now: Ca
             words = words or f"the checklist {run.name} is damaged ({lines.damage})"
             continue
         if why := "it was to be begun anew" if anew else _other(document, head):
-            with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
-                ledger.write(_ledger.Superseded(why=why))
-            return Found(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
+            with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
+                ledger.write(_ledger.ResultSuperseded(why=why))
+            return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
         _go_on(run, document, checklist, head, now)
         torn = f"; {lines.torn}, and what it said is asked again" if lines.torn else ""
         gone_on = f"the checklist {run.name} is gone on with{torn}{_old(now() - document.started)}"
-        return Found(run, f"{words}; {gone_on}" if words else gone_on)
-    return Found(None, f"{words}: a new one is begun" if words else "")
+        return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
+    return FoundBook(None, f"{words}: a new one is begun" if words else "")
 
 
 def _old(age: timedelta) -> str:
@@ -84,10 +84,12 @@ def _old(age: timedelta) -> str:
 
 
 def _over(run: Path, lines: _ledger.Lines) -> bool:
-    return (run / MANIFEST).exists() or any(isinstance(record.record, _ledger.Superseded) for record in lines.records)
+    return (run / MANIFEST).exists() or any(
+        isinstance(record.record, _ledger.ResultSuperseded) for record in lines.records
+    )
 
 
-def _other(document: Document, head: Head) -> str:
+def _other(document: Document, head: BookHead) -> str:
     """Why a book is not that of this checklist; empty if it is."""
     if document.inventory != head.inventory:
         return "the inventory has changed since"
@@ -98,29 +100,29 @@ def _other(document: Document, head: Head) -> str:
     return ""
 
 
-def _go_on(run: Path, before: Document, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> None:
+def _go_on(run: Path, before: Document, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> None:
     document = _document(run.name, before.started, checklist, head)
     same = document.model_copy(update={"items": ()}) == before.model_copy(update={"items": ()})
     same = same and [item.id for item in document.items] == [item.id for item in before.items]
-    with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
-        ledger.write(_ledger.GoneOn() if same else _ledger.Begun(document=document))
+    with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
+        ledger.write(_ledger.GoneOn() if same else _ledger.ChecklistBegun(document=document))
 
 
-def begin(folder: Path, checklist: Checklist, head: Head, now: Callable[[], datetime]) -> Path:
+def begin(folder: Path, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> Path:
     """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
     started = now()
     with os_errors_as("the checklist", folder):
         make_private(folder)
         run = new_run(folder, started, head.run)
         sync_directory(folder)
-    with _ledger.Ledger(run / _ledger.FILE, now) as ledger:
-        ledger.write(_ledger.Begun(document=_document(run.name, started, checklist, head)))
+    with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
+        ledger.write(_ledger.ChecklistBegun(document=_document(run.name, started, checklist, head)))
     with os_errors_as("the checklist", run):
         sync_directory(run)
     return run
 
 
-def _document(run: str, started: datetime, checklist: Checklist, head: Head) -> Document:
+def _document(run: str, started: datetime, checklist: Checklist, head: BookHead) -> Document:
     return Document(
         run=run,
         site=checklist.site,

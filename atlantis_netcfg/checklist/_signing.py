@@ -78,7 +78,7 @@ def _refused(word: str) -> NoReturn:
     raise ValueError(f"{word} is no number")
 
 
-class Refused(UsageError):
+class SigningRefused(UsageError):
     """What a person asks of the checklist does not fit it; nothing was written down."""
 
 
@@ -88,7 +88,7 @@ class NotSigned(NetcfgError):
     exit = ExitCode.CHECKS_FAILED
 
 
-class KeyDamaged(NetcfgError):
+class SigningKeyDamaged(NetcfgError):
     """The key with which this computer signs cannot be used."""
 
     exit = ExitCode.FAILED
@@ -99,29 +99,29 @@ _OTHERS = 0o077
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
+class SigningKey:
     """The private key."""
 
     private: Ed25519PrivateKey
 
     @classmethod
-    def known(cls, path: Path) -> Key | None:
+    def known(cls, path: Path) -> SigningKey | None:
         """The key of this computer; None before its first signature. Raises KeyDamaged."""
         try:
             data, mode = path.read_bytes(), path.stat().st_mode
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise KeyDamaged(f"the key for signing cannot be read: {error.strerror} ({path})") from error
+            raise SigningKeyDamaged(f"the key for signing cannot be read: {error.strerror} ({path})") from error
         if mode & _OTHERS:
-            raise KeyDamaged(
+            raise SigningKeyDamaged(
                 f"other users of this computer can read the key for signing ({path})",
                 hint=f"chmod 600 {path}; where others do work here, remove it instead: a new one is made",
             )
         return cls(_loaded(data, path))
 
     @classmethod
-    def made(cls, path: Path) -> Key:
+    def made(cls, path: Path) -> SigningKey:
         """The key of this computer, made if there is none. Of two who make it at once, one wins and both use that."""
         if (key := cls.known(path)) is not None:
             return key
@@ -177,7 +177,7 @@ def _loaded(data: bytes, path: Path) -> Ed25519PrivateKey:
         key = None
     if not isinstance(key, Ed25519PrivateKey):
         hint = "restore it from a copy, or move it away: a new one is made, and what the old one signed becomes unknown"
-        raise KeyDamaged(f"the key for signing cannot be read ({path})", hint=hint)
+        raise SigningKeyDamaged(f"the key for signing cannot be read ({path})", hint=hint)
     return key
 
 
@@ -198,7 +198,7 @@ MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class SigningTrouble:
     """Something that is not as it was signed."""
 
     file: str
@@ -213,7 +213,7 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(canonical({name: value for name, value in data.items() if name != "signed"})).hexdigest()
 
 
-def signed(document: Document, by: str, at: datetime, key: Key) -> Document:
+def signed(document: Document, by: str, at: datetime, key: SigningKey) -> Document:
     """The document with its signature."""
     block = Signature(
         by=by,
@@ -227,7 +227,7 @@ def signed(document: Document, by: str, at: datetime, key: Key) -> Document:
     return document.model_copy(update={"signed": block.model_copy(update={"signature": signature})})
 
 
-def sealed(data: dict[str, Any], key: Key) -> dict[str, Any]:
+def sealed(data: dict[str, Any], key: SigningKey) -> dict[str, Any]:
     """The data with a signature over all of it: `key` and `public` say whose."""
     whole = data | {"key": key.fingerprint, "public": key.public}
     whole.pop("signature", None)
@@ -263,22 +263,26 @@ def _goes_on(document: dict[str, Any]) -> str:
     )
 
 
-def check_report(data: bytes, known: Collection[str], *, demanded: bool = False) -> Iterator[Trouble]:
+def check_report(data: bytes, known: Collection[str], *, demanded: bool = False) -> Iterator[SigningTrouble]:
     """Everything in a `report.json` that is not as it was signed."""
     try:
         document = parsed(data)
         same = written(document) == data
         Document.model_validate(document)
     except ValueError:
-        yield Trouble(REPORT, "is no report of a checklist, or is damaged", "ask whoever signed for the original")
+        yield SigningTrouble(
+            REPORT, "is no report of a checklist, or is damaged", "ask whoever signed for the original"
+        )
         return
     block = document.get("signed")
     if block is None:
-        yield Trouble(REPORT, "is not signed", _goes_on(document))
+        yield SigningTrouble(REPORT, "is not signed", _goes_on(document))
         return
     if block["digest"] != digest(document):
-        yield Trouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")
+        yield SigningTrouble(REPORT, "was changed after it was signed", "do not rely on it; ask for the original")
     elif not same:
-        yield Trouble(REPORT, "says what was signed, but not byte for byte as it was written", "ask for the original")
+        yield SigningTrouble(
+            REPORT, "says what was signed, but not byte for byte as it was written", "ask for the original"
+        )
     for what, hint in broken_seal(block, known, demanded=demanded):
-        yield Trouble(REPORT, what, hint)
+        yield SigningTrouble(REPORT, what, hint)

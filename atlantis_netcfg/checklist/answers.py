@@ -25,7 +25,7 @@ from pydantic import Field, StrictBool
 
 from atlantis_netcfg.checklist._ledger import wrong_with
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, SAYABLE, Confirmation, unskippable
-from atlantis_netcfg.checklist.report import Item, Kind
+from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding, report
@@ -44,7 +44,7 @@ Words = Annotated[Text, Field(max_length=2000)]
 Person = Annotated[Text, Field(max_length=100)]
 
 
-class _Statement(StrEnum):
+class _StatedWord(StrEnum):
     """What a person can say."""
 
     PASS = "PASS"  # noqa: S105 - a verdict
@@ -54,23 +54,23 @@ class _Statement(StrEnum):
     SKIP = "SKIP"
 
 
-class _Answer(Model):
-    verdict: _Statement
+class _StatedAnswer(Model):
+    verdict: _StatedWord
     by: Person | None = None
     note: Words | None = None
     files: tuple[Text, ...] = ()
 
 
-class _Override(Model):
+class _OverrideAnswer(Model):
     reason: Words
     by: Person | None = None
 
 
-class _File(Model):
+class _EvidenceFile(Model):
     name: Person | None = None
     consents: dict[str, Words] = Field(default_factory=dict)
-    answers: dict[str, _Answer] = Field(default_factory=dict)
-    overrides: dict[str, _Override] = Field(default_factory=dict)
+    answers: dict[str, _StatedAnswer] = Field(default_factory=dict)
+    overrides: dict[str, _OverrideAnswer] = Field(default_factory=dict)
     leave: dict[str, Words] = Field(default_factory=dict)
     sign: StrictBool = False
 
@@ -107,8 +107,8 @@ class Answers:
     @classmethod
     def read(cls, path: Path, checklist: Checklist) -> Self:
         """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
-        block = read(path, _File, "the file of answers")
-        findings = (*block.findings, *_Check(block, checklist, path.parent).findings())
+        block = read(path, _EvidenceFile, "the file of answers")
+        findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent).findings())
         if findings or block.value is None:
             raise AnswersInvalid(findings)
         return cls(*_taken(block.value, checklist, path.parent))
@@ -137,7 +137,7 @@ class Answers:
 
 
 def _taken(
-    file: _File, checklist: Checklist, folder: Path
+    file: _EvidenceFile, checklist: Checklist, folder: Path
 ) -> tuple[dict[str, Confirmation], dict[str, str], dict[str, Overriding], dict[str, str], str | None]:
     name = file.name or ""
     items = {entry.item.id: entry.item for entry in checklist.entries}
@@ -161,19 +161,19 @@ def _taken(
     return values, agreed, overrides, leave, name if file.sign else None
 
 
-def _consented(file: _File, items: Mapping[str, Item]) -> dict[str, str]:
+def _consented(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[str, str]:
     """Consents by item; `all` is to every active item that is neither answered nor left open."""
-    active = [name for name, item in items.items() if item.kind is Kind.ACTIVE and item.open]
+    active = [name for name, item in items.items() if item.kind is ItemKind.ACTIVE and item.open]
     everything = file.consents.get(ALL)
     words = {} if everything is None else dict.fromkeys(active, everything)
     words = {name: row for name, row in words.items() if name not in file.answers and name not in file.leave}
     return words | {name: entry for name, entry in file.consents.items() if name in items}
 
 
-class _Check:
+class _CheckAnswer:
     """What holds between the file and the list; looks at the parts that are there, whatever else is wrong."""
 
-    def __init__(self, block: Block[_File], checklist: Checklist, folder: Path) -> None:
+    def __init__(self, block: Block[_EvidenceFile], checklist: Checklist, folder: Path) -> None:
         self._block = block
         self._keys = block.root.keys
         self._items = {entry.item.id: entry.item for entry in checklist.entries}
@@ -249,14 +249,17 @@ class _Check:
 
 
 def _answerable(item: Item) -> tuple[str, str] | None:
-    if item.kind is Kind.AUTOMATIC:
+    if item.kind is ItemKind.AUTOMATIC:
         return f"`{item.id}` is looked at by the tool: nobody can answer it", "remove it, or write it below `overrides`"
     return None
 
 
 def _consentable(item: Item) -> tuple[str, str] | None:
-    if item.kind is not Kind.ACTIVE:
-        return f"`{item.id}` needs no consent", "write it below `answers`" if item.kind is Kind.PERSON else "remove it"
+    if item.kind is not ItemKind.ACTIVE:
+        return (
+            f"`{item.id}` needs no consent",
+            "write it below `answers`" if item.kind is ItemKind.PERSON else "remove it",
+        )
     return None
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist._signing import Refused
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Finding, Item, Kind, Override
+from atlantis_netcfg.checklist._signing import SigningRefused
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -61,9 +61,11 @@ def spoken(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     """A person's words in one line. Raises Refused where there are none."""
     line = " ".join(text.split())
     if not line:
-        raise Refused(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
+        raise SigningRefused(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
     if len(line) > most or not line.isprintable():
-        raise Refused(f"{what} is too long, or holds control characters", hint=f"write at most {most} plain characters")
+        raise SigningRefused(
+            f"{what} is too long, or holds control characters", hint=f"write at most {most} plain characters"
+        )
     return line
 
 
@@ -83,14 +85,14 @@ def named(name: str) -> str:
 def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], at: datetime) -> Item:
     """The item as a person has answered it. Raises Refused for what a person cannot say of it."""
     by = named(confirmation.by)
-    if item.kind is Kind.AUTOMATIC:
+    if item.kind is ItemKind.AUTOMATIC:
         hint = "let it be looked at again, or override it with a reason"
-        raise Refused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
+        raise SigningRefused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
     if confirmation.verdict not in SAYABLE:
         words = ", ".join(SAYABLE)
-        raise Refused(f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}")
+        raise SigningRefused(f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}")
     if confirmation.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
-        raise Refused(wrong[0], hint=wrong[1])
+        raise SigningRefused(wrong[0], hint=wrong[1])
     note = (
         spoken(confirmation.note, f"the reason for {confirmation.verdict}")
         if confirmation.note or confirmation.verdict is not Verdict.PASS
@@ -105,7 +107,9 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
             "message": message,
             "hint": mend,
             "findings": (
-                Finding(verdict=confirmation.verdict, code=SAYABLE[confirmation.verdict], message=message, hint=mend),
+                ItemFinding(
+                    verdict=confirmation.verdict, code=SAYABLE[confirmation.verdict], message=message, hint=mend
+                ),
             ),
             "evidence": (
                 Evidence(
@@ -130,6 +134,6 @@ def overridden(item: Item, reason: str, by: str, at: datetime) -> Item:
     """The item with a person's responsibility taken. Raises Refused where there is nothing to take."""
     if item.verdict not in OVERRIDABLE:
         hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
-        raise Refused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
+        raise SigningRefused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
     taken = Override(reason=spoken(reason, "the reason of an override"), by=named(by), at=at)
     return item.model_copy(update={"override": taken})

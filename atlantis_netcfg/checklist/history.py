@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import runs
 from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report, content, parsed
-from atlantis_netcfg.checklist.report import Change, Document, Item, SinceGreen
+from atlantis_netcfg.checklist.report import Document, Item, ItemChange, SinceGreen
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class State(StrEnum):
+class VehicleState(StrEnum):
     """How far a kept checklist came."""
 
     OPEN = "open"
@@ -35,7 +35,7 @@ class Kept:
     """A checklist of the history."""
 
     folder: Path
-    state: State
+    state: VehicleState
     document: Document | None
     """As far as it can be read."""
     why: str = ""
@@ -58,12 +58,12 @@ def _kept(run: Path) -> Kept | None:
     lines = _ledger.read(run / _ledger.FILE)
     document = _ledger.replayed(lines)
     if lines.damage:
-        return Kept(run, State.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
+        return Kept(run, VehicleState.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
     if document is None:
         begun = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
-        return None if begun else Kept(run, State.DAMAGED, None, f"{_ledger.FILE} is empty")
-    left = [record.record.why for record in lines.records if isinstance(record.record, _ledger.Superseded)]
-    return Kept(run, State.UNFINISHED if left else State.OPEN, document, left[-1] if left else "")
+        return None if begun else Kept(run, VehicleState.DAMAGED, None, f"{_ledger.FILE} is empty")
+    left = [record.record.why for record in lines.records if isinstance(record.record, _ledger.ResultSuperseded)]
+    return Kept(run, VehicleState.UNFINISHED if left else VehicleState.OPEN, document, left[-1] if left else "")
 
 
 def _signed(run: Path) -> Kept:
@@ -74,8 +74,10 @@ def _signed(run: Path) -> Kept:
         troubles = list(check_report(data, {key}))
         document = Document.model_validate(parsed(data))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return Kept(run, State.DAMAGED, None, f"its {REPORT} cannot be read")
-    return Kept(run, State.DAMAGED if troubles else State.SIGNED, document, troubles[0].what if troubles else "")
+        return Kept(run, VehicleState.DAMAGED, None, f"its {REPORT} cannot be read")
+    return Kept(
+        run, VehicleState.DAMAGED if troubles else VehicleState.SIGNED, document, troubles[0].what if troubles else ""
+    )
 
 
 def narrowed(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Document:
@@ -100,7 +102,7 @@ def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None,
         if run.name == but or not (run / MANIFEST).exists():
             continue
         kept = _signed(run)
-        if kept.state is not State.SIGNED or kept.document is None or not _covers(kept.document.scope, expected):
+        if kept.state is not VehicleState.SIGNED or kept.document is None or not _covers(kept.document.scope, expected):
             continue
         document = narrowed(kept.document, expected)
         if document.exit is ExitCode.DONE:
@@ -120,20 +122,20 @@ def since(green: Document | None, now: Document) -> SinceGreen | None:
     return SinceGreen(run=green.run, at=at, changes=changes(green, now))
 
 
-def changes(green: Document, now: Document) -> tuple[Change, ...]:
+def changes(green: Document, now: Document) -> tuple[ItemChange, ...]:
     """Every item that is otherwise now: another verdict or reason, overridden or no longer, new, open, or gone."""
     before = {item.id: item for item in narrowed(green, now.scope).items}
     after = {item.id: item for item in now.items}
     return (*_of_now(before, after), *_gone(before, after))
 
 
-def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[Change]:
+def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
     for name, item in after.items():
         old = before.get(name)
         if old is not None and _state(old) == _state(item):
             continue
         message = item.message if item.override is None else f"{item.message}; overridden by {_override(item)}"
-        yield Change(
+        yield ItemChange(
             id=name,
             before=old.verdict if old is not None else None,
             after=item.verdict,
@@ -151,7 +153,7 @@ def _override(item: Item) -> str:
     return f"{item.override.by}: {item.override.reason}" if item.override is not None else ""
 
 
-def _gone(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[Change]:
+def _gone(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
     for name, item in before.items():
         if name not in after:
-            yield Change(id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}")
+            yield ItemChange(id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}")

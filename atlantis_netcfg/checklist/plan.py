@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import SITE, Cell, Step
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
-from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, Kind, LeftOut, Phase, Row
+from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
@@ -39,7 +39,7 @@ class Scope:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class PlanEntry:
     """One line that is still open, and what settles it."""
 
     item: Item
@@ -55,7 +55,7 @@ class Checklist:
     title: str
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
-    entries: tuple[Entry, ...]
+    entries: tuple[PlanEntry, ...]
     left_out: tuple[LeftOut, ...]
     scope: Scope
     notes: tuple[str, ...] = ()
@@ -132,13 +132,13 @@ def _rows(declaration: Declaration, site: str) -> Iterator[Row]:
     yield Row(key=site, name=declared.title, kind="location", table3=tuple(marked), beside=(*beside, SITE))
 
 
-def _entries(declaration: Declaration, site: str, row: Row) -> Iterator[Entry]:
+def _entries(declaration: Declaration, site: str, row: Row) -> Iterator[PlanEntry]:
     vehicle = None if row.kind == "location" else row.key
     for endpoint in (*row.table3, *row.beside):
         cell = Cell(declaration, site, vehicle, endpoint)
         # A column that has nothing to say still has its line: somebody looks.
         for step in steps_of(cell) or (by_a_person(cell),):
-            yield Entry(_item(cell, step, table3=endpoint in row.table3), step, cell)
+            yield PlanEntry(_item(cell, step, table3=endpoint in row.table3), step, cell)
 
 
 def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
@@ -159,13 +159,13 @@ def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
 
 
 _OPEN = {
-    Kind.AUTOMATIC: "not looked at yet",
-    Kind.ACTIVE: "waits for a person's consent",
-    Kind.PERSON: "waits for a person",
+    ItemKind.AUTOMATIC: "not looked at yet",
+    ItemKind.ACTIVE: "waits for a person's consent",
+    ItemKind.PERSON: "waits for a person",
 }
 
 
-def _inside(entry: Entry, scope: Scope) -> bool:
+def _inside(entry: PlanEntry, scope: Scope) -> bool:
     item = entry.item
     return (
         (not scope.vehicles or item.vehicle in scope.vehicles)
@@ -174,7 +174,7 @@ def _inside(entry: Entry, scope: Scope) -> bool:
     )
 
 
-def _left_out(entries: Sequence[Entry], scope: Scope) -> Iterator[LeftOut]:
+def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[LeftOut]:
     """Name what the scope takes away, cell by cell."""
     words = " ".join(f"{name}={','.join(chosen)}" for name, chosen in scope.as_dict().items())
     away = dict.fromkeys(
@@ -299,7 +299,7 @@ class _Drawn:
             items = tuple(entry.item.id for entry in self._site_entries() if "vpn" in entry.step.name)
             yield DrawnLink(a=self._router.name, b=self._server.name, label="VPN", kind="vpn", items=items)
 
-    def _site_entries(self) -> Iterator[Entry]:
+    def _site_entries(self) -> Iterator[PlanEntry]:
         return (entry for entry in self._entries if entry.item.endpoint == SITE)
 
     def _carrying(self, bearer: Bearer) -> tuple[str, ...]:
@@ -310,7 +310,7 @@ class _Drawn:
             if entry.item.vehicle is None and entry.item.endpoint == column and self._speaks(entry, bearer)
         )
 
-    def _speaks(self, entry: Entry, bearer: Bearer) -> bool:
+    def _speaks(self, entry: PlanEntry, bearer: Bearer) -> bool:
         """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
         others = {item.device for item in self._declared.bearers if item.name != bearer.name} - {bearer.device, None}
         return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Self
 
 from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._opening import Head, begin, found
+from atlantis_netcfg.checklist._opening import BookHead, begin, found
 from atlantis_netcfg.checklist._signing import FILE as KEY
-from atlantis_netcfg.checklist._signing import Key, NotSigned, Refused, signed
+from atlantis_netcfg.checklist._signing import NotSigned, SigningKey, SigningRefused, signed
 from atlantis_netcfg.checklist.confirmations import Confirmation, confirmed, named, overridden, spoken
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut, Phase
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.checklist.plan import Checklist, Entry
+    from atlantis_netcfg.checklist.plan import Checklist, PlanEntry
 
 _FEW = 8
 
@@ -48,7 +48,7 @@ class Book:
         self._entries = {entry.item.id: entry for entry in checklist.entries}
         self._lock = lock
         self._now = now
-        self._ledger = _ledger.Ledger(folder / _ledger.FILE, now)
+        self._ledger = _ledger.ChecklistLog(folder / _ledger.FILE, now)
         lines = _ledger.read(folder / _ledger.FILE)
         document = _ledger.replayed(lines)
         assert document is not None, "it was begun"  # noqa: S101
@@ -61,7 +61,7 @@ class Book:
         cls,
         folder: Path,
         checklist: Checklist,
-        head: Head,
+        head: BookHead,
         *,
         now: Callable[[], datetime] = utc_now,
         anew: bool = False,
@@ -97,7 +97,7 @@ class Book:
         names = dict.fromkeys(evidence.file for item in self.items for evidence in item.evidence if evidence.file)
         return {name: (self.folder / name).read_bytes() for name in names}
 
-    def entries_open(self, phase: Phase | None = None) -> tuple[Entry, ...]:
+    def entries_open(self, phase: Phase | None = None) -> tuple[PlanEntry, ...]:
         """What is not settled yet, of a phase or of all."""
         waiting = [self._entries[item.id] for item in self.items if item.open and item.override is None]
         return tuple(entry for entry in waiting if phase is None or entry.item.phase is phase)
@@ -107,7 +107,7 @@ class Book:
         if name not in self._items:
             near = nearest(name, self._items)
             hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
-            raise Refused(f"there is no item `{name}` in this checklist", hint=hint)
+            raise SigningRefused(f"there is no item `{name}` in this checklist", hint=hint)
         return self._items[name]
 
     def settle(self, item: Item) -> Item:
@@ -147,7 +147,7 @@ class Book:
         at = self._now()
         whole = self.document().model_copy(update={"ended": at})
         whole = whole.model_copy(update={"left_out": (*whole.left_out, *left)})
-        key = Key.made(self.folder.parents[3] / KEY)
+        key = SigningKey.made(self.folder.parents[3] / KEY)
         document = signed(whole, name, at, key)
         close_book(self.folder, document, pages(document), key)
         self._document = document
@@ -181,13 +181,13 @@ class Book:
 
     def _record(self, how: Literal["settled", "confirmed", "overridden"], item: Item) -> Item:
         self._refuse_signed()
-        self._ledger.write(_ledger.Result(record=how, item=item))
+        self._ledger.write(_ledger.RecordedResult(record=how, item=item))
         self._items[item.id] = item
         return item
 
     def _refuse_signed(self) -> None:
         if self._document.signed is not None:
-            raise Refused("this checklist is signed: nothing is added to it", hint="begin a new one")
+            raise SigningRefused("this checklist is signed: nothing is added to it", hint="begin a new one")
 
 
 def _few(names: list[str]) -> str:

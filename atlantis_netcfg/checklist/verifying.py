@@ -21,9 +21,9 @@ from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import (
     MANIFEST,
     REPORT,
-    Key,
     NotSigned,
-    Trouble,
+    SigningKey,
+    SigningTrouble,
     broken_seal,
     check_report,
     content,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-__all__ = ["Trouble", "verify", "verify_report"]
+__all__ = ["SigningTrouble", "verify", "verify_report"]
 
 
 _SCRATCH = re.compile(r"\..+\.\d+")
@@ -47,7 +47,7 @@ _SCRATCH = re.compile(r"\..+\.\d+")
 _PAGE = re.compile(r"[a-z0-9][a-z0-9_-]*\.[a-z0-9]+")
 
 
-def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key: Key) -> None:
+def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key: SigningKey) -> None:
     """Write everything that is signed. Raises NotSigned for a stranger's file in the folder, JournalFailed."""
     wrong = [name for name in pages if not _PAGE.fullmatch(name) or name in {REPORT, MANIFEST, _ledger.FILE}]
     if wrong:
@@ -77,7 +77,7 @@ def listed(folder: Path) -> list[str]:
 def _clear(folder: Path, local: set[str]) -> None:
     """Remove what a kill has left of ours; a file that somebody else has put here is not ours to remove or to sign."""
     records = _ledger.read(folder / _ledger.FILE).records
-    results = [record.record.item for record in records if isinstance(record.record, _ledger.Result)]
+    results = [record.record.item for record in records if isinstance(record.record, _ledger.RecordedResult)]
     named = {evidence.file for item in results for evidence in item.evidence if evidence.file}
     for name in listed(folder):
         path = folder / name
@@ -98,7 +98,7 @@ def _clear(folder: Path, local: set[str]) -> None:
 _ORIGINAL = "do not rely on it; ask whoever signed for the original"
 
 
-def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()) -> tuple[Trouble, ...]:
+def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
     """Everything that is not as it was signed, in the folder of one checklist; nothing: it is as it was signed.
 
     `key`: the key of this computer, else the one of the state directory that the folder is in; `known`: fingerprints of
@@ -111,30 +111,30 @@ def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()
     return tuple(dict.fromkeys((*sealed, *_records(folder))))
 
 
-def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tuple[Trouble, ...]:
+def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
     """The same for a `report.json` alone, as it comes by mail: what is not as it was signed. Raises KeyDamaged."""
     return tuple(check_report(data, _trusted(key, known), demanded=bool(known)))
 
 
 def _trusted(key: Path, known: Collection[str]) -> set[str]:
     """Who names keys asks for one of these, and not for the one of this computer."""
-    local = Key.known(key) if not known else None
+    local = SigningKey.known(key) if not known else None
     return {local.fingerprint} if local is not None else set(known)
 
 
-def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[Trouble]:
+def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[SigningTrouble]:
     try:
         data = content(folder / MANIFEST)
     except OSError:
         hint = "the checklist was never signed, or the file was removed; ask whoever signed for the original"
-        yield Trouble(MANIFEST, "is missing: nobody vouches for what is here", hint)
+        yield SigningTrouble(MANIFEST, "is missing: nobody vouches for what is here", hint)
         return
     manifest = _read(data)
     if manifest is None:
-        yield Trouble(MANIFEST, "is damaged", _ORIGINAL)
+        yield SigningTrouble(MANIFEST, "is damaged", _ORIGINAL)
         return
     for what, hint in broken_seal(manifest, trusted, demanded=demanded):
-        yield Trouble(MANIFEST, what, hint)
+        yield SigningTrouble(MANIFEST, what, hint)
     yield from _files(folder, manifest["files"])
 
 
@@ -149,15 +149,17 @@ def _read(data: bytes) -> dict[str, Any] | None:
         return None
 
 
-def _files(folder: Path, files: dict[str, Any]) -> Iterator[Trouble]:
+def _files(folder: Path, files: dict[str, Any]) -> Iterator[SigningTrouble]:
     there = listed(folder)
     for name in sorted({*files, *there}):
         if name not in there:
-            yield Trouble(name, "is missing", _ORIGINAL)
+            yield SigningTrouble(name, "is missing", _ORIGINAL)
         elif name not in files:
-            yield Trouble(name, "was added after the checklist was signed", "it is not of the checklist: take it out")
+            yield SigningTrouble(
+                name, "was added after the checklist was signed", "it is not of the checklist: take it out"
+            )
         elif (folder / name).is_symlink() or _hash(folder / name) != files[name]["sha256"]:
-            yield Trouble(name, "was changed after the checklist was signed", _ORIGINAL)
+            yield SigningTrouble(name, "was changed after the checklist was signed", _ORIGINAL)
 
 
 def _hash(path: Path) -> str:
@@ -167,22 +169,22 @@ def _hash(path: Path) -> str:
         return ""
 
 
-def _report(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[Trouble]:
+def _report(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[SigningTrouble]:
     try:
         data = content(folder / REPORT)
     except OSError:
         if not (folder / MANIFEST).exists():
             return  # it was never signed, and that is told
-        yield Trouble(REPORT, "is missing", _ORIGINAL)
+        yield SigningTrouble(REPORT, "is missing", _ORIGINAL)
         return
     yield from check_report(data, trusted, demanded=demanded)
 
 
-def _records(folder: Path) -> Iterator[Trouble]:
+def _records(folder: Path) -> Iterator[SigningTrouble]:
     """The records by themselves, and whether the report says what they say."""
     lines = _ledger.read(folder / _ledger.FILE)
     if lines.damage or lines.torn:
-        yield Trouble(_ledger.FILE, lines.damage or lines.torn, _ORIGINAL)
+        yield SigningTrouble(_ledger.FILE, lines.damage or lines.torn, _ORIGINAL)
         return
     document = _ledger.replayed(lines)
     try:
@@ -190,4 +192,4 @@ def _records(folder: Path) -> Iterator[Trouble]:
     except (OSError, ValueError):
         return  # that is told
     if document is None or document.items != items:
-        yield Trouble(REPORT, "tells other results than the records of the checklist", _ORIGINAL)
+        yield SigningTrouble(REPORT, "tells other results than the records of the checklist", _ORIGINAL)

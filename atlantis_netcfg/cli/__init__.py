@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import FrameType
 
-    from atlantis_netcfg.cli._arguments import Command
+    from atlantis_netcfg.cli._arguments import CommandSpec
 
 __all__ = ["main"]
 
@@ -42,16 +42,16 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMAN
     atexit.register(gc.freeze)
     _open_streams()
     _take_signals()
-    return int(_Line(typed, table).end())
+    return int(_CommandLine(typed, table).end())
 
 
-class _Line:
+class _CommandLine:
     """One command line on its way to its end."""
 
     def __init__(self, typed: list[str], table: Mapping[str, str]) -> None:
         self.typed = typed
         self.table = table
-        self.command: Command | None = None
+        self.command: CommandSpec | None = None
 
     def end(self) -> ExitCode:
         """Run it, and end in words whatever happens."""
@@ -109,14 +109,14 @@ def _print_overview(table: Mapping[str, str]) -> ExitCode:
     return ExitCode.DONE
 
 
-def _print_help(command: Command) -> ExitCode:
+def _print_help(command: CommandSpec) -> ExitCode:
     from atlantis_netcfg.cli.help import of_command
 
     print(of_command(command))
     return ExitCode.DONE
 
 
-class _Reader(io.FileIO):
+class _PatientStream(io.FileIO):
     """A stream whose reader may leave (`provision runs | head`, a terminal that is closed): the rest goes nowhere.
 
     That changes neither what is done nor the exit code.
@@ -153,8 +153,8 @@ def _open_streams() -> None:
             stream.reconfigure(errors="replace")
         if number == 0:
             continue
-        if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _Reader):
-            buffered = io.BufferedWriter(_Reader(number, "w", closefd=False))
+        if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _PatientStream):
+            buffered = io.BufferedWriter(_PatientStream(number, "w", closefd=False))
             stream = io.TextIOWrapper(buffered, stream.encoding, "replace", line_buffering=stream.line_buffering)
         setattr(sys, name, Printer(stream))
 

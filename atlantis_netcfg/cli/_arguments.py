@@ -81,7 +81,7 @@ VERBOSE = Flag("verbose", "say more about each step", short="v")
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class CommandSpec:
     """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
 
     `again` says what to do then, where `provision runs` does not. `plays` says that devices change in plays alone:
@@ -110,7 +110,7 @@ class Command:
 class Arguments:
     """The values given to a command. Asking for a name that the command did not declare is a KeyError: our fault."""
 
-    command: Command
+    command: CommandSpec
     words: Mapping[str, tuple[str, ...]]
     flags: Mapping[str, str | None]
 
@@ -160,9 +160,9 @@ class SeveralErrors(UsageError):
         self.errors = tuple(errors)
 
 
-def parse(command: Command, typed: Sequence[str]) -> Arguments:
+def parse(command: CommandSpec, typed: Sequence[str]) -> Arguments:
     """Raise UsageError (several: SeveralErrors) unless every argument is understood and none is missing."""
-    reader = _Reader(command)
+    reader = _WordReader(command)
     reader.read(list(typed))
     if len(reader.errors) > 1:
         raise SeveralErrors(reader.errors)
@@ -171,10 +171,10 @@ def parse(command: Command, typed: Sequence[str]) -> Arguments:
     return Arguments(command, {name: tuple(values) for name, values in reader.words.items()}, reader.flags)
 
 
-class _Reader:
+class _WordReader:
     """One pass over a command line."""
 
-    def __init__(self, command: Command) -> None:
+    def __init__(self, command: CommandSpec) -> None:
         self.command = command
         self.words: dict[str, list[str]] = {}
         self.flags: dict[str, str | None] = {}

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.checklist import Answers, Book, Checklist, Entry, Head, Kept, NotSigned, Scope, books, plan
+from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, NotSigned, PlanEntry, Scope, books, plan
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.report import Document, Item, Phase, lines
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, PromptAborted, price_of, shown
 from atlantis_netcfg.cli._output import progress, tell
-from atlantis_netcfg.cli._session import Session, session
+from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
@@ -92,13 +92,13 @@ def breaks_a_site(faults: Sequence[str]) -> bool:
     return any(turn.startswith("SITE/") for fault in faults for turn in FAULTS[fault].turns)
 
 
-def asks_a_router(entries: Sequence[Entry]) -> bool:
+def asks_a_router(entries: Sequence[PlanEntry]) -> bool:
     """Whether routers have to be there: a rehearsal starts and configures them for that alone."""
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
 
 
-def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
+def not_rehearsed(opened: CommandSession, entries: Sequence[PlanEntry]) -> tuple[str, ...]:
     """What the twins of these entries cannot stand for."""
     if opened.rehearsal is None:
         return ()
@@ -112,7 +112,7 @@ def not_rehearsed(opened: Session, entries: Sequence[Entry]) -> tuple[str, ...]:
 
 @contextmanager
 def listening(
-    opened: Session, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
+    opened: CommandSession, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
 ) -> Iterator[Listening]:
     """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
 
@@ -132,7 +132,7 @@ def listening(
         yield Listening(ears, ears)
 
 
-def _configure(opened: Session) -> None:
+def _configure(opened: CommandSession) -> None:
     """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links."""
     report = opened.perform(Mode.APPLY)
     if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
@@ -144,10 +144,10 @@ def folder_of(store: Store, site: str) -> Path:
     return store.root / site / "checks"
 
 
-def opened_book(opened: Session, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
+def opened_book(opened: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
     """Go on with the open book, or begin one. Raises SiteBusy."""
     folder = folder_of(opened.store, opened.site)
-    head = Head(
+    head = BookHead(
         rehearsed=opened.rehearsed,
         tool=__version__,
         inventory=opened.declaration.revision,
@@ -310,12 +310,12 @@ def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
     return pages(document, book.files)
 
 
-class Stopped(DeviceFailed):
+class CheckStopped(DeviceFailed):
     """Somebody pressed Ctrl+C: the book has all that was found and answered until then."""
 
 
 @dataclass(slots=True)
-class Prepared:
+class PreparedCheck:
     """What follows from the words and the declaration alone, before anything is started or contacted."""
 
     arguments: Arguments
@@ -361,7 +361,7 @@ def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
     if (name := arguments.value("sign-as")) is not None:
         named(name)
-    prepared = Prepared(arguments)
+    prepared = PreparedCheck(arguments)
     if prompt is None and _somebody_is_here(arguments):
         prompt = Prompt()
     try:
@@ -374,7 +374,7 @@ def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
             return _sit(opened, prepared, prompt)
     except KeyboardInterrupt:
         hint = f"go on with `{again(arguments)}`"
-        raise Stopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
+        raise CheckStopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
 
 
 def _somebody_is_here(arguments: Arguments) -> bool:
@@ -386,7 +386,7 @@ def _scope(arguments: Arguments) -> Scope:
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
 
 
-def _sit(opened: Session, prepared: Prepared, prompt: Prompt | None) -> ExitCode:
+def _sit(opened: CommandSession, prepared: PreparedCheck, prompt: Prompt | None) -> ExitCode:
     faults = opened.arguments.many("break")
     with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
         _look(opened, prepared, book, prompt)
@@ -396,7 +396,7 @@ def _sit(opened: Session, prepared: Prepared, prompt: Prompt | None) -> ExitCode
         return close(opened.arguments, book, by, leave, read=read)
 
 
-def _look(opened: Session, prepared: Prepared, book: Book, prompt: Prompt | None) -> None:
+def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> None:
     entries, faults = prepared.checklist.entries, opened.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
@@ -423,7 +423,7 @@ def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None
     return tell
 
 
-def _anew(opened: Session, prompt: Prompt | None) -> bool:
+def _anew(opened: CommandSession, prompt: Prompt | None) -> bool:
     """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
     return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 

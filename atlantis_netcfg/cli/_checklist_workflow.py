@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
-from atlantis_netcfg.checklist import Answers, Book, Confirmation, Entry, Refused
+from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
 from atlantis_netcfg.checklist.runner import Ears, examine
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.core import printable
@@ -29,13 +29,13 @@ from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
 
 
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
@@ -74,18 +74,18 @@ _WHERE: Mapping[Phase, str] = {
 }
 
 
-def confirm(book: Book, prompt: Prompt, entry: Entry) -> None:
+def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
     prompt.say(f"\n{entry.item.id}: {entry.item.title}")
     prompt.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
     _confirm(book, prompt, entry)
 
 
-def _confirm(book: Book, prompt: Prompt, entry: Entry) -> None:
+def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     while True:
         try:
             prompt.say(shown(book.confirm(entry.item.id, _answer(prompt))))
-        except Refused as refused:
+        except SigningRefused as refused:
             prompt.say(f"  {refused}: {refused.hint}")
         else:
             return
@@ -97,7 +97,7 @@ def _answer(prompt: Prompt) -> Confirmation:
     return Confirmation(verdict=verdict, by=prompt.name, note=note, files=prompt.files())
 
 
-def consent(prompt: Prompt, entry: Entry, price: Price | None) -> str | None:
+def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
     needed = entry.step.consent
     assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
@@ -111,7 +111,7 @@ def consent(prompt: Prompt, entry: Entry, price: Price | None) -> str | None:
     return prompt.name
 
 
-def otherwise(book: Book, prompt: Prompt, entry: Entry) -> None:
+def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
@@ -122,7 +122,7 @@ def otherwise(book: Book, prompt: Prompt, entry: Entry) -> None:
             _override(book, prompt, book.item(entry.item.id))
 
 
-def mend(book: Book, prompt: Prompt, entry: Entry, probe: Callable[[Entry], None], *, read: bool) -> None:
+def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None], *, read: bool) -> None:
     """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
 
     `read`: its result is the line above.
@@ -135,7 +135,7 @@ def mend(book: Book, prompt: Prompt, entry: Entry, probe: Callable[[Entry], None
                 return
             case "override":
                 _override(book, prompt, item)
-            case _ if entry.item.kind is Kind.PERSON:
+            case _ if entry.item.kind is ItemKind.PERSON:
                 confirm(book, prompt, entry)
             case _:
                 probe(entry)
@@ -144,7 +144,7 @@ def mend(book: Book, prompt: Prompt, entry: Entry, probe: Callable[[Entry], None
 def _override(book: Book, prompt: Prompt, item: Item) -> None:
     try:
         book.override(item.id, prompt.needs("The reason, which stands in the report:"), prompt.name)
-    except Refused as refused:
+    except SigningRefused as refused:
         prompt.say(f"  {refused}: {refused.hint}")
 
 
@@ -157,11 +157,11 @@ class CheckWorkflow:
     """One sitting over a book."""
 
     book: Book
-    entries: Sequence[Entry]
+    entries: Sequence[PlanEntry]
     ears: Listening
     show: Callable[[Item], None]
     """Called with each result as soon as it is in the book."""
-    price: Callable[[Entry], Price | None]
+    price: Callable[[PlanEntry], Price | None]
     """What an active step costs on a metered link. Raises CostRefused."""
     at_once: bool = False
     """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
@@ -190,27 +190,27 @@ class CheckWorkflow:
                 self._phase(prompt, entries)
             before = phase
 
-    def _phase(self, prompt: Prompt, entries: Sequence[Entry]) -> None:
+    def _phase(self, prompt: Prompt, entries: Sequence[PlanEntry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
             is_requested = self._open(entry)
-            if entry.item.kind is Kind.PERSON and self._open(entry):
+            if entry.item.kind is ItemKind.PERSON and self._open(entry):
                 confirm(self.book, prompt, entry)
-            elif entry.item.kind is Kind.ACTIVE and self._open(entry):
+            elif entry.item.kind is ItemKind.ACTIVE and self._open(entry):
                 self._act(prompt, entry)
             if not self._open(entry):
                 mend(self.book, prompt, entry, lambda item: self._again(prompt, item), read=is_requested)
 
-    def _unseen(self, entries: Sequence[Entry]) -> list[Entry]:
-        return [entry for entry in entries if entry.item.kind is Kind.AUTOMATIC and self._open(entry)]
+    def _unseen(self, entries: Sequence[PlanEntry]) -> list[PlanEntry]:
+        return [entry for entry in entries if entry.item.kind is ItemKind.AUTOMATIC and self._open(entry)]
 
-    def _again(self, prompt: Prompt, entry: Entry) -> None:
-        if entry.item.kind is Kind.ACTIVE:
+    def _again(self, prompt: Prompt, entry: PlanEntry) -> None:
+        if entry.item.kind is ItemKind.ACTIVE:
             self._act(prompt, entry)
         else:
             self._examine([entry], {})
 
-    def _act(self, prompt: Prompt, entry: Entry) -> None:
+    def _act(self, prompt: Prompt, entry: PlanEntry) -> None:
         """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
         sick = self._sick(entry)
         if sick is not None:
@@ -229,13 +229,13 @@ class CheckWorkflow:
             prompt.say(f"  Now: {entry.step.consent.prompt}.")
         self._examine([entry], {entry.item.id: by}, paid=True)
 
-    def _sick(self, entry: Entry) -> Item | None:
+    def _sick(self, entry: PlanEntry) -> Item | None:
         """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
-        cell = [other for other in self.entries if other.cell == entry.cell and other.item.kind is Kind.AUTOMATIC]
+        cell = [other for other in self.entries if other.cell == entry.cell and other.item.kind is ItemKind.AUTOMATIC]
         items = (self.book.item(other.item.id) for other in cell)
         return next((item for item in items if item.counts is Verdict.FAIL), None)
 
-    def _examine(self, entries: Sequence[Entry], agreed: Mapping[str, str], *, paid: bool = False) -> None:
+    def _examine(self, entries: Sequence[PlanEntry], agreed: Mapping[str, str], *, paid: bool = False) -> None:
         """`agreed`: who has consented to which active item; `paid`: to its cost as well."""
 
         def settled(item: Item) -> None:
@@ -248,11 +248,11 @@ class CheckWorkflow:
 
     def _consented(self, answers: Answers) -> dict[str, str]:
         """The active items that the answers consent to, and that are paid for or cost nothing."""
-        desired = [item for item in self.entries if item.item.kind is Kind.ACTIVE and not self._green(item)]
+        desired = [item for item in self.entries if item.item.kind is ItemKind.ACTIVE and not self._green(item)]
         values = {entry.item.id: answers.consents(entry.item.id) for entry in desired if not self._due(entry)}
         return {item_id: by for item_id, by in values.items() if by is not None}
 
-    def _due(self, entry: Entry) -> bool:
+    def _due(self, entry: PlanEntry) -> bool:
         """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
         try:
             price = self.price(entry)
@@ -260,19 +260,19 @@ class CheckWorkflow:
             return True
         return price is not None and price.due
 
-    def _by_itself(self, entry: Entry) -> bool:
+    def _by_itself(self, entry: PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
-        return item.kind is Kind.AUTOMATIC and item.override is None and not entry.step.unless
+        return item.kind is ItemKind.AUTOMATIC and item.override is None and not entry.step.unless
 
-    def _green(self, entry: Entry) -> bool:
+    def _green(self, entry: PlanEntry) -> bool:
         return not self._open(entry) and self.book.item(entry.item.id).counts in GREEN
 
-    def _open(self, entry: Entry) -> bool:
+    def _open(self, entry: PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
         return item.open and item.override is None
 
 
-def _with_consent(item: Item, entry: Entry, by: str) -> Item:
+def _with_consent(item: Item, entry: PlanEntry, by: str) -> Item:
     """Put the person's word among the evidence of an active item; `by`: who, and behind a colon in which words."""
     assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
     name, _, words = by.partition(": ")
@@ -338,7 +338,7 @@ class Prompt:
         while not self._name:
             try:
                 self._name = named(self.needs("Your name, as it shall stand in the report:"))
-            except Refused as refused:
+            except SigningRefused as refused:
                 self.say(f"  {refused}: {refused.hint}")
         return self._name
 
@@ -363,7 +363,7 @@ class Price:
     """Whether somebody has to agree to pay; in a rehearsal nobody has, nor where `--accept-cost` was typed."""
 
 
-def price_of(opened: Session, entry: Entry) -> Price | None:
+def price_of(opened: CommandSession, entry: PlanEntry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
@@ -378,7 +378,7 @@ def price_of(opened: Session, entry: Entry) -> Price | None:
     return Price("; ".join(preview.words for preview in metered), due)
 
 
-def _previews(opened: Session, bearer: str) -> tuple[Preview, ...]:
+def _previews(opened: CommandSession, bearer: str) -> tuple[Preview, ...]:
     found = satellite_of(opened.declaration, opened.site, bearer)
     via = opened.arguments.optional("via")
     return previews(opened.declaration, found.proving(opened.declaration, rehearsed=opened.rehearsed, via=via))

@@ -10,13 +10,13 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments, Command
+    from atlantis_netcfg.cli._arguments import Arguments, CommandSpec
 
 
 class LoadedCommand(NamedTuple):
     """A command of the table, imported."""
 
-    command: Command
+    command: CommandSpec
     run: Callable[[Arguments], ExitCode]
     """Do it; raises NetcfgError to fail."""
 

@@ -22,7 +22,7 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.cli._arguments import Arguments, Command
+    from atlantis_netcfg.cli._arguments import Arguments, CommandSpec
 
 
 _CARRIED = ("inventory", "authority")
@@ -89,7 +89,9 @@ def signal_of(stop: KeyboardInterrupt) -> str:
     return "Ctrl-C" if name == "SIGINT" else name
 
 
-def interrupted(command: Command | None, typed: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool) -> ExitCode:
+def interrupted(
+    command: CommandSpec | None, typed: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool
+) -> ExitCode:
     """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
     how = signal_of(stop)
     if command is not None and command.changes and not _changes_nothing(command, typed):
@@ -101,7 +103,7 @@ def interrupted(command: Command | None, typed: Sequence[str], stop: KeyboardInt
     return ExitCode.FAILED
 
 
-def _changes_nothing(command: Command, typed: Sequence[str]) -> bool:
+def _changes_nothing(command: CommandSpec, typed: Sequence[str]) -> bool:
     return any(flag.harmless and f"--{flag.name}" in typed for flag in command.flags)
 
 

@@ -39,7 +39,7 @@ class EngineError(NetcfgError):
 
 
 @dataclass(slots=True)
-class Outcome:
+class PlayOutcome:
     """What the play came to: one entry a device, as the engine wrote it."""
 
     devices: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -72,7 +72,7 @@ class PlaybookRunner:
         notify: Subscriber,
         *,
         ended: Ended = lambda _name, _result: None,
-    ) -> Outcome:
+    ) -> PlayOutcome:
         """Run the playbook for these hosts to its end; each has a result then, whatever happened.
 
         So has the other end of a bridge, which is worked on with them.
@@ -82,7 +82,7 @@ class PlaybookRunner:
         """
         self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
         control = PlayControl()
-        with _Listener(notify, ended) as listener, control.current(), shared(self._declaration):
+        with _EventListener(notify, ended) as listener, control.current(), shared(self._declaration):
             sent = request.model_copy(update={"events_fd": listener.writer})
             reason, output = self._ansible.play(names, sent, control)
             if reason:
@@ -217,11 +217,11 @@ def _version() -> dict[str, Any]:
     return {"string": version, "full": version, "major": major, "minor": minor, "revision": revision}
 
 
-class _Listener:
+class _EventListener:
     """Hears what tasks tell over a pipe, in a thread of its own, and passes it on at once."""
 
     def __init__(self, notify: Subscriber, ended: Ended) -> None:
-        self.outcome = Outcome()
+        self.outcome = PlayOutcome()
         self.refusal: EngineError | None = None
         self._notify, self._ended = notify, ended
         reader, self.writer = os.pipe()

@@ -12,11 +12,11 @@ from atlantis_netcfg.operations.kinds import is_unit
 from atlantis_netcfg.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 
-def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
+def rehearse(opened: CommandSession, twins: Rehearsal) -> RunReport:
     """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""
     _announce(opened)
     first = opened.perform(Mode.APPLY)
@@ -27,14 +27,14 @@ def rehearse(opened: Session, twins: Rehearsal) -> RunReport:
     return _again(opened, twins, first)
 
 
-def _announce(opened: Session) -> None:
+def _announce(opened: CommandSession) -> None:
     if not opened.as_json:
         sites = {host.site for host in opened.hosts}
         titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)
         print(f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted")
 
 
-def _again(opened: Session, twins: Rehearsal, first: RunReport) -> RunReport:
+def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
     """Run again over each bearer; a device whose site lacks it is left at its own. Ctrl-C ends it: that is no green."""
     passes: list[Pass] = []
     sites = opened.declaration.sites
@@ -54,5 +54,5 @@ def _again(opened: Session, twins: Rehearsal, first: RunReport) -> RunReport:
     return replace(first, passes=tuple(passes))
 
 
-def _names(opened: Session, site: str) -> list[str]:
+def _names(opened: CommandSession, site: str) -> list[str]:
     return [bearer.name for bearer in opened.declaration.sites[site].bearers]

@@ -18,7 +18,7 @@ from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
 from atlantis_netcfg.cli._output import Stopped, as_typed, carried, progress
 from atlantis_netcfg.cli._passphrase import vault_of
-from atlantis_netcfg.cli._playbook import Outcome, PlaybookRunner
+from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
 from atlantis_netcfg.declaration import Declaration, Host, choose, load
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Session:
+class CommandSession:
     """One command line's view of a site while its playbook runs."""
 
     arguments: Arguments
@@ -148,7 +148,7 @@ class Session:
         self._runner = self._runner or PlaybookRunner(paths.checkout(), self.declaration, self.vault)
         with progress(quiet=self.as_json) as notify:
             ended = partial(self._ended, sys.stdout)
-            outcome = self._runner.play(names, request, notify, ended=ended) if names else Outcome()
+            outcome = self._runner.play(names, request, notify, ended=ended) if names else PlayOutcome()
         if not mode.reads_only:
             self.changed += [name for name, result in outcome.devices.items() if result["confirmed"]]
         return RunReport(
@@ -301,7 +301,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     site: str | None = None,
     only: Sequence[str] | None = None,
     chosen: Callable[[Declaration], tuple[Host, ...]] | None = None,
-) -> Iterator[Session]:
+) -> Iterator[CommandSession]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
     `site` and `only` are those of the words, unless the command finds them in another way. `chosen` looks at the
@@ -330,7 +330,9 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
 
                 with progress(quiet=arguments.flag(JSON.name)) as notify:
                     twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
-            yield Session(arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via, changed=changed)
+            yield CommandSession(
+                arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via, changed=changed
+            )
     except KeyboardInterrupt as stop:
         if not arguments.command.plays:
             raise

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.adoption import Adoption, AdoptionResult
-    from atlantis_netcfg.operations.trust import Identity
+    from atlantis_netcfg.operations.trust import DeviceIdentity
 
 
-ADOPT = Command(
+ADOPT = CommandSpec(
     "adopt",
     "bring a router from its factory state to where `provision site=…` can talk to it",
     words=(
@@ -206,7 +206,7 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
     return result.exit
 
 
-TRUST = Command(
+TRUST = CommandSpec(
     "trust",
     "show who answers at the devices of a site, and keep what you agree to",
     words=(Word("site", "the site", required=True, example="coastal"), ONLY, INVENTORY),
@@ -261,7 +261,7 @@ def _trust_device(declaration: Declaration, host: Host, request: Request) -> Exi
         return ExitCode.FAILED
 
 
-def _device(identity: Identity, request: Request) -> ExitCode:
+def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
     from atlantis_netcfg.cli._consent import agreed
     from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
     from atlantis_netcfg.operations.trust import agree
@@ -286,9 +286,9 @@ def _device(identity: Identity, request: Request) -> ExitCode:
 
 def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCode:
     from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
-    from atlantis_netcfg.operations.trust import Computer, KeyState
+    from atlantis_netcfg.operations.trust import KeyState, TrustedComputer
 
-    computer = Computer(declaration, host, request)
+    computer = TrustedComputer(declaration, host, request)
     state = computer.look()
     declared = getattr(host.device, "ssh", None)
     if state is not KeyState.KNOWN and declared is not None and declared.host_key is not None:

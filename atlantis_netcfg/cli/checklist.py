@@ -13,19 +13,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.checklist import Kept, Trouble
+    from atlantis_netcfg.checklist import Kept, SigningTrouble
     from atlantis_netcfg.checklist.report import Document
     from atlantis_netcfg.cli._arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
 
-CHECK = Command(
+CHECK = CommandSpec(
     "check",
     "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
     words=(
@@ -66,7 +66,7 @@ def run_check(arguments: Arguments) -> ExitCode:
     return run_check(arguments)
 
 
-REPORT_LIST = Command(
+REPORT_LIST = CommandSpec(
     "report list",
     "list the checklists of a site, who signed them, and what has changed since the last green one",
     words=(
@@ -174,7 +174,7 @@ def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
         )
 
 
-REPORT_SHOW = Command(
+REPORT_SHOW = CommandSpec(
     "report show",
     "show a checklist that is kept, and where its pages are",
     words=(
@@ -208,7 +208,7 @@ def run_report_show(arguments: Arguments) -> ExitCode:
     return item.document.exit
 
 
-REPORT_VERIFY = Command(
+REPORT_VERIFY = CommandSpec(
     "report verify",
     "verify that signed checklists, with all their files, are as they were signed",
     words=(
@@ -265,9 +265,9 @@ def _kept(arguments: Arguments) -> Iterator[dict[str, Any]]:
 
 def _was_signed(item: Kept) -> bool:
     """Or is damaged, or has a signed report without the manifest, which comes last."""
-    from atlantis_netcfg.checklist import State
+    from atlantis_netcfg.checklist import VehicleState
 
-    return item.state in {State.SIGNED, State.DAMAGED} or (item.folder / "report.json").exists()
+    return item.state in {VehicleState.SIGNED, VehicleState.DAMAGED} or (item.folder / "report.json").exists()
 
 
 def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
@@ -294,7 +294,9 @@ def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
     return _verified_row(name, path, document, [replace(trouble, file=path.name) for trouble in found])
 
 
-def _verified_row(name: str, place: Path, document: Document | None, troubles: Sequence[Trouble]) -> dict[str, Any]:
+def _verified_row(
+    name: str, place: Path, document: Document | None, troubles: Sequence[SigningTrouble]
+) -> dict[str, Any]:
     signed = document.signed if document is not None else None
     return {
         "name": name,

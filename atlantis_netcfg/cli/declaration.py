@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.gateway.dds import ProfileView
 
 
-VALIDATE = Command(
+VALIDATE = CommandSpec(
     "validate",
     "check the whole declaration and list every error with its place",
     words=(INVENTORY,),
@@ -85,7 +85,7 @@ def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
     print(json.dumps({"exit": int(code), "inventory": str(inventory), **more}, ensure_ascii=False))
 
 
-DDS = Command(
+DDS = CommandSpec(
     "dds",
     "make the DDS profiles of a gateway or control centre, one set for each link of its site",
     words=(

@@ -26,7 +26,7 @@ from atlantis_netcfg.cli._arguments import (
     VERBOSE,
     VIA,
     Arguments,
-    Command,
+    CommandSpec,
     Flag,
     Word,
 )
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Confirmed, Run
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.upgrade import Prepared, Upgraded
-    from atlantis_netcfg.operations.verifying import Verified, Verifying
+    from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
+    from atlantis_netcfg.operations.verifying import VerifiedDevice, Verifying
     from atlantis_netcfg.report.drift import DriftReport
 
 
-DRIFT = Command(
+DRIFT = CommandSpec(
     "drift",
     "say what differs from the declaration, who owns it and since when, changing nothing",
     words=(
@@ -90,7 +90,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
     return report.exit
 
 
-def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
+def _report(opened: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
     from atlantis_netcfg.report.drift import DriftReport
 
     unfinished = _unfinished(opened)
@@ -109,7 +109,7 @@ def _report(opened: Session, devices: Mapping[str, Mapping[str, Any]]) -> DriftR
     )
 
 
-def _unfinished(opened: Session) -> dict[str, Run]:
+def _unfinished(opened: CommandSession) -> dict[str, Run]:
     """The runs that left the outcome on one of these devices open; of emulated devices none is left."""
     if opened.rehearsed:
         return {}
@@ -151,7 +151,7 @@ def _write(path: Path, data: bytes) -> None:
         raise UsageError(f"{path} cannot be written: {reason}", hint="name another file with `--junit`") from error
 
 
-BACKUP = Command(
+BACKUP = CommandSpec(
     "backup",
     "save the full state of a site's devices, changing nothing",
     words=(
@@ -174,7 +174,7 @@ def run_backup(arguments: Arguments) -> ExitCode:
     return opened.close(report)
 
 
-VERIFY = Command(
+VERIFY = CommandSpec(
     "verify",
     "show which assumptions about RouterOS hold on a device, with evidence",
     words=(
@@ -269,7 +269,7 @@ def _host(declaration: Declaration, name: str) -> Host:
     )
 
 
-def _verified(opened: Session, verifying: Verifying) -> Verified:
+def _verified(opened: CommandSession, verifying: Verifying) -> VerifiedDevice:
     """Ask; where rows are added nobody else may work at the site meanwhile."""
     if not (verifying.tries or verifying.silence):
         return verifying.run()
@@ -277,7 +277,7 @@ def _verified(opened: Session, verifying: Verifying) -> Verified:
         return verifying.run()
 
 
-def _pay(opened: Session, verifying: Verifying) -> None:
+def _pay(opened: CommandSession, verifying: Verifying) -> None:
     """Tell what it costs where that is paid by the byte. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.cli._consent import pay
 
@@ -289,7 +289,7 @@ def _pay(opened: Session, verifying: Verifying) -> None:
     pay([cost.words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
 
 
-RESTORE = Command(
+RESTORE = CommandSpec(
     "restore",
     "put the state that a run has read back on a replacement device",
     words=(
@@ -349,7 +349,7 @@ def run_restore(arguments: Arguments) -> ExitCode:
     return opened.close(report)
 
 
-def _tell(opened: Session, state: Confirmed) -> None:
+def _tell(opened: CommandSession, state: Confirmed) -> None:
     """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
     if opened.as_json:
         return
@@ -360,7 +360,7 @@ def _tell(opened: Session, state: Confirmed) -> None:
         print(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now", flush=True)
 
 
-UPGRADE = Command(
+UPGRADE = CommandSpec(
     "upgrade",
     "put given RouterOS packages on one device, reboot it, and read back what runs",
     words=(
@@ -398,7 +398,7 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.operations.upgrade import Prepared, Waiting
+    from atlantis_netcfg.operations.upgrade import PreparedUpgrade, WaitingUpgrade
 
     with (
         session(
@@ -413,7 +413,7 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
         looking = opened.paid(opened.request(Mode.PLAN))
         request = opened.request(Mode.APPLY)
         files = [Path(name) for name in arguments.many("packages")]
-        prepared = Prepared.of(
+        prepared = PreparedUpgrade.of(
             opened.declaration,
             host,
             files,
@@ -421,7 +421,7 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
             notify,
             give_up=arguments.many("drop"),
             # An emulated router is back within seconds, however far away its bearer is.
-            waiting=Waiting(poll_s=1.0, connect_s=10.0) if opened.rehearsed else Waiting(),
+            waiting=WaitingUpgrade(poll_s=1.0, connect_s=10.0) if opened.rehearsed else WaitingUpgrade(),
         )
         if not prepared.upgrade.send:
             return _close(opened, prepared.unchanged())
@@ -433,7 +433,7 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
         return _close(opened, prepared.carry_out(opened.declaration, accepted))
 
 
-def _show(opened: Session, prepared: Prepared) -> None:
+def _show(opened: CommandSession, prepared: PreparedUpgrade) -> None:
     """Print what would be sent, what it costs, and what it brings with it."""
     from atlantis_netcfg.core import printable
 
@@ -452,7 +452,7 @@ def _show(opened: Session, prepared: Prepared) -> None:
         print(f"  note: {note}")
 
 
-def _ask(opened: Session, prepared: Prepared, request: Request) -> Request:
+def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) -> Request:
     """Ask for a person's money, then for the reboot; return the request with the first answer."""
     from atlantis_netcfg.cli._consent import agreed, pays
 
@@ -466,7 +466,7 @@ def _ask(opened: Session, prepared: Prepared, request: Request) -> Request:
     return request
 
 
-def _close(opened: Session, upgraded: Upgraded) -> ExitCode:
+def _close(opened: CommandSession, upgraded: Upgraded) -> ExitCode:
     import json
 
     from atlantis_netcfg.core import printable

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Arguments, Command
+from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec
 from atlantis_netcfg.cli._commands import load
 from atlantis_netcfg.core.errors import ExitCode
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 
-HELP = Command("help", "print this overview")
+HELP = CommandSpec("help", "print this overview")
 
 
 def run_help(_arguments: Arguments) -> ExitCode:
@@ -63,7 +63,7 @@ def overview(table: Mapping[str, str]) -> str:
     )
 
 
-def of_command(command: Command) -> str:
+def of_command(command: CommandSpec) -> str:
     """What `provision COMMAND --help` prints."""
     required = [word.shown for word in command.words if word.required]
     optional = [f"[{word.shown}]" for word in command.words if not word.required]
@@ -99,7 +99,7 @@ def _columns(rows: Iterable[tuple[str, str]]) -> list[str]:
     return [f"  {left:<{width}}  {right}" for left, right in table]
 
 
-VERSION = Command("version", "print the versions of provision, Python and ansible-core", flags=(JSON,))
+VERSION = CommandSpec("version", "print the versions of provision, Python and ansible-core", flags=(JSON,))
 
 
 def run_version(arguments: Arguments) -> ExitCode:

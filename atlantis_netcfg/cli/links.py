@@ -9,13 +9,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, ONLY, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    ONLY,
+    VIA,
+    CommandSpec,
+    Flag,
+    Word,
+)
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.bearers.cost import Bill, Preview
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations import Request
@@ -24,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.report.links import LinksReport
 
 
-LINKS = Command(
+LINKS = CommandSpec(
     "links",
     "say how every link of a site is, which one carries the traffic, and what is wrong",
     words=(
@@ -69,7 +79,7 @@ def _one_site(site: str) -> None:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
 
 
-def _configure_links(opened: Session) -> None:
+def _configure_links(opened: CommandSession) -> None:
     """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links.
 
     A check that fails is for the look to tell.
@@ -82,7 +92,7 @@ def _configure_links(opened: Session) -> None:
         raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
 
-def _look(opened: Session) -> LinksStatus:
+def _look(opened: CommandSession) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
@@ -97,7 +107,7 @@ def _look(opened: Session) -> LinksStatus:
         return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
 
 
-def _report(opened: Session, status: LinksStatus) -> LinksReport:
+def _report(opened: CommandSession, status: LinksStatus) -> LinksReport:
     title = opened.declaration.sites[opened.site].title
     twins = opened.rehearsal
     missing = twins.not_rehearsed if twins is not None else ()
@@ -106,7 +116,7 @@ def _report(opened: Session, status: LinksStatus) -> LinksReport:
 
 _NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"
 
-PROVE = Command(
+PROVE = CommandSpec(
     "prove",
     "try what the satellite lets through, and what it must not, within 20 kB",
     words=(
@@ -172,7 +182,7 @@ def run_prove(arguments: Arguments) -> ExitCode:
     return proof.exit
 
 
-def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
+def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
     """The proof, what it was expected to cost at most, and by link what it did: only what is paid by the byte."""
     import time
     from contextlib import ExitStack
@@ -208,13 +218,13 @@ def _prove(opened: Session) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]
     return replace(proof, findings=(*proof.findings, *declared)), expected, dear
 
 
-def _metered(opened: Session, name: str) -> bool:
+def _metered(opened: CommandSession, name: str) -> bool:
     from atlantis_netcfg.operations.costs import link_of
 
     return link_of(opened.declaration, opened.site, name).metered
 
 
-def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
+def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ...]:
     """What the terminal's evidence and the names of the allow-list say; in a rehearsal no name is asked for."""
     from datetime import UTC, datetime
     from pathlib import Path
@@ -230,7 +240,7 @@ def _declared(opened: Session, terminal: Host) -> tuple[Finding, ...]:
     return (*seen.findings, *names)
 
 
-def _configure(opened: Session) -> None:
+def _configure(opened: CommandSession) -> None:
     """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
     from atlantis_netcfg.core.errors import ExitCode, NetcfgError
     from atlantis_netcfg.operations import Mode
@@ -240,13 +250,13 @@ def _configure(opened: Session) -> None:
         raise NetcfgError(f"the emulated router could not be configured:\n{report.as_text()}")
 
 
-def _request(opened: Session) -> Request:
+def _request(opened: CommandSession) -> Request:
     from atlantis_netcfg.operations import Mode
 
     return opened.request(Mode.DRIFT)
 
 
-def _pay(opened: Session, expected: tuple[Preview, ...]) -> None:
+def _pay(opened: CommandSession, expected: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.cli._consent import pay
 

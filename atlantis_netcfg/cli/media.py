@@ -9,21 +9,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.build import Size
+    from atlantis_netcfg.bundle.build import BundleSize
     from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.image.writer import Card
-    from atlantis_netcfg.operations.image import Made, Order
+    from atlantis_netcfg.operations.image import ImageOrder, MadeImage
     from atlantis_netcfg.operations.request import Request
 
 
-IMAGE = Command(
+IMAGE = CommandSpec(
     "image",
     "customise the vendor's image for a gateway computer, write it to a card, read it back",
     words=(
@@ -57,13 +57,13 @@ def run_image(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose, load
-    from atlantis_netcfg.operations.image import Order, made
+    from atlantis_netcfg.operations.image import ImageOrder, made
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")
     (host,) = choose(declaration, arguments.word("site"), [arguments.word("host")])
     image = Path(arguments.word("from"))
-    order = Order(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
+    order = ImageOrder(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
     order.check()
     file = _file(arguments)
     card = None if file is not None else _card(arguments, declaration)
@@ -140,7 +140,7 @@ def _typed(card: Card) -> str:
         return ""
 
 
-def _keep(ready: Made, file: Path | None, card: Card | None) -> dict[str, Any]:
+def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, Any]:
     """Put the image where it goes to; what became of it, for people and programs."""
     from dataclasses import asdict
 
@@ -153,7 +153,7 @@ def _keep(ready: Made, file: Path | None, card: Card | None) -> dict[str, Any]:
     return {"device": disk, "written": asdict(written), "receipt": str(receipt)}
 
 
-def _end_image(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
+def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
     import json
 
     from atlantis_netcfg.core.errors import ExitCode
@@ -179,7 +179,7 @@ def _end_image(order: Order, ready: Made, kept: dict[str, Any], *, as_json: bool
     return ExitCode.DONE
 
 
-BUNDLE = Command(
+BUNDLE = CommandSpec(
     "bundle",
     "pack everything that the gateways of a site take from the internet, for where there is none",
     words=(
@@ -261,7 +261,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
         keyring=Path(keyring) if keyring else None,
     )
 
-    def sized(size: Size) -> None:
+    def sized(size: BundleSize) -> None:
         if not as_json:
             kept = size.whole - size.to_fetch
             have = f", {_mb(kept)} of it are here already" if kept else ""

@@ -25,7 +25,7 @@ from atlantis_netcfg.cli._arguments import (
     VERBOSE,
     VIA,
     Arguments,
-    Command,
+    CommandSpec,
     Flag,
     Word,
 )
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.journal import Run, Store
     from atlantis_netcfg.report.run import RunReport
 
 
-RUNS = Command(
+RUNS = CommandSpec(
     "runs",
     "list the runs that changed something or tried to, and what is still open",
     words=(Word("site", "only the runs of this site", example="coastal"),),
@@ -135,7 +135,7 @@ def _device(name: str, outcome: dict[str, Any]) -> str:
     return f"{name} {outcome['status']} ({outcome['confirmed']}{kept})"
 
 
-RESUME = Command(
+RESUME = CommandSpec(
     "resume",
     "go on with a run that was interrupted, from what the devices have kept",
     words=(
@@ -163,7 +163,7 @@ def run_resume(arguments: Arguments) -> ExitCode:
     return opened.close(report)
 
 
-def _broken(opened: Session, name: str | None) -> Run:
+def _broken(opened: CommandSession, name: str | None) -> Run:
     """The run that was named, or the latest unfinished one. Raises NothingMatched."""
     from atlantis_netcfg.journal import Purpose
 
@@ -176,7 +176,7 @@ def _broken(opened: Session, name: str | None) -> Run:
     return next((run for run in reversed(unfinished) if run.purpose is Purpose.CONFIGURE), unfinished[-1])
 
 
-def _resumed(opened: Session, broken: Run) -> RunReport:
+def _resumed(opened: CommandSession, broken: Run) -> RunReport:
     """Go on with a run of this computer: also on devices whose turn had not come, or which were as before again."""
     from atlantis_netcfg.operations import Mode
 
@@ -189,7 +189,7 @@ def _resumed(opened: Session, broken: Run) -> RunReport:
     return opened.perform(Mode.RESUME, run=broken.id)
 
 
-def _left_by_others(opened: Session, name: str | None, nothing: NothingMatched) -> RunReport:
+def _left_by_others(opened: CommandSession, name: str | None, nothing: NothingMatched) -> RunReport:
     """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
 
     Raises `nothing` where there is nothing on them either.
@@ -242,7 +242,7 @@ def _refuse_settled(broken: Run) -> None:
     )
 
 
-def _tell(opened: Session, broken: Run) -> None:
+def _tell(opened: CommandSession, broken: Run) -> None:
     if opened.as_json:
         return
     print(f"run {broken.id}: {broken.started.command if broken.started else 'killed before it had begun'}")
@@ -258,7 +258,7 @@ def _tell(opened: Session, broken: Run) -> None:
         print("  the inventory has changed since then: the devices are brought to what it declares now")
 
 
-ROLLBACK = Command(
+ROLLBACK = CommandSpec(
     "rollback",
     "put a site's devices back to what they were before a run",
     words=(
@@ -294,7 +294,7 @@ def run_rollback(arguments: Arguments) -> ExitCode:
     return opened.close(report)
 
 
-SITE = Command(
+SITE = CommandSpec(
     "run",
     "bring a site to its declared state, guarded, and read back what came of it",
     words=(

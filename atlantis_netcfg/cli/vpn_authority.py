@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Command, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Certificate, Member
 
 
-VPN_INIT = Command(
+VPN_INIT = CommandSpec(
     "vpn init",
     "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",
     words=(
@@ -85,7 +85,7 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
     return _vpn.tell(arguments, ExitCode.DONE, values, lines)
 
 
-VPN_AUDIT = Command(
+VPN_AUDIT = CommandSpec(
     "vpn audit",
     "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
     words=(
@@ -125,7 +125,7 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
     )
 
 
-VPN_LIST = Command(
+VPN_LIST = CommandSpec(
     "vpn list",
     "list who is in the VPN, and until when",
     words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
@@ -163,7 +163,7 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
     return _vpn.tell(arguments, ExitCode.DONE, values, _vpn.table(rows))
 
 
-VPN_SHOW = Command(
+VPN_SHOW = CommandSpec(
     "vpn show",
     "show one member of the VPN with its certificates",
     words=(Word("name", "the member", required=True, example="iqua-sparus2"), AUTHORITY),

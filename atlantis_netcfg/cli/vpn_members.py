@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 
-VPN_ONBOARD = Command(
+VPN_ONBOARD = CommandSpec(
     "vpn onboard",
     "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
     words=(
@@ -107,7 +107,7 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
     return [DeviceWords(**{**common, **row.values, "place": row.place}) for row in rows]
 
 
-VPN_RENEW = Command(
+VPN_RENEW = CommandSpec(
     "vpn renew",
     "give members a new certificate; the old one works until the server has seen the new one",
     words=(
@@ -174,7 +174,7 @@ def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple
     return due
 
 
-VPN_REVOKE = Command(
+VPN_REVOKE = CommandSpec(
     "vpn revoke",
     "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",
     words=(
@@ -244,7 +244,7 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
     agreed("Cut them off now, for good" if len(members) > 1 else f"Cut {members[0].name} off now, for good")
 
 
-VPN_ACCEPT = Command(
+VPN_ACCEPT = CommandSpec(
     "vpn accept",
     "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
     words=(
@@ -414,9 +414,9 @@ def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
 
 def bringing(declaration: Declaration, member: Member) -> str:
     """The command that brings a declared computer its identity."""
-    from atlantis_netcfg.vpn.identity import Kind
+    from atlantis_netcfg.vpn.identity import MemberKind
 
-    if member.kind is Kind.ROUTER:
+    if member.kind is MemberKind.ROUTER:
         return f"provision vpn install host={member.name}"
     return f"provision site={declaration.hosts[member.name].site} only={member.name}"
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.cli._arguments import Arguments
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.vpn.router import Installed
+    from atlantis_netcfg.operations.vpn.router import InstalledIdentity
     from atlantis_netcfg.operations.vpn.server import VpnStatus
     from atlantis_netcfg.vpn.identity import Member
 
 
-VPN_INSTALL = Command(
+VPN_INSTALL = CommandSpec(
     "vpn install",
     "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
     words=(Word("host", "the router", required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
@@ -70,7 +70,7 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
         return _installed(opened)
 
 
-def _installed(opened: Session) -> ExitCode:
+def _installed(opened: CommandSession) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli import _vpn
@@ -102,17 +102,17 @@ def _installed(opened: Session) -> ExitCode:
     return found.exit
 
 
-def _error(found: Installed) -> dict[str, str | None]:
+def _error(found: InstalledIdentity) -> dict[str, str | None]:
     return {"message": f"{found.device}: {found.message}", "hint": found.hint}
 
 
-def _show(opened: Session, found: Installed) -> None:
+def _show(opened: CommandSession, found: InstalledIdentity) -> None:
     if not opened.as_json:
         for line in (*found.changes, *(f"note: {note}" for note in found.notes)):
             print(f"  {printable.below(line, 4)}", flush=True)
 
 
-VPN_SYNC = Command(
+VPN_SYNC = CommandSpec(
     "vpn sync",
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",
     words=(CLOCK, AUTHORITY, INVENTORY),
@@ -163,7 +163,7 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
     return vpn_members.close_synced(arguments, deployed, _vpn.site(declaration) if served else None, taken)
 
 
-VPN_STATUS = Command(
+VPN_STATUS = CommandSpec(
     "vpn status",
     "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",
     words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, INVENTORY),

@@ -86,7 +86,7 @@ _MOST = 64 * 1024 * 1024
 _GONE = (OSError, EOFError, paramiko.SSHException)
 
 
-class _Connection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
+class _ConsoleConnection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
     """netmiko's session up to the open shell."""
 
     def special_login_handler(self, delay_factor: float = 1.0) -> None:
@@ -141,7 +141,7 @@ class TcpSocket(socket.socket):
 class SshWire:
     """A paramiko channel."""
 
-    def __init__(self, connection: _Connection) -> None:
+    def __init__(self, connection: _ConsoleConnection) -> None:
         self._connection = connection
         channel = connection.remote_conn
         assert isinstance(channel, paramiko.Channel)  # noqa: S101 - netmiko holds telnet and serial lines there too
@@ -228,7 +228,7 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
     policy = PinnedKey(pin)
     with connected(address, port):
         sock = TcpSocket.connect_to(address, port, timeout_s, tally)
-        connection = _Connection(
+        connection = _ConsoleConnection(
             sock=sock,
             host=address,
             port=port,

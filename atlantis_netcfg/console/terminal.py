@@ -23,9 +23,9 @@ from atlantis_netcfg.console.types import (
     ConsoleLost,
     ConsoleRefused,
     ConsoleUnreachable,
+    ConsoleWire,
     LoginFailed,
     SafeModeHeld,
-    Wire,
     WireLost,
     parse_rows,
 )
@@ -46,7 +46,7 @@ _ESCAPE = re.compile(r"\x1b(?:\[([0-9;?]*)([@-~])|[()][A-Za-z0-9]|([^\[()]))")
 _PARTIAL = re.compile(r"\x1b(?:\[[0-9;?]*|[()])?\Z")
 
 
-class Screen:
+class TerminalScreen:
     """Bytes in, lines out. `replies` holds what the terminal has to answer since somebody last took it."""
 
     def __init__(self) -> None:
@@ -157,7 +157,7 @@ _TAKEN_S = 30.0
 _BYE_S = 5.0
 
 
-class _Line(Wire, Protocol):
+class _TerminalLine(ConsoleWire, Protocol):
     """A wire that can end a session without `/quit`."""
 
     def hang_up(self) -> None:
@@ -168,11 +168,17 @@ class Terminal:
     """See `Console`, which this is."""
 
     def __init__(
-        self, wire: _Line, *, user: str, name: str, host_key: str | None = None, screen: Screen | None = None
+        self,
+        wire: _TerminalLine,
+        *,
+        user: str,
+        name: str,
+        host_key: str | None = None,
+        screen: TerminalScreen | None = None,
     ) -> None:
         """`screen`: what stands there already."""
         self._wire = wire
-        self._screen = screen or Screen()
+        self._screen = screen or TerminalScreen()
         self._user = user
         self._name = name
         self._host_key = host_key
@@ -479,7 +485,7 @@ class _Login:
         self._wire = wire
         self._name = name
         self._deadline = deadline
-        self.screen = Screen()
+        self.screen = TerminalScreen()
 
     def log_in(self, user: str, password: Secret) -> None:
         """Name and password; the rest is the terminal's."""

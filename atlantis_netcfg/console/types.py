@@ -145,7 +145,7 @@ class WireLost(Exception):
     """The other end is gone."""
 
 
-class Wire(Protocol):
+class ConsoleWire(Protocol):
     """Characters both ways."""
 
     def read(self, timeout_s: float) -> bytes:

@@ -55,7 +55,7 @@ def visible(text: str) -> str:
     return _UNSEEN.sub(lambda found: f"U+{ord(found[0]):04X}", text.replace("\r\n", "\n"))
 
 
-class _Stream(Protocol):
+class _PrintableStream(Protocol):
     def write(self, text: str, /) -> int:
         """Write."""
 
@@ -63,7 +63,7 @@ class _Stream(Protocol):
 class Printer:
     """A text stream that shows every character and obeys none but the line feed."""
 
-    def __init__(self, stream: _Stream) -> None:
+    def __init__(self, stream: _PrintableStream) -> None:
         self.stream = stream
         """For those who draw on the terminal, and filter what they are told themselves."""
 

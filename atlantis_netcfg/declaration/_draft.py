@@ -9,7 +9,7 @@ from atlantis_netcfg.declaration.findings import Finding, Mark
 from atlantis_netcfg.declaration.model import Device, Model, Partner, Pilot, Router, Site, Vehicle
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration._hosts import Layout
+    from atlantis_netcfg.declaration._hosts import HostLayout
     from atlantis_netcfg.declaration._yaml import Node
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeVar
@@ -27,7 +27,7 @@ class Part:
 class Draft:
     """Valid parts only; a reference to a part that is declared but invalid is neither right nor wrong."""
 
-    layout: Layout
+    layout: HostLayout
     nodes: dict[Part, Node] = field(default_factory=dict)
     """Every part that is declared, valid or not."""
     pilot: Pilot | None = None

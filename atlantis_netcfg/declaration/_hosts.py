@@ -25,7 +25,7 @@ _RESERVED = ("all", "ungrouped", "sites", *KIND_GROUPS)
 
 
 @dataclass(slots=True)
-class Layout:
+class HostLayout:
     """Who is where, and what it is; all in the file's order."""
 
     start: Mark
@@ -46,9 +46,9 @@ class Layout:
         self.findings.append(Finding.at(mark, message, hint))
 
 
-def lay_out(root: Node) -> Layout:
+def lay_out(root: Node) -> HostLayout:
     """Read the groups."""
-    layout = Layout(root.mark)
+    layout = HostLayout(root.mark)
     children = _block(layout, _block(layout, root, "hosts.yml", ("all",)).get("all"), "all", ("children", "vars"))
     groups = _block(layout, children.get("children"), "all.children", ("sites", *KIND_GROUPS))
     _check_vars(layout, children.get("vars"))
@@ -62,7 +62,7 @@ def lay_out(root: Node) -> Layout:
     return layout
 
 
-def _block(layout: Layout, node: Node | None, name: str, known: tuple[str, ...] | None = None) -> dict[str, Node]:
+def _block(layout: HostLayout, node: Node | None, name: str, known: tuple[str, ...] | None = None) -> dict[str, Node]:
     """The keys of a block; an empty one has none. A misspelt key is told, and taken for what was meant."""
     if node is None or node.value is None:
         return {}
@@ -82,7 +82,7 @@ def _block(layout: Layout, node: Node | None, name: str, known: tuple[str, ...] 
     return block
 
 
-def _add_site(layout: Layout, site: str, node: Node) -> None:
+def _add_site(layout: HostLayout, site: str, node: Node) -> None:
     layout.sites[site] = node.place
     block = _block(layout, node, site, ("hosts", "vars"))
     _check_vars(layout, block.get("vars"))
@@ -96,7 +96,7 @@ def _add_site(layout: Layout, site: str, node: Node) -> None:
         _check_host(layout, host, value)
 
 
-def _add_kind(layout: Layout, group: str, kind: str, node: Node | None) -> None:
+def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> None:
     block = _block(layout, node, group, ("hosts", "vars"))
     _check_vars(layout, block.get("vars"))
     for host, value in _block(layout, block.get("hosts"), f"{group}.hosts").items():
@@ -112,7 +112,7 @@ def _add_kind(layout: Layout, group: str, kind: str, node: Node | None) -> None:
             layout.kind_marks[host] = value.place
 
 
-def _check_vars(layout: Layout, node: Node | None, name: str = "vars") -> None:
+def _check_vars(layout: HostLayout, node: Node | None, name: str = "vars") -> None:
     """Only Ansible's own variables may stand in hosts.yml."""
     for key, value in _block(layout, node, name).items():
         if not key.startswith("ansible_"):
@@ -120,12 +120,12 @@ def _check_vars(layout: Layout, node: Node | None, name: str = "vars") -> None:
             layout.wrong(value.place, f"`{key}` does not belong in hosts.yml", hint)
 
 
-def _check_host(layout: Layout, host: str, node: Node) -> None:
+def _check_host(layout: HostLayout, host: str, node: Node) -> None:
     if node.text != host:  # an entry of a list, which is told, is its own value
         _check_vars(layout, node, host)
 
 
-def _check_names(layout: Layout) -> None:
+def _check_names(layout: HostLayout) -> None:
     for name, mark in [*layout.sites.items(), *layout.marks.items()]:
         if why := why_no_name(name):
             layout.wrong(mark, *why)

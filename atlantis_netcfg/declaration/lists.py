@@ -31,7 +31,7 @@ _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ListRow:
     """One record; what it leaves out, or leaves empty, is not in `values`."""
 
     place: str
@@ -52,7 +52,7 @@ def _message(finding: Finding) -> str:
     return f"{finding.file}:{finding.line}: {finding.message}"
 
 
-def read(path: Path, keys: Sequence[str]) -> tuple[Row, ...]:
+def read(path: Path, keys: Sequence[str]) -> tuple[ListRow, ...]:
     """Read the records, each with some of `keys`. Raises UsageError, and ListInvalid with every error of the file."""
     if path.suffix.lower() not in _SUFFIXES:
         raise UsageError(f"{path} is neither YAML nor CSV by its name", hint="call it .yml or .csv")
@@ -79,7 +79,7 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-class _Reader:
+class _ListReader:
     """What is wrong with a file, and which keys it may have."""
 
     def __init__(self, shown: str, keys: Sequence[str]) -> None:
@@ -99,10 +99,10 @@ class _Reader:
         return False
 
 
-class _Yaml(_Reader):
+class _Yaml(_ListReader):
     """A list of mappings of scalars."""
 
-    def read(self, data: bytes) -> tuple[Row, ...]:
+    def read(self, data: bytes) -> tuple[ListRow, ...]:
         if self._too_deep(data):
             return ()
         root, findings = parse(data, self.shown, None)
@@ -128,13 +128,13 @@ class _Yaml(_Reader):
             return False
         return False
 
-    def _row(self, node: Node) -> Row:
+    def _row(self, node: Node) -> ListRow:
         place = f"{self.shown}:{node.mark.line}"
         if not isinstance(node.value, dict):
             if not node.reported:
                 self.wrong(node.mark.line, "this is no record", "write it as {partner: …, device: …}")
-            return Row(place, {})
-        return Row(place, dict(self._values(node)))
+            return ListRow(place, {})
+        return ListRow(place, dict(self._values(node)))
 
     def _values(self, node: Node) -> Iterator[tuple[str, str]]:
         for key, value in node.keys.items():
@@ -147,10 +147,10 @@ class _Yaml(_Reader):
             yield key, value.text
 
 
-class _Csv(_Reader):
+class _Csv(_ListReader):
     """The first line names the columns."""
 
-    def read(self, data: bytes) -> tuple[Row, ...]:
+    def read(self, data: bytes) -> tuple[ListRow, ...]:
         try:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -167,7 +167,7 @@ class _Csv(_Reader):
             self.wrong(lines.line_num, f"this is no CSV: {error}", "a quote is opened and closed around a whole value")
             return ()
 
-    def _rows(self, lines: Any) -> tuple[Row, ...]:  # noqa: ANN401 - csv has no public type for its reader
+    def _rows(self, lines: Any) -> tuple[ListRow, ...]:  # noqa: ANN401 - csv has no public type for its reader
         header = [name.strip() for name in next(lines, [])]
         for name in header:
             if self.known(name, 1) and header.count(name) > 1:
@@ -176,9 +176,9 @@ class _Csv(_Reader):
             return ()
         return tuple(row for cells in lines if (row := self._row(header, cells, lines.line_num)) is not None)
 
-    def _row(self, header: list[str], cells: list[str], line: int) -> Row | None:
+    def _row(self, header: list[str], cells: list[str], line: int) -> ListRow | None:
         if not any(cells):
             return None
         if len(cells) != len(header):
             self.wrong(line, f"{len(cells)} values for {len(header)} columns", "one value for each column, or none")
-        return Row(f"{self.shown}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell})
+        return ListRow(f"{self.shown}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell})

@@ -28,7 +28,7 @@ from atlantis_netcfg.core.errors import NothingMatched, nearest
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._draft import Draft, Part
-from atlantis_netcfg.declaration._hosts import KIND_GROUPS, Layout, lay_out
+from atlantis_netcfg.declaration._hosts import KIND_GROUPS, HostLayout, lay_out
 from atlantis_netcfg.declaration._schema import explain, label_of
 from atlantis_netcfg.declaration._yaml import CLOSED, Decrypt, Node, parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
@@ -61,13 +61,13 @@ class Variables:
     findings: list[Finding] = field(default_factory=list)
 
 
-def gather(sources: Sources, layout: Layout, decrypt: Decrypt | None) -> Variables:
+def gather(sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> Variables:
     """Read every file of group_vars and host_vars."""
     return _Gatherer(sources, layout, decrypt).gather()
 
 
 class _Gatherer:
-    def __init__(self, sources: Sources, layout: Layout, decrypt: Decrypt | None) -> None:
+    def __init__(self, sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> None:
         self.sources = sources
         self.layout = layout
         self.decrypt = decrypt
@@ -189,7 +189,7 @@ _BACKUPS = ("~", ".bak", ".orig", ".swp", ".old", ".save", ".rej")
 
 
 @dataclass(slots=True)
-class Sources:
+class InventorySources:
     """The files of an inventory by what they are for."""
 
     root: Path
@@ -220,9 +220,9 @@ class Sources:
         return parse(self.contents[shown], shown, decrypt)
 
 
-def scan(root: Path, shown: str) -> Sources:
+def scan(root: Path, shown: str) -> InventorySources:
     """List an inventory directory that is known to exist."""
-    sources = Sources(root, shown)
+    sources = InventorySources(root, shown)
     for entry in _entries(root):
         if entry.name in _FOLDERS and entry.is_dir():
             _scan_folder(sources, entry, sources.group_vars if entry.name == "group_vars" else sources.host_vars)
@@ -235,7 +235,7 @@ def _entries(folder: Path) -> list[Path]:
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
 
 
-def _scan_folder(sources: Sources, folder: Path, found: dict[str, list[Path]]) -> None:
+def _scan_folder(sources: InventorySources, folder: Path, found: dict[str, list[Path]]) -> None:
     for entry in _entries(folder):
         if entry.is_dir():
             found.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
@@ -249,7 +249,7 @@ def _scan_folder(sources: Sources, folder: Path, found: dict[str, list[Path]]) -
             _stray(sources, entry)
 
 
-def _scan_inner(sources: Sources, folder: Path) -> Iterator[Path]:
+def _scan_inner(sources: InventorySources, folder: Path) -> Iterator[Path]:
     for entry in _entries(folder):
         if entry.suffix == ".yml" and not entry.is_dir():
             yield entry
@@ -257,7 +257,7 @@ def _scan_inner(sources: Sources, folder: Path) -> Iterator[Path]:
             _stray(sources, entry)
 
 
-def _stray(sources: Sources, entry: Path, expected: tuple[str, ...] = ()) -> None:
+def _stray(sources: InventorySources, entry: Path, expected: tuple[str, ...] = ()) -> None:
     """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
     shown = sources.name(entry)
     sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
@@ -276,7 +276,7 @@ def _stray(sources: Sources, entry: Path, expected: tuple[str, ...] = ()) -> Non
         _tell(sources, entry, f"nobody reads the file `{entry.name}`", f"rename it: mv {shown} {_beside(shown, name)}")
 
 
-def _tell(sources: Sources, path: Path, message: str, hint: str) -> None:
+def _tell(sources: InventorySources, path: Path, message: str, hint: str) -> None:
     sources.findings.append(Finding.at(Mark(sources.name(path), 1, 1), message, hint))
 
 
@@ -350,7 +350,7 @@ def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported:
 _M = TypeVar("_M", bound=BaseModel)
 
 
-def draft(layout: Layout, variables: Variables) -> tuple[Draft, list[Finding]]:
+def draft(layout: HostLayout, variables: Variables) -> tuple[Draft, list[Finding]]:
     """Check every part against the model."""
     builder = _Builder(Draft(layout))
     builder.pilot(variables.all.get("pilot"))
@@ -462,7 +462,7 @@ def validate(inventory: Path, *, decrypt: Decrypt | None = None) -> list[Finding
     return _examine(inventory, decrypt)[2]
 
 
-def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[Sources, Draft | None, list[Finding]]:
+def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
     sources = scan(_existing(inventory), _shown(inventory))
     root, findings = sources.read(inventory / HOSTS, decrypt)
     if root is None and findings:
@@ -485,7 +485,7 @@ def _one_closed(findings: list[Finding]) -> list[Finding]:
     return [first if finding is closed[0] else finding for finding in findings if finding not in closed[1:]]
 
 
-def _filled(root: Node | None, findings: list[Finding], shown: str) -> Layout:
+def _filled(root: Node | None, findings: list[Finding], shown: str) -> HostLayout:
     """The layout of hosts.yml; zero sites or zero hosts without an error that says why is never a green nothing."""
     layout = lay_out(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):

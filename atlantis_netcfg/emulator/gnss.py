@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 
-__all__ = ["NOT_REHEARSED", "Access", "GnssSpec", "RunningGpsd", "RunningNmea", "RunningNmeaPort", "Speech"]
+__all__ = ["NOT_REHEARSED", "GnssAccess", "GnssSpec", "RunningGpsd", "RunningNmea", "RunningNmeaPort", "Speech"]
 
 
 PATH = "/dev/ttyACM0"
@@ -56,7 +56,7 @@ def line(body: str) -> bytes:
 
 
 @dataclass
-class Source:
+class GnssSource:
     """What one client hears, report by report."""
 
     spec: GnssSpec
@@ -157,7 +157,7 @@ _REQUEST = re.compile(r"\?(VERSION|DEVICES|POLL|WATCH|DEVICE);|\?(WATCH|DEVICE)=
 _FLAG = r'"%s"\s*:\s*([^,}\s]*)'
 
 
-class Client:
+class GnssClient:
     """One connection."""
 
     def __init__(self, spec: GnssSpec) -> None:
@@ -220,7 +220,7 @@ class Speech(StrEnum):
     """A wrong baud rate, or another program."""
 
 
-class Access(StrEnum):
+class GnssAccess(StrEnum):
     """How its server treats clients."""
 
     SERVED = "served"
@@ -266,7 +266,7 @@ class GnssSpec(BaseModel):
     hdop: float = 0.9
     satellites: int = Field(default=9, ge=0, le=99)
     speech: Speech = Speech.POSITIONS
-    access: Access = Access.SERVED
+    access: GnssAccess = GnssAccess.SERVED
     device: bool = True
     """False: gpsd runs without a receiver."""
     damaged: int = 0
@@ -313,7 +313,7 @@ class _Running:
         raise NotImplementedError
 
 
-class _Listener(Protocol):
+class _GnssListener(Protocol):
     """What one connection says and hears."""
 
     def greet(self) -> bytes: ...
@@ -323,7 +323,7 @@ class _Listener(Protocol):
 
 class _GpsdClient:
     def __init__(self, spec: GnssSpec) -> None:
-        self._client, self._source = Client(spec), Source(spec)
+        self._client, self._source = GnssClient(spec), GnssSource(spec)
 
     def greet(self) -> bytes:
         return self._client.greeting
@@ -340,7 +340,7 @@ class _GpsdClient:
 
 class _NmeaClient:
     def __init__(self, spec: GnssSpec) -> None:
-        self._source = Source(spec)
+        self._source = GnssSource(spec)
 
     def greet(self) -> bytes:
         del self
@@ -355,7 +355,7 @@ class _NmeaClient:
         return self._source.next(sentences=True) if self._source.speaks else b""
 
 
-class _Server(_Running):
+class _GnssServer(_Running):
     """A TCP server; `host` and `port` are where it listens (or, refused, where nothing does)."""
 
     host = "127.0.0.1"
@@ -363,9 +363,9 @@ class _Server(_Running):
     def __init__(self, spec: GnssSpec, port: int = 0) -> None:
         super().__init__(spec)
         self.port = port
-        self._clients: dict[socket.socket, _Listener] = {}
+        self._clients: dict[socket.socket, _GnssListener] = {}
 
-    def _listener(self) -> _Listener:
+    def _listener(self) -> _GnssListener:
         raise NotImplementedError
 
     def _open(self) -> None:
@@ -374,7 +374,7 @@ class _Server(_Running):
         self._door.bind((self.host, self.port))
         self.port = self._door.getsockname()[1]
         # A port that is bound and does not listen refuses, and nobody else can get it meanwhile.
-        if self.spec.access is not Access.REFUSED:
+        if self.spec.access is not GnssAccess.REFUSED:
             self._door.listen()
 
     def _close(self) -> None:
@@ -386,7 +386,7 @@ class _Server(_Running):
         due = time.monotonic()
         while True:
             waiting: list[socket.socket | int] = [self._stop, *self._clients]
-            if self.spec.access is not Access.REFUSED:
+            if self.spec.access is not GnssAccess.REFUSED:
                 waiting.append(self._door)
             ready = select.select(waiting, [], [], max(0.0, due - time.monotonic()))[0]
             if self._stop in ready:
@@ -403,7 +403,7 @@ class _Server(_Running):
 
     def _admit(self) -> None:
         client = self._door.accept()[0]
-        if self.spec.access is Access.IN_USE:
+        if self.spec.access is GnssAccess.IN_USE:
             client.close()
             return
         self._clients[client] = self._listener()
@@ -424,7 +424,7 @@ class _Server(_Running):
         self._send(client, answer)
 
     def _send(self, client: socket.socket, data: bytes) -> None:
-        if self.spec.access is Access.MUTE:
+        if self.spec.access is GnssAccess.MUTE:
             return
         size = 1 if self.spec.piecewise else len(data)
         try:
@@ -435,17 +435,17 @@ class _Server(_Running):
             return
 
 
-class RunningGpsd(_Server):
+class RunningGpsd(_GnssServer):
     """gpsd with one receiver."""
 
-    def _listener(self) -> _Listener:
+    def _listener(self) -> _GnssListener:
         return _GpsdClient(self.spec)
 
 
-class RunningNmea(_Server):
+class RunningNmea(_GnssServer):
     """A server that passes a receiver's sentences on to every client."""
 
-    def _listener(self) -> _Listener:
+    def _listener(self) -> _GnssListener:
         return _NmeaClient(self.spec)
 
 
@@ -466,11 +466,11 @@ class RunningNmeaPort(_Running):
         os.close(self._ours)
 
     def _run(self) -> None:
-        source = Source(self.spec)
+        source = GnssSource(self.spec)
         while not select.select([self._stop], [], [], self.spec.every_s)[0]:
             if not self._opened():
                 # Bytes of a receiver are lost where nobody has the port open; its mood begins anew with the next one.
-                source = Source(self.spec)
+                source = GnssSource(self.spec)
                 continue
             self._hear()
             if source.speaks:

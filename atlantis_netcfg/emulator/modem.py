@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 
-__all__ = ["NOT_REHEARSED", "ModemSpec", "RunningModem"]
+__all__ = ["NOT_REHEARSED", "AtModemSpec", "RunningModem"]
 
 
 NOT_REHEARSED = ("an AT modem: USB, its other ports, and programs that want to own it",)
 _ABSENT = "+CME ERROR: 10"
 
 
-class ModemSpec(BaseModel):
+class AtModemSpec(BaseModel):
     """One emulated modem, its card, and what is on the air."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -95,7 +95,7 @@ class ModemSpec(BaseModel):
 class RunningModem:
     """The modem in a thread; `path` is its port while the context lasts."""
 
-    def __init__(self, spec: ModemSpec) -> None:
+    def __init__(self, spec: AtModemSpec) -> None:
         self.spec = spec
         self.path = ""
         self.heard: list[str] = []

@@ -17,11 +17,11 @@ from atlantis_netcfg.declaration.model import DdsPath, Gateway, GpsTime, TimeSer
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
+    ConvergeStep,
     File,
-    GatewayNetwork,
     Link,
+    NetworkPart,
     Package,
-    Step,
     Unit,
     WayIn,
     gateway_network,
@@ -74,11 +74,11 @@ fi
 """
 
 STEPS = (
-    Step("generate the locale", ("locale-gen",), (LOCALES,)),
-    Step("set the host name", ("hostname", "-F", HOSTNAME), (HOSTNAME,)),
-    Step("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
-    Step("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
-    Step("set the watchdog", ("sh", "-c", _WATCHED), (WATCHDOG,)),
+    ConvergeStep("generate the locale", ("locale-gen",), (LOCALES,)),
+    ConvergeStep("set the host name", ("hostname", "-F", HOSTNAME), (HOSTNAME,)),
+    ConvergeStep("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
+    ConvergeStep("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
+    ConvergeStep("set the watchdog", ("sh", "-c", _WATCHED), (WATCHDOG,)),
 )
 
 CHECKS = (
@@ -111,7 +111,7 @@ class DdsPorts:
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbour:
+class DeclaredNeighbour:
     """Another computer of the pilot."""
 
     name: str
@@ -138,7 +138,7 @@ class BaseView:
     metered: tuple[str, ...]
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
-    neighbours: tuple[Neighbour, ...]
+    neighbours: tuple[DeclaredNeighbour, ...]
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
@@ -178,20 +178,20 @@ def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
     return tuple(str(network) for network in collapse_addresses(networks))
 
 
-def _neighbours(declaration: Declaration, host: Host) -> tuple[Neighbour, ...]:
+def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour, ...]:
     """Those of the LAN by their addresses there, gateways and servers of other sites by those in the VPN."""
     lan = declaration.sites[host.site].lan
     found = {
-        reservation.name: Neighbour(reservation.name, str(reservation.address), lan.domain)
+        reservation.name: DeclaredNeighbour(reservation.name, str(reservation.address), lan.domain)
         for reservation in lan.reservations
     }
     for name, other in declaration.hosts.items():
         address = getattr(other.device, "address", None)
         tunnel = getattr(other.device, "vpn_address", None)
         if other.site == host.site and address is not None and address in lan.network:
-            found[name] = Neighbour(name, str(address), lan.domain)
+            found[name] = DeclaredNeighbour(name, str(address), lan.domain)
         elif other.site != host.site and tunnel is not None:
-            found[name] = Neighbour(name, str(tunnel), None)
+            found[name] = DeclaredNeighbour(name, str(tunnel), None)
     found.pop(host.name, None)
     return tuple(found.values())
 
@@ -216,7 +216,7 @@ class GatewayBase:
 
     packages: tuple[Package, ...]
     configuration: Configuration
-    network: GatewayNetwork | None
+    network: NetworkPart | None
     """None: it stays as the image has it."""
 
     def as_dict(self) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class Cyclone:
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
+class DdsRelease:
     """What one release of ROS 2 runs on; `pypi` is the laptop without ROS (`pip install cyclonedds`)."""
 
     name: str
@@ -95,13 +95,13 @@ _BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "0"}
 _SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
 """The other ranges overrule the profile (ROS 2 manual, Improved Dynamic Discovery)."""
 
-RELEASES: Mapping[str, Release] = {
+RELEASES: Mapping[str, DdsRelease] = {
     release.name: release
     for release in (
-        Release("foxy", _CYCLONE_0_7, "2.1", _BEFORE_IRON),
-        Release("humble", _CYCLONE_0_10, "2.6", _BEFORE_IRON),
-        Release("jazzy", _CYCLONE_0_10, "2.14", _SINCE_IRON),
-        Release("pypi", _CYCLONE_11, None, {}),
+        DdsRelease("foxy", _CYCLONE_0_7, "2.1", _BEFORE_IRON),
+        DdsRelease("humble", _CYCLONE_0_10, "2.6", _BEFORE_IRON),
+        DdsRelease("jazzy", _CYCLONE_0_10, "2.14", _SINCE_IRON),
+        DdsRelease("pypi", _CYCLONE_11, None, {}),
     )
 }
 
@@ -142,7 +142,7 @@ class ProfileView:
     host: str
     bearer: str
     """The link's name."""
-    release: Release
+    release: DdsRelease
     middleware: str
     domain: int
     address: str
@@ -161,7 +161,7 @@ class ProfileView:
 
 
 @dataclass(frozen=True, slots=True)
-class _Participant:
+class _DdsHost:
     """A computer of the pilot that talks DDS."""
 
     name: str
@@ -214,24 +214,24 @@ def _declared(declaration: Declaration) -> Dds:
     return declaration.pilot.dds
 
 
-def _release(name: str) -> Release:
+def _release(name: str) -> DdsRelease:
     if name not in RELEASES:
         raise UsageError(f"`{name}` is no release that is known here", hint=f"there are: {', '.join(RELEASES)}")
     return RELEASES[name]
 
 
-def _participants(declaration: Declaration, dds: Dds) -> list[_Participant]:
+def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
     found = [
-        _Participant(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
+        _DdsHost(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
         for name, host in declaration.hosts.items()
         if isinstance(host.device, _SPEAKERS)
     ]
-    found += [_Participant(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
+    found += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:
         known = {participant.address for participant in found}
         found += [
-            _Participant(reservation.name, str(reservation.address), name, everywhere=False)
+            _DdsHost(reservation.name, str(reservation.address), name, everywhere=False)
             for name, site in declaration.sites.items()
             for reservation in site.lan.reservations
             if reservation.name in declaration.vehicles and str(reservation.address) not in known

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.gateway.parts import Check, Configuration, File, Package, Step, Unit
+from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -114,9 +114,9 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
         files=files,
         absent=tuple(path for path in (_UNIT, _COMMAND, _SOURCED, _LOGS) if path not in laid),
         steps=(
-            Step("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
-            Step("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            Step("start the data gateway with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
+            ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
+            ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
+            ConvergeStep("start the data gateway with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
         ),
         units=units if _UNIT in laid else (),
         checks=_CHECKS if _UNIT in laid else (),

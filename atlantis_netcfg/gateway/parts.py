@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
 
 
-class Part(Protocol):
+class GatewayPart(Protocol):
     """What one role wants of one host."""
 
     def as_dict(self) -> dict[str, Any]:
@@ -68,7 +68,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ConvergeStep:
     """A program, run when the files in `after` are not what it last succeeded with."""
 
     name: str
@@ -125,7 +125,7 @@ class Configuration:
     absent: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     """Folders that are ours alone: whatever else stands in them goes."""
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ConvergeStep, ...] = ()
     units: tuple[Unit, ...] = ()
     brought: tuple[Brought, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -144,21 +144,23 @@ def _plain(result: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 @dataclass(frozen=True, slots=True)
-class _Tool:
+class _InstalledTool:
     template: str
     path: str
     mode: str
 
 
 _TOOLS = {
-    NetworkTool.NETPLAN: _Tool("network-netplan.yaml.j2", "/etc/netplan/10-atlantis.yaml", "0600"),
-    NetworkTool.IFUPDOWN: _Tool("network-interfaces.j2", "/etc/network/interfaces", "0644"),
-    NetworkTool.NETWORKD: _Tool("network-networkd.network.j2", "/etc/systemd/network/05-atlantis.network", "0644"),
+    NetworkTool.NETPLAN: _InstalledTool("network-netplan.yaml.j2", "/etc/netplan/10-atlantis.yaml", "0600"),
+    NetworkTool.IFUPDOWN: _InstalledTool("network-interfaces.j2", "/etc/network/interfaces", "0644"),
+    NetworkTool.NETWORKD: _InstalledTool(
+        "network-networkd.network.j2", "/etc/systemd/network/05-atlantis.network", "0644"
+    ),
 }
 
 
 @dataclass(frozen=True, slots=True)
-class _Lan:
+class _LanPart:
     """What the templates see."""
 
     interface: str
@@ -171,7 +173,7 @@ class _Lan:
 
 
 @dataclass(frozen=True, slots=True)
-class GatewayNetwork:
+class NetworkPart:
     """The parameters of `atlantis.netcfg.network`, but its action."""
 
     by: str
@@ -192,14 +194,14 @@ class GatewayNetwork:
         return {key: value for key, value in values.items() if value is not None}
 
 
-def gateway_network(declaration: Declaration, host: Host) -> GatewayNetwork | None:
+def gateway_network(declaration: Declaration, host: Host) -> NetworkPart | None:
     """Pure. None where no network is declared: it then stays as the image has it."""
     device = host.device
     assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
     if device.network is None:
         return None
     site = declaration.sites[host.site].lan
-    lan = _Lan(
+    lan = _LanPart(
         interface=device.network.interface,
         address=f"{device.address}/{site.network.prefixlen}",
         gateway=str(site.gateway),
@@ -207,7 +209,7 @@ def gateway_network(declaration: Declaration, host: Host) -> GatewayNetwork | No
         dhcp=device.image is not None and device.image.address_by is AddressBy.DHCP,
     )
     tool = _TOOLS[device.network.by]
-    return GatewayNetwork(
+    return NetworkPart(
         by=device.network.by.value,
         interface=lan.interface,
         address=lan.address,
@@ -221,5 +223,5 @@ def gateway_network(declaration: Declaration, host: Host) -> GatewayNetwork | No
     )
 
 
-def _text(template: str, lan: _Lan) -> str:
+def _text(template: str, lan: _LanPart) -> str:
     return environment().get_template(f"gateway/{template}").render(lan=lan)

@@ -26,7 +26,7 @@ from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin
-from atlantis_netcfg.gateway.parts import Configuration, File, Package, Step
+from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -252,7 +252,7 @@ class Archive:
 
 
 @dataclass(frozen=True, slots=True)
-class Release:
+class RosRelease:
     """A release of ROS 2 and the Ubuntu that it is made for."""
 
     name: str
@@ -279,18 +279,18 @@ _FINAL_FOXY = Archive(
 _BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "1"}
 _SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
-RELEASES: Mapping[RosDistribution, Release] = {
+RELEASES: Mapping[RosDistribution, RosRelease] = {
     RosDistribution(release.name): release
     for release in (
-        Release(
+        RosRelease(
             "foxy",
             "focal",
             date(2023, 6, 20),
             {RosOrigin.LIVE: _LIVE, RosOrigin.SNAPSHOT: _FINAL_FOXY},
             _BEFORE_IRON,
         ),
-        Release("humble", "jammy", date(2027, 5, 31), {RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
-        Release("jazzy", "noble", date(2029, 5, 31), {RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
+        RosRelease("humble", "jammy", date(2027, 5, 31), {RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
+        RosRelease("jazzy", "noble", date(2029, 5, 31), {RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
     )
 }
 
@@ -397,7 +397,7 @@ def gateway_ros2(
     )
 
 
-def _archive(release: Release, ros2: Ros2) -> Archive:
+def _archive(release: RosRelease, ros2: Ros2) -> Archive:
     """The declared archive; a mirror of a snapshot is signed by the key of the snapshots."""
     archive = release.archives.get(ros2.origin)
     if archive is None and ros2.mirror is not None:
@@ -411,13 +411,13 @@ def _archive(release: Release, ros2: Ros2) -> Archive:
     return archive
 
 
-def _ended(release: Release, today: datetime) -> str | None:
+def _ended(release: RosRelease, today: datetime) -> str | None:
     if today.date() <= release.ends:
         return None
     return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"
 
 
-def _packages(release: Release, ros2: Ros2, dds: Dds) -> Iterator[Package]:
+def _packages(release: RosRelease, ros2: Ros2, dds: Dds) -> Iterator[Package]:
     ros = f"ros-{release.name}"
     names = [f"{ros}-ros-base", f"{ros}-demo-nodes-cpp", f"{ros}-demo-nodes-py", _COLCON]
     if dds.middleware is RosMiddleware.CYCLONE_DDS:
@@ -427,7 +427,7 @@ def _packages(release: Release, ros2: Ros2, dds: Dds) -> Iterator[Package]:
         yield Package(name, versions.get(name))
 
 
-def _configuration(release: Release, dds: Dds, packages: tuple[Package, ...]) -> Configuration:
+def _configuration(release: RosRelease, dds: Dds, packages: tuple[Package, ...]) -> Configuration:
     """The environment of people who log in, and the test: repeated when a package of ROS is another one."""
     home = f"/opt/ros/{release.name}"
     variables = {
@@ -449,7 +449,7 @@ def _configuration(release: Release, dds: Dds, packages: tuple[Package, ...]) ->
             File(_LOGIN, _render("ros2-profile.sh.j2", release=release.name, home=home)),
             File(_TEST, _render("ros2_hears.py")),
         ),
-        steps=(Step("talker and listener of ROS 2", test, (_TEST, *lists)),),
+        steps=(ConvergeStep("talker and listener of ROS 2", test, (_TEST, *lists)),),
     )
 
 

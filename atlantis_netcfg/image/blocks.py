@@ -21,7 +21,7 @@ _SECTOR = 512
 _SYSTEM = ("/boot", "/usr", "/var", "/home", "/etc", "/opt", "/srv", "/nix", "/root")
 
 
-class Bus(StrEnum):
+class DeviceBus(StrEnum):
     """How a disk is attached."""
 
     USB = "USB"
@@ -46,7 +46,7 @@ class Use:
 
 
 @dataclass(frozen=True, slots=True)
-class Disk:
+class BlockDevice:
     """One block device as it was at one moment; two looks at the same card are equal."""
 
     name: str
@@ -54,7 +54,7 @@ class Disk:
     """MAJOR:MINOR."""
     size: int
     """Bytes; 0: a reader without a card."""
-    bus: Bus
+    bus: DeviceBus
     serial: str
     """Of the card (SD/MMC slot) or of the reader (USB); empty where neither has one."""
     label: str
@@ -88,7 +88,7 @@ class BlockTree:
     sys: Path = Path("/sys")
     proc: Path = Path("/proc")
 
-    def disk(self, path: Path) -> Disk:
+    def disk(self, path: Path) -> BlockDevice:
         """The disk that a path leads to. Raises DeviceRefused where it leads to none."""
         number = self._number(path)
         place = self.sys / "dev" / "block" / number
@@ -114,11 +114,11 @@ class BlockTree:
             )
         return f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
 
-    def _read(self, place: Path, number: str) -> Disk:
+    def _read(self, place: Path, number: str) -> BlockDevice:
         partition = (place / "partition").exists()
         queue = (place.parent if partition else place) / "queue"
         diskseq = _text(place / "diskseq")
-        return Disk(
+        return BlockDevice(
             name=place.name,
             number=number,
             size=int(_text(place / "size")) * _SECTOR,
@@ -191,32 +191,32 @@ def _label(place: Path) -> str:
     return " ".join(filter(None, named))
 
 
-def _bus(place: Path) -> Bus:
+def _bus(place: Path) -> DeviceBus:
     """An NVMe disk behind anything is NVMe; a SATA disk in a USB case hangs on USB."""
     parts = place.parts
     rows = (
-        (r"nvme\d+.*", Bus.NVME),
-        (r"usb\d+", Bus.USB),
-        (r"mmc_host", Bus.MMC),
-        (r"ata\d+", Bus.ATA),
-        (r"virtio\d+", Bus.VIRTIO),
-        (r"virtual", Bus.VIRTUAL),
+        (r"nvme\d+.*", DeviceBus.NVME),
+        (r"usb\d+", DeviceBus.USB),
+        (r"mmc_host", DeviceBus.MMC),
+        (r"ata\d+", DeviceBus.ATA),
+        (r"virtio\d+", DeviceBus.VIRTIO),
+        (r"virtual", DeviceBus.VIRTUAL),
     )
-    return next((bus for word, bus in rows if any(re.fullmatch(word, part) for part in parts)), Bus.OTHER)
+    return next((bus for word, bus in rows if any(re.fullmatch(word, part) for part in parts)), DeviceBus.OTHER)
 
 
 def _is_system(point: str) -> bool:
     return point == "/" or any(point == each or point.startswith(f"{each}/") for each in _SYSTEM)
 
 
-_CARDS = frozenset({Bus.USB, Bus.MMC})
+_CARDS = frozenset({DeviceBus.USB, DeviceBus.MMC})
 """The buses on which cards and their readers are."""
 _MOST = 512 * 10**9
 """Bytes. No card of a gateway is larger; disks with somebody's backups are."""
 _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on it"
 
 
-def reasons(disk: Disk, needed: int = 0) -> tuple[str, ...]:
+def reasons(disk: BlockDevice, needed: int = 0) -> tuple[str, ...]:
     """Why the disk must not be written with an image of so many bytes; empty where it may."""
     if disk.whole:
         return (f"{disk.name} is a partition of {disk.whole}: an image wants the whole disk",)
@@ -235,7 +235,7 @@ def reasons(disk: Disk, needed: int = 0) -> tuple[str, ...]:
     return tuple(found)
 
 
-def admit(tree: BlockTree, path: Path, needed: int = 0) -> Disk:
+def admit(tree: BlockTree, path: Path, needed: int = 0) -> BlockDevice:
     """The disk at a path, if it may be written. Raises DeviceRefused with all reasons."""
     disk = tree.disk(path)
     if why := reasons(disk, needed):
@@ -244,7 +244,7 @@ def admit(tree: BlockTree, path: Path, needed: int = 0) -> Disk:
     return disk
 
 
-def same(tree: BlockTree, path: Path, shown: Disk, needed: int = 0) -> None:
+def same(tree: BlockTree, path: Path, shown: BlockDevice, needed: int = 0) -> None:
     """Hold that the path still leads to the disk that was shown. Raises DeviceRefused."""
     disk = admit(tree, path, needed)
     rows = (
@@ -262,7 +262,7 @@ def same(tree: BlockTree, path: Path, shown: Disk, needed: int = 0) -> None:
         )
 
 
-def confirmed(disk: Disk, typed: str) -> None:
+def confirmed(disk: BlockDevice, typed: str) -> None:
     """Hold a person's word to the disk that was shown. Raises DeviceRefused."""
     if typed.strip() != disk.proof:
         what = "serial" if disk.serial else "name and size (it has no serial)"

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.image.facts import Directory, Edit, File, ImageRefused, Link, Remove
+from atlantis_netcfg.image.facts import Edit, ImageDirectory, ImageFile, ImageLink, ImageRefused, Remove
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,7 +55,7 @@ def _found(name: str) -> str | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class FileStatus:
     """What the file system says of a path."""
 
     kind: str
@@ -103,7 +103,7 @@ class Ext4:
         if done.returncode:
             raise ImageRefused(f"the image's file system is damaged after customising: {_last(done.stdout)}")
 
-    def status(self, path: str) -> Status | None:
+    def status(self, path: str) -> FileStatus | None:
         """What stands at a path; None: nothing. Links on the way are not followed."""
         text = self._ask(f"stat {_safe(path)}")
         head = re.search(r"Type: (\w+).*?Mode:\s+(\d+).*?User:\s+(\d+)\s+Group:\s+(\d+)", text, re.DOTALL)
@@ -111,7 +111,7 @@ class Ext4:
             return None
         target = re.search(r'Fast link dest: "(.*)"', text)
         owner = (int(head[3]), int(head[4]))
-        return Status(head[1], int(head[2], 8), owner, target[1] if target else "")
+        return FileStatus(head[1], int(head[2], 8), owner, target[1] if target else "")
 
     def read(self, path: str) -> bytes | None:
         """A file's bytes; None where there is no regular file."""
@@ -146,7 +146,9 @@ class Ext4:
 
     def apply(self, edits: Sequence[Edit]) -> None:
         """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
-        above = [edit.path for edit in edits if isinstance(edit, Directory)] + [_above(edit.path) for edit in edits]
+        above = [edit.path for edit in edits if isinstance(edit, ImageDirectory)] + [
+            _above(edit.path) for edit in edits
+        ]
         self.hold_no_link(dict.fromkeys(above))
         with temporary.folder("ext4", self.image.parent) as scratch:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
@@ -160,7 +162,7 @@ class Ext4:
     def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
         there = self.status(path)
-        if isinstance(edit, Directory):
+        if isinstance(edit, ImageDirectory):
             if there is None:
                 yield f"mkdir {path}"
             yield from _attributes(path, _KINDS["directory"] | edit.mode, edit.owner)
@@ -169,11 +171,11 @@ class Ext4:
             if there.kind == "directory":
                 raise ImageRefused(f"the image has a directory at {path}, where a file is expected")
             yield f"rm {path}"
-        if isinstance(edit, File):
+        if isinstance(edit, ImageFile):
             (scratch / str(number)).write_bytes(edit.content)
             yield f"write {scratch / str(number)} {path}"
             yield from _attributes(path, _KINDS["regular"] | edit.mode, edit.owner)
-        elif isinstance(edit, Link):
+        elif isinstance(edit, ImageLink):
             yield f"symlink {path} {_safe_target(edit.target)}"
 
     def _verify(self, edit: Edit, complaint: str) -> None:
@@ -182,9 +184,9 @@ class Ext4:
             current = status is None
         elif status is None:
             current = False
-        elif isinstance(edit, File):
+        elif isinstance(edit, ImageFile):
             current = self.read(edit.path) == edit.content and (status.mode, status.owner) == (edit.mode, edit.owner)
-        elif isinstance(edit, Directory):
+        elif isinstance(edit, ImageDirectory):
             current = status.kind == "directory" and (status.mode, status.owner) == (edit.mode, edit.owner)
         else:
             current = status.kind == "symlink" and status.target == edit.target
@@ -252,7 +254,7 @@ _BOOT_MAGIC = (510, b"\x55\xaa")
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class DiskLayout:
     """One kind of image."""
 
     name: str
@@ -268,14 +270,14 @@ class Layout:
     """The LAN's interface, where the board has one name for it; empty: the one wired card, whatever its name."""
 
 
-LAYOUTS: Mapping[str, Layout] = {
+LAYOUTS: Mapping[str, DiskLayout] = {
     layout.name: layout
     for layout in (
         # Hardkernel's minimal images: U-Boot in the gap from sector 1, FAT at sector 2048, ext4 at sector 264192
         # (facts of the project, from public code; not seen on a board). The N2 names its one Ethernet card eth0.
-        Layout("odroid-n2", root=2, root_at=264192 * _SECTOR, boot=1, marker="boot.ini", interface="eth0"),
+        DiskLayout("odroid-n2", root=2, root_at=264192 * _SECTOR, boot=1, marker="boot.ini", interface="eth0"),
         # Whatever boots by a partition table alone: x86, Raspberry-type boards.
-        Layout("plain", root=None, root_at=None, boot=None, marker="", interface=""),
+        DiskLayout("plain", root=None, root_at=None, boot=None, marker="", interface=""),
     )
 }
 
@@ -296,7 +298,7 @@ class Places:
     boot: FatAt | None
 
 
-def find(image: Path, layout: Layout) -> Places:
+def find(image: Path, layout: DiskLayout) -> Places:
     """Look into an image's partition table. Raises ImageRefused where the image is not of that layout."""
     with image.open("rb") as file:
         starts = _partitions(file.read(_SECTOR * 34))
@@ -313,7 +315,7 @@ def find(image: Path, layout: Layout) -> Places:
     return Places(starts[root], None if boot is None else FatAt(starts[boot]))
 
 
-def _other(layout: Layout, why: str) -> ImageRefused:
+def _other(layout: DiskLayout, why: str) -> ImageRefused:
     return ImageRefused(
         f"the image is not of layout `{layout.name}`: {why}",
         hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",

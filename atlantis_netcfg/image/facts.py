@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Static:
+class StaticNetwork:
     """A fixed address."""
 
     address: IPv4Interface
@@ -33,7 +33,7 @@ class ImageRequest:
     """The account that the technicians log in to; it must be in the image."""
     keys: tuple[str, ...]
     """Lines of authorized_keys."""
-    static: Static | None
+    static: StaticNetwork | None
     """None: DHCP."""
     interface: str
     """Name of the LAN's interface; empty: the wired one, whatever its name."""
@@ -72,7 +72,7 @@ class ImageFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class File:
+class ImageFile:
     """Write a regular file; one that is there is replaced."""
 
     path: str
@@ -83,7 +83,7 @@ class File:
 
 
 @dataclass(frozen=True, slots=True)
-class Directory:
+class ImageDirectory:
     """Make a directory where there is none, or correct its mode and owner."""
 
     path: str
@@ -92,7 +92,7 @@ class Directory:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class ImageLink:
     """A symbolic link; a file or link that is there is replaced."""
 
     path: str
@@ -106,7 +106,7 @@ class Remove:
     path: str
 
 
-Edit = File | Directory | Link | Remove
+Edit = ImageFile | ImageDirectory | ImageLink | Remove
 
 
 class ImageRefused(UsageError):

@@ -17,14 +17,23 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.image.ext4 import Ext4, Layout, find, tool
-from atlantis_netcfg.image.facts import Account, Directory, File, ImageFacts, ImageRefused, ImageRequest, Link, Remove
+from atlantis_netcfg.image.ext4 import DiskLayout, Ext4, find, tool
+from atlantis_netcfg.image.facts import (
+    Account,
+    ImageDirectory,
+    ImageFacts,
+    ImageFile,
+    ImageLink,
+    ImageRefused,
+    ImageRequest,
+    Remove,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.image.facts import Edit, Static
+    from atlantis_netcfg.image.facts import Edit, StaticNetwork
 
 
 PASSWD, SHADOW = "/etc/passwd", "/etc/shadow"
@@ -46,19 +55,19 @@ def accounts(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
     account = _account(seen.text(PASSWD), request.user)
     folder = f"{account.home.rstrip('/')}/.ssh"
-    yield Directory(folder, 0o700, account.owner)
+    yield ImageDirectory(folder, 0o700, account.owner)
     keys = "".join(f"{key}\n" for key in request.keys)
-    yield File(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
+    yield ImageFile(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
     yield from passwords(seen)
     if SSHD not in seen.files:
         raise ImageRefused(f"the image has no {SSHD}: nobody could log in", hint="take an image with an SSH server")
     if SSHD_PARTS not in seen.present:
-        yield Directory(SSHD_PARTS)
-    yield File(_OURS, _SSHD_TEXT.encode())
+        yield ImageDirectory(SSHD_PARTS)
+    yield ImageFile(_OURS, _SSHD_TEXT.encode())
     text = seen.text(SSHD)
     first = next((line.split() for line in text.splitlines() if line.split() and not line.lstrip().startswith("#")), [])
     if first != _INCLUDE.split():
-        yield File(SSHD, f"{_INCLUDE}\n{text}".encode())
+        yield ImageFile(SSHD, f"{_INCLUDE}\n{text}".encode())
 
 
 def _account(passwd: str, name: str) -> Account:
@@ -95,14 +104,14 @@ def passwords(seen: ImageFacts) -> Iterator[Edit]:
     if SHADOW not in seen.files:
         raise ImageRefused(f"the image has no {SHADOW}: its passwords cannot be removed")
     if text != shadow:
-        yield File(SHADOW, text.encode(), 0o640, (0, _group(seen, "shadow")))
+        yield ImageFile(SHADOW, text.encode(), 0o640, (0, _group(seen, "shadow")))
     people = [line.split(":") for line in passwd.splitlines()]
     for row in people:
         if len(row) > 1 and row[1] != "x":
             row[1] = "x"  # a password, or none, in the file that everybody reads
     message = "".join(f"{':'.join(row)}\n" for row in people)
     if message != passwd:
-        yield File(PASSWD, message.encode())
+        yield ImageFile(PASSWD, message.encode())
 
 
 def _group(seen: ImageFacts, name: str) -> int:
@@ -142,22 +151,22 @@ def network(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
         others = (name for name in seen.listed.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
         yield from (Remove(f"{_PLANS}/{name}") for name in others)
         yield from _folder(seen, _PLANS)
-        yield File(f"{_PLANS}/{_PLAN}", _netplan(request).encode(), 0o600)
+        yield ImageFile(f"{_PLANS}/{_PLAN}", _netplan(request).encode(), 0o600)
     elif {IFUPDOWN, _IFUPDOWN_OLD} & seen.present:
         if not request.interface:
             raise ImageRefused(
                 "the image configures its network by ifupdown, which needs the interface's name",
                 hint="declare `interface` of the host's image, like eth0",
             )
-        yield File("/etc/network/interfaces", _interfaces(request).encode())
+        yield ImageFile("/etc/network/interfaces", _interfaces(request).encode())
     elif NETWORK_MANAGER in seen.present:
         yield from _folder(seen, _PROFILES)
-        yield File(f"{_PROFILES}/atlantis.nmconnection", _profile(request).encode(), 0o600)
+        yield ImageFile(f"{_PROFILES}/atlantis.nmconnection", _profile(request).encode(), 0o600)
     elif NETWORKD in seen.present:
         yield from _folder(seen, _PARTS)
         yield from _folder(seen, _UNITS_OF_BOOT)
-        yield File(f"{_PARTS}/05-atlantis.network", _networkd(request).encode())
-        yield Link(
+        yield ImageFile(f"{_PARTS}/05-atlantis.network", _networkd(request).encode())
+        yield ImageLink(
             f"{_UNITS_OF_BOOT}/systemd-networkd.service",
             f"{NETWORKD.rpartition('/')[0]}/system/systemd-networkd.service",
         )
@@ -166,14 +175,14 @@ def network(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
             "nothing in the image would set its address: no netplan, ifupdown, NetworkManager or systemd-networkd"
         )
     if request.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
-        yield File(
+        yield ImageFile(
             _RESOLV, f"{_HEADER}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode()
         )
 
 
 def _folder(seen: ImageFacts, path: str) -> Iterator[Edit]:
     if path not in seen.present:
-        yield Directory(path)
+        yield ImageDirectory(path)
 
 
 def _netplan(request: ImageRequest) -> str:
@@ -219,7 +228,7 @@ def _profile(request: ImageRequest) -> str:
     return f"{head}{name}\n{_ipv4(request.static)}"
 
 
-def _ipv4(static: Static | None) -> str:
+def _ipv4(static: StaticNetwork | None) -> str:
     if static is None:
         return "[ipv4]\nmethod=auto\n"
     return (
@@ -278,7 +287,7 @@ def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
 def plan(seen: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
     """The edits, in the order in which they are carried out. Raises ImageRefused where the image cannot serve."""
     found = [
-        *(Directory(path) for path in _FOLDERS if path not in seen.present),
+        *(ImageDirectory(path) for path in _FOLDERS if path not in seen.present),
         *_identity(seen, request),
         *accounts(seen, request),
         *network(seen, request),
@@ -306,12 +315,12 @@ def notes(seen: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
 
 def _identity(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Host name; and no identity that other cards from this image have as well (machine-id(5))."""
-    yield File("/etc/hostname", f"{request.host}\n".encode())
+    yield ImageFile("/etc/hostname", f"{request.host}\n".encode())
     kept = [line for line in seen.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
     if not any(line.split()[:1] == ["127.0.0.1"] for line in kept):
         kept.insert(0, "127.0.0.1\tlocalhost")
-    yield File(_HOSTS, "".join(f"{line}\n" for line in [*kept, f"127.0.1.1\t{request.host}"]).encode())
-    yield File(_MACHINE_ID, b"", 0o444)
+    yield ImageFile(_HOSTS, "".join(f"{line}\n" for line in [*kept, f"127.0.1.1\t{request.host}"]).encode())
+    yield ImageFile(_MACHINE_ID, b"", 0o444)
     for path in (_DBUS_ID, _SEED):
         if path in seen.present:
             yield Remove(path)
@@ -320,13 +329,13 @@ def _identity(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
 
 def _time(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Zone and servers; by address, because names do not resolve while the clock is wrong."""
-    yield Link("/etc/localtime", f"{_ZONES}/{request.time_zone}")
-    yield File("/etc/timezone", f"{request.time_zone}\n".encode())
+    yield ImageLink("/etc/localtime", f"{_ZONES}/{request.time_zone}")
+    yield ImageFile("/etc/timezone", f"{request.time_zone}\n".encode())
     servers = " ".join(map(str, request.time_servers))
-    yield File(f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision image`.\n[Time]\nNTP={servers}\n".encode())
+    yield ImageFile(f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision image`.\n[Time]\nNTP={servers}\n".encode())
     if _CHRONY in seen.present:
         lines = "".join(f"server {server} iburst\n" for server in request.time_servers)
-        yield File(f"{_CHRONY}/atlantis.sources", lines.encode())
+        yield ImageFile(f"{_CHRONY}/atlantis.sources", lines.encode())
 
 
 def _cloud_init(seen: ImageFacts) -> bool:
@@ -348,10 +357,10 @@ def _no_cloud_init(seen: ImageFacts) -> Iterator[Edit]:
                 hint="take an image of the vendor without it",
             )
     if _CLOUD not in seen.present:
-        yield Directory(_CLOUD)
+        yield ImageDirectory(_CLOUD)
     if _CLOUD_ON in seen.present:
         yield Remove(_CLOUD_ON)
-    yield File(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision image`.\n")
+    yield ImageFile(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision image`.\n")
 
 
 _SCRIPT = """\
@@ -382,11 +391,11 @@ WantedBy=multi-user.target
 
 
 def _first_boot(request: ImageRequest) -> Iterator[Edit]:
-    yield File("/usr/local/sbin/atlantis-first-boot", _SCRIPT.encode(), 0o755)
-    yield File(f"{_UNITS}/atlantis-first-boot.service", _UNIT.encode())
-    yield Link(f"{_WANTS}/atlantis-first-boot.service", f"{_UNITS}/atlantis-first-boot.service")
+    yield ImageFile("/usr/local/sbin/atlantis-first-boot", _SCRIPT.encode(), 0o755)
+    yield ImageFile(f"{_UNITS}/atlantis-first-boot.service", _UNIT.encode())
+    yield ImageLink(f"{_WANTS}/atlantis-first-boot.service", f"{_UNITS}/atlantis-first-boot.service")
     record = {"host": request.host, "site": request.site, "image": request.source}
-    yield File("/etc/atlantis/image.json", f"{json.dumps(record, indent=1)}\n".encode())
+    yield ImageFile("/etc/atlantis/image.json", f"{json.dumps(record, indent=1)}\n".encode())
 
 
 @dataclass(frozen=True, slots=True)
@@ -439,7 +448,7 @@ def look(root: Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFac
     return ImageFacts(files, present, {path: root.names(path) for path in LISTED}, values)
 
 
-def customise(image: Path, layout: Layout, request: ImageRequest) -> tuple[str, ...]:
+def customise(image: Path, layout: DiskLayout, request: ImageRequest) -> tuple[str, ...]:
     """Edit the working copy; return what a person should know. Raises ImageRefused. May be repeated."""
     places = find(image, layout)
     boot = None if places.boot is None else Fat(image, places.boot.offset)

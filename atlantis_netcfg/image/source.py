@@ -305,7 +305,7 @@ Span = tuple[int, int]
 """First byte, and the byte after the last."""
 
 
-class Kind(Enum):
+class SourceKind(Enum):
     """What stands in a segment."""
 
     DATA = auto()
@@ -319,7 +319,7 @@ class Segment:
 
     start: int
     end: int
-    kind: Kind
+    kind: SourceKind
 
     @property
     def size(self) -> int:
@@ -335,8 +335,8 @@ def segments(image: Path, size: int, mapped: Iterable[Span] | None = None) -> tu
     """
     data = _joined(_data(image, size), size)
     desired = [(0, size)] if mapped is None else _joined([*mapped, *data], size)
-    found = [Segment(start, end, Kind.DATA) for start, end in data]
-    found += [Segment(start, end, Kind.ZERO) for start, end in _without(desired, data)]
+    found = [Segment(start, end, SourceKind.DATA) for start, end in data]
+    found += [Segment(start, end, SourceKind.ZERO) for start, end in _without(desired, data)]
     return tuple(sorted(found, key=lambda each: each.start))
 
 

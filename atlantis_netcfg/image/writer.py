@@ -22,16 +22,16 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.image.blocks import BlockTree, Disk, same
+from atlantis_netcfg.image.blocks import BlockDevice, BlockTree, same
 from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
-from atlantis_netcfg.image.source import Kind, Segment
+from atlantis_netcfg.image.source import Segment, SourceKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
 
-class Step(StrEnum):
+class WriterStep(StrEnum):
     """What takes long."""
 
     UNPACKING = "unpacking the image"
@@ -44,7 +44,7 @@ class Step(StrEnum):
 class Progress:
     """Where a step is."""
 
-    step: Step
+    step: WriterStep
     done: int
     total: int
     """Bytes."""
@@ -68,12 +68,12 @@ class Progress:
         return f"{self.step} {share} % of {self.total / 1e6:.0f} MB, {self.rate_bps / 1e6:.1f} MB/s{left}"
 
 
-class Meter:
+class WriteMeter:
     """Tells the progress of one step, at most once in so many seconds, and once its end."""
 
     def __init__(
         self,
-        step: Step,
+        step: WriterStep,
         tell: Callable[[Progress], None],
         *,
         every_s: float = 2.0,
@@ -106,7 +106,7 @@ _BLKGETSIZE64 = 0x80081272
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenCard:
     """What was put on a card and read back."""
 
     data: int
@@ -125,7 +125,7 @@ class Card:
     """The disk that a person was shown, and the path to it."""
 
     device: Path
-    shown: Disk
+    shown: BlockDevice
     tree: BlockTree
 
     def still(self, needed: int) -> None:
@@ -133,7 +133,7 @@ class Card:
         same(self.tree, self.device, self.shown, needed)
 
 
-def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> Written:
+def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> WrittenCard:
     """Write the segments of a working copy. Raises DeviceRefused before the first byte, CardUnfinished after it."""
     needed = max((part.end for part in parts), default=0)
     card.still(needed)
@@ -161,7 +161,7 @@ def _open(device: Path) -> int:
         raise DeviceRefused(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
 
 
-def _hold(card: int, device: Path, shown: Disk) -> None:
+def _hold(card: int, device: Path, shown: BlockDevice) -> None:
     """What was opened is what was shown: a path may lead elsewhere by the time that it is opened."""
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
@@ -187,7 +187,7 @@ class _Job:
         self._ours, self._theirs = mmap.mmap(-1, _CHUNK), mmap.mmap(-1, _CHUNK)
         self._data = self._cleared = self._compared = 0
 
-    def run(self) -> Written:
+    def run(self) -> WrittenCard:
         """Write and compare everything; whatever stops it leaves the first MiB empty."""
         began = time.monotonic()
         try:
@@ -201,7 +201,7 @@ class _Job:
         except (OSError, KeyboardInterrupt, _Differs) as error:
             raise self._unfinished(error) from error
         skipped = self._total - self._data - self._cleared
-        return Written(self._data, self._cleared, skipped, self._compared, time.monotonic() - began)
+        return WrittenCard(self._data, self._cleared, skipped, self._compared, time.monotonic() - began)
 
     def _unfinished(self, error: BaseException) -> CardUnfinished:
         """Whatever has happened, and wherever: see to it that the card does not boot, and say whether that is so."""
@@ -224,8 +224,8 @@ class _Job:
 
     def _clear(self) -> None:
         """Make zeros of what must be zero. A card that is zero already is only read, which is quicker than writing."""
-        zeros = [part for part in self._body if part.kind is Kind.ZERO]
-        meter, done, total = Meter(Step.CLEARING, self._tell), 0, sum(part.size for part in zeros)
+        zeros = [part for part in self._body if part.kind is SourceKind.ZERO]
+        meter, done, total = WriteMeter(WriterStep.CLEARING, self._tell), 0, sum(part.size for part in zeros)
         for part in zeros:
             dirty = False
             for at, size in _chunks(part):
@@ -237,8 +237,8 @@ class _Job:
                 meter(done, total)
 
     def _copy(self) -> None:
-        data = [part for part in self._body if part.kind is Kind.DATA]
-        meter, done, total = Meter(Step.WRITING, self._tell), 0, sum(part.size for part in data)
+        data = [part for part in self._body if part.kind is SourceKind.DATA]
+        meter, done, total = WriteMeter(WriterStep.WRITING, self._tell), 0, sum(part.size for part in data)
         for part in data:
             for at, size in _chunks(part):
                 self._put(at, size)
@@ -247,10 +247,10 @@ class _Job:
         self._data += done
 
     def _compare(self, parts: Sequence[Segment]) -> None:
-        meter, done, total = Meter(Step.COMPARING, self._tell), 0, sum(part.size for part in parts)
+        meter, done, total = WriteMeter(WriterStep.COMPARING, self._tell), 0, sum(part.size for part in parts)
         for part in parts:
             for at, size in _chunks(part):
-                desired = _zeros(size) if part.kind is Kind.ZERO else self._expected(at, size)
+                desired = _zeros(size) if part.kind is SourceKind.ZERO else self._expected(at, size)
                 if self._read(at, size) != desired:
                     raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
                 done += size
@@ -266,7 +266,7 @@ class _Job:
         self._put(0, first)
         os.fsync(self._card)
         self._data += self._head
-        self._compare([Segment(0, self._head, Kind.DATA)])
+        self._compare([Segment(0, self._head, SourceKind.DATA)])
 
     def _put(self, at: int, size: int, *, zero: bool = False) -> None:
         self._ours[:size] = _zeros(size) if zero else self._expected(at, size)

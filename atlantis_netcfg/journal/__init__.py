@@ -30,9 +30,9 @@ from atlantis_netcfg.journal.files import (
 )
 from atlantis_netcfg.journal.log import (
     NOT_RECORDED,
-    Entry,
     Journal,
     Log,
+    LogEntry,
     NoJournal,
     Recorder,
     StatesOnly,
@@ -73,7 +73,7 @@ from atlantis_netcfg.journal.records import (
     Verified,
 )
 from atlantis_netcfg.journal.runs import Confirmed, Run
-from atlantis_netcfg.journal.store import KEPT, DeviceHistory, Holder, SiteLock, Store, unfinished
+from atlantis_netcfg.journal.store import KEPT, DeviceHistory, LockHolder, SiteLock, Store, unfinished
 from atlantis_netcfg.journal.usage import Counters, MonthBytes, Usage
 
 __all__ = [
@@ -89,12 +89,12 @@ __all__ = [
     "Counters",
     "DeviceHistory",
     "DeviceObserved",
-    "Entry",
-    "Holder",
     "Journal",
     "JournalFailed",
     "LayerSent",
+    "LockHolder",
     "Log",
+    "LogEntry",
     "MonthBytes",
     "NoJournal",
     "NoSuchRun",

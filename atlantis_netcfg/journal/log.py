@@ -34,7 +34,7 @@ _RECORDS: TypeAdapter[Record] = TypeAdapter(Record)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LogEntry:
     """One record and when it was written."""
 
     at: datetime
@@ -45,7 +45,7 @@ class Entry:
 class Log:
     """A journal as it was found; `damage` says which lines could not be read."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LogEntry, ...]
     damage: tuple[str, ...] = ()
 
     @property
@@ -54,7 +54,7 @@ class Log:
         return tuple(entry.record for entry in self.entries)
 
 
-def line(entry: Entry) -> bytes:
+def line(entry: LogEntry) -> bytes:
     """The record as one line of the file."""
     data = {"at": entry.at.isoformat(timespec="milliseconds"), **_RECORDS.dump_python(entry.record, mode="json")}
     return json.dumps(data, ensure_ascii=False, separators=(",", ":")).encode(errors="replace") + b"\n"
@@ -63,7 +63,7 @@ def line(entry: Entry) -> bytes:
 def read(path: Path) -> Log:
     """Every record that can be read. A last line without its end was being written when the process was killed."""
     lines, torn = split(path.read_bytes())
-    entries: list[Entry] = []
+    entries: list[LogEntry] = []
     damage: list[str] = []
     for number, text in enumerate(lines, start=1):
         entry = _entry(text)
@@ -76,11 +76,11 @@ def read(path: Path) -> Log:
     return Log(tuple(entries), tuple(damage))
 
 
-def _entry(text: bytes) -> Entry | None:
+def _entry(text: bytes) -> LogEntry | None:
     try:
         data: dict[str, Any] = json.loads(text)
         at = datetime.fromisoformat(data.pop("at"))
-        return Entry(at, _RECORDS.validate_python(data))
+        return LogEntry(at, _RECORDS.validate_python(data))
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
         return None
 
@@ -151,7 +151,7 @@ def conclude(journal: Recorder, *records: Record) -> JournalFailed | None:
     return None
 
 
-class _Result(Protocol):
+class _ReadResult(Protocol):
     """What every result of a device has."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
@@ -164,7 +164,7 @@ class _Result(Protocol):
     def notes(self) -> tuple[str, ...]: ...
 
 
-_R = TypeVar("_R", bound=_Result)
+_R = TypeVar("_R", bound=_ReadResult)
 
 
 def unrecorded(result: _R, failure: JournalFailed | None) -> _R:
@@ -205,7 +205,7 @@ class Journal(EventLog):
 
     def write(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
-        self.append(line(Entry(self._now(), record)))
+        self.append(line(LogEntry(self._now(), record)))
         self._require_present("the journal")
 
     def save(self, device: str, text: str) -> None:

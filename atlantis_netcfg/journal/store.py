@@ -42,7 +42,7 @@ _PAUSE_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
+class LockHolder:
     """Who works on a site."""
 
     user: str
@@ -97,7 +97,7 @@ class SiteLock:
 
     def _sign(self) -> None:
         """Say who we are. The name is a courtesy to the loser: a full disk does not make the lock weaker."""
-        data = json.dumps(asdict(Holder.me(self._command))).encode()
+        data = json.dumps(asdict(LockHolder.me(self._command))).encode()
         try:
             os.ftruncate(self._descriptor, 0)
             os.lseek(self._descriptor, 0, os.SEEK_SET)
@@ -117,7 +117,7 @@ class SiteLock:
             hint="wait until that run has ended, then run the same command again",
         )
 
-    def _holder(self) -> Holder | None:
+    def _holder(self) -> LockHolder | None:
         """Read who has it. Between lock and signature the file still names the one before, who may be dead."""
         for _ in range(_ATTEMPTS):
             holder = _read(self._path)
@@ -127,14 +127,14 @@ class SiteLock:
         return None
 
 
-def _read(path: Path) -> Holder | None:
+def _read(path: Path) -> LockHolder | None:
     try:
-        return Holder(**json.loads(path.read_bytes()))
+        return LockHolder(**json.loads(path.read_bytes()))
     except (OSError, ValueError, TypeError):
         return None
 
 
-def _may_live(holder: Holder) -> bool:
+def _may_live(holder: LockHolder) -> bool:
     if holder.host != socket.gethostname():
         return True
     try:

@@ -65,13 +65,13 @@ class _Month(_Data):
     gaps: tuple[str, ...] = ()
 
 
-class _Bearer(_Data):
+class _BearerUsage(_Data):
     last: Counters
     months: dict[str, _Month] = {}
 
 
-class _File(_Data):
-    bearers: dict[str, _Bearer] = {}
+class _UsageFile(_Data):
+    bearers: dict[str, _BearerUsage] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,9 @@ class Usage:
             month = months.get(name, _Month(since=since))
             gaps = (*month.gaps, gap)[-_GAPS:] if gap is not None else month.gaps
             months[name] = _Month(bytes=month.bytes + (rise or 0), since=month.since, gaps=gaps)
-            bearers[bearer] = _Bearer(last=counters, months={each: months[each] for each in sorted(months)[-_KEPT:]})
+            bearers[bearer] = _BearerUsage(
+                last=counters, months={each: months[each] for each in sorted(months)[-_KEPT:]}
+            )
         return rise
 
     def month(self, bearer: str, now: datetime) -> MonthBytes:
@@ -121,7 +123,7 @@ class Usage:
         return None if known is None else known.last
 
     @contextmanager
-    def _writing(self) -> Iterator[dict[str, _Bearer]]:
+    def _writing(self) -> Iterator[dict[str, _BearerUsage]]:
         with os_errors_as(_WHAT, self._path):
             make_private(self._path.parent)
             guard = os.open(self._path.with_suffix(".lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -129,14 +131,14 @@ class Usage:
                 fcntl.flock(guard, fcntl.LOCK_EX)
                 bearers = self._read()
                 yield bearers
-                text = _File(bearers=bearers).model_dump_json(indent=1)
+                text = _UsageFile(bearers=bearers).model_dump_json(indent=1)
                 write_atomically(self._path, text.encode() + b"\n")
             finally:
                 os.close(guard)
 
-    def _read(self) -> dict[str, _Bearer]:
+    def _read(self) -> dict[str, _BearerUsage]:
         try:
-            return dict(_File.model_validate(json.loads(self._path.read_bytes())).bearers)
+            return dict(_UsageFile.model_validate(json.loads(self._path.read_bytes())).bearers)
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, ValidationError) as error:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.bootstrap.run import FirstContact, features_of
-from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, ConsoleRoute, Status, Target
+from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, Adopted, AdoptionStatus, AdoptionTarget, ConsoleRoute
 from atlantis_netcfg.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.console.terminal import open_serial
 from atlantis_netcfg.console.types import Console, ConsoleUnreachable
@@ -63,7 +63,7 @@ class SshRoute:
     """An address; `locate` tells where a service port of it really is (a twin's is on loopback)."""
 
     label: str
-    target: Target
+    target: AdoptionTarget
     key: HostKey
     locate: Callable[[int], tuple[str, int]]
     serial: bool = False
@@ -194,7 +194,7 @@ class Adoption:
     take_over: bool = False
     replaced: bool = False
     wait_s: float = 600.0
-    target: Target = field(init=False)
+    target: AdoptionTarget = field(init=False)
 
     def __post_init__(self) -> None:
         refuse_examples(self.declaration, rehearsed=self.rehearsed)
@@ -203,7 +203,7 @@ class Adoption:
     def plan(self) -> AdoptionResult:
         """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
         found = self._contact(NoJournal()).plan()
-        if found.status is Status.ALREADY:
+        if found.status is AdoptionStatus.ALREADY:
             return self._unchanged(found, "")
         message = f"planned: {len(found.steps)} steps; the device is {found.standing}"
         return self._result(found, ExitCode.CHANGES, message, "")
@@ -226,7 +226,7 @@ class Adoption:
             if failure is not None:
                 error.args = (f"{error}; {NOT_RECORDED}: {failure}",)
             raise
-        if found.status is Status.ALREADY:
+        if found.status is AdoptionStatus.ALREADY:
             result = self._unchanged(found, journal.run)
         else:
             message = f"adopted: {len(found.steps)} steps, read back; {self.target.host} is on {self.target.port}"
@@ -278,7 +278,7 @@ class Adoption:
             if (
                 prerequisite.menu == "/certificate"
                 and prerequisite.name not in there
-                and found.status is not Status.PLANNED
+                and found.status is not AdoptionStatus.PLANNED
             ):
                 yield (
                     f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): "
@@ -339,7 +339,7 @@ def _status(error: NetcfgError, *, touched: bool) -> str:
     return _HALF if touched else "refused"
 
 
-def target_of(declaration: Declaration, host: Host) -> Target:
+def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
     """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
     if not handled(host):
         raise NothingMatched(
@@ -349,7 +349,7 @@ def target_of(declaration: Declaration, host: Host) -> Target:
     known = managed(declaration, host)
     access, place = known.access, known.place
     desired = parse(known.texts()[0].text, source=f"the desired text of {host.name}")
-    return Target(
+    return AdoptionTarget(
         name=host.name,
         user=access.user,
         password=access.password,

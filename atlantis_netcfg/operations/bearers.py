@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.routeros.estimate import Bearer
+from atlantis_netcfg.routeros.estimate import BearerProfile
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
@@ -21,11 +21,11 @@ PATIENCE_S: Final = 15.0
 _REPLY_S: Final = 60.0
 """For an answer over such a link: a small board works for some seconds on a script, or waits for its flash."""
 
-LAN = Bearer(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
+LAN = BearerProfile(name="lan", rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
 """The technician's cable: an ordinary 100 Mbit/s port."""
 
 
-def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> Bearer:
+def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> BearerProfile:
     """The bearer to a device; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
     name = via or (managed(declaration, host).access.via if handled(host) else LAN.name)
     if name == LAN.name:
@@ -37,7 +37,7 @@ def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> B
     return as_bearer(bearers[name])
 
 
-def patient(endpoint: Endpoint, bearer: Bearer) -> Endpoint:
+def patient(endpoint: Endpoint, bearer: BearerProfile) -> Endpoint:
     """The endpoint with as much patience as its bearer needs.
 
     A cable or a bridge on land has no gaps: what is dead there is given up in seconds. Everything else keeps the
@@ -49,9 +49,9 @@ def patient(endpoint: Endpoint, bearer: Bearer) -> Endpoint:
     return replace(endpoint, connect_timeout_s=PATIENCE_S, reply_timeout_s=_REPLY_S)
 
 
-def as_bearer(bearer: Declared) -> Bearer:
+def as_bearer(bearer: Declared) -> BearerProfile:
     """A declared bearer in the units of estimates."""
-    return Bearer(
+    return BearerProfile(
         name=bearer.name,
         rtt_s=bearer.rate.rtt_ms / 1000,
         rate_up_bps=bearer.rate.up_kbps * 1000,

@@ -13,17 +13,17 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
 from atlantis_netcfg.bundle.manifest import Keys, Manifest, require_programs, run
 from atlantis_netcfg.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.bundle.requirements import (
     BundleRefused,
+    BundleTarget,
     HostRequirements,
-    Key,
     Library,
     PackageRequirement,
-    Source,
-    Target,
+    PackageSource,
+    RequirementKey,
     read_target,
 )
 from atlantis_netcfg.bundle.resolve import archive
@@ -48,7 +48,7 @@ _STATUS = "/var/lib/dpkg/status"
 _READ_STATUS = f"gzip -9c {_STATUS}"
 
 
-def from_file(path: Path) -> Target:
+def from_file(path: Path) -> BundleTarget:
     """Read a copy of /var/lib/dpkg/status. Raises BundleRefused."""
     try:
         status = path.read_bytes()
@@ -59,7 +59,7 @@ def from_file(path: Path) -> Target:
     return read_target(status, str(path))
 
 
-def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Target:
+def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> BundleTarget:
     """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
     if not image.is_file():
         raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
@@ -77,7 +77,7 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Tar
     return read_target(status, image.name)
 
 
-def from_board(declaration: Declaration, host: Host, request: Request) -> Target:
+def from_board(declaration: Declaration, host: Host, request: Request) -> BundleTarget:
     """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
     access = PARTS[ACCESS](declaration, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
@@ -130,11 +130,15 @@ def wish_of(
         packages=tuple(
             dict.fromkeys(PackageRequirement(row["name"], row.get("version")) for row in _all(result, "packages"))
         ),
-        sources=tuple(dict.fromkeys(Source(source["path"], source["content"]) for source in _all(result, "sources"))),
-        keys=tuple(
-            dict.fromkeys(Key(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys"))
+        sources=tuple(
+            dict.fromkeys(PackageSource(source["path"], source["content"]) for source in _all(result, "sources"))
         ),
-        pins=tuple(dict.fromkeys(Source(row["path"], row["content"]) for row in _all(result, "pins"))),
+        keys=tuple(
+            dict.fromkeys(
+                RequirementKey(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys")
+            )
+        ),
+        pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
         libraries=_libraries(declaration, tokens=tokens),
         distribution=expected.get("distribution"),
         codename=expected.get("codename"),
@@ -181,12 +185,12 @@ class BundleRequest:
     keyring: Path | None = None
 
 
-def made(requested: BundleRequest, notify: Subscriber, sized: Callable[[Size], None]) -> Manifest:
+def made(requested: BundleRequest, notify: Subscriber, sized: Callable[[BundleSize], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
     refuse_examples(requested.declaration, rehearsed=False)
     require_programs()
     purposes = tuple(_purpose(requested, host, notify) for host in requested.hosts)
-    order = Order(requested.site, requested.declaration.revision, purposes, requested.place, requested.image)
+    order = BundleOrder(requested.site, requested.declaration.revision, purposes, requested.place, requested.image)
 
     def tell(words: str, share: float | None) -> None:
         shown = "" if share is None else f" {100 * share:.0f} %"
@@ -207,15 +211,15 @@ def opened(
     return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(requested: BundleRequest, host: Host, notify: Subscriber) -> Purpose:
+def _purpose(requested: BundleRequest, host: Host, notify: Subscriber) -> BundlePurpose:
     request = wish_of(requested.declaration, host, requested.request, tokens=True)
     target = _target(requested, host, notify)
     notify(Event(host.name, Stage.OBSERVED, f"{target.shown}, {len(target.installed)} packages"))
     missing = any(not each.fits(target.installed.get(each.name)) for each in request.packages)
-    return Purpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
+    return BundlePurpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
 
 
-def _target(requested: BundleRequest, host: Host, notify: Subscriber) -> Target:
+def _target(requested: BundleRequest, host: Host, notify: Subscriber) -> BundleTarget:
     if requested.status is not None:
         return from_file(requested.status)
     if requested.image is not None:

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, Link, Preview, Tariff, bill, preview, size
-from atlantis_netcfg.bearers.policy import Route, active_bearer
+from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, Tariff, bill, preview, size
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Bearer, Gateway, LteDriver, LteRouter, Router, VpnServer
 from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
@@ -20,7 +20,7 @@ from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import Mode, Request
 from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
-from atlantis_netcfg.routeros.estimate import Bearer as Carrier
+from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
 
@@ -33,24 +33,24 @@ if TYPE_CHECKING:
 _MB: Final = 1_000_000
 
 
-def links_of(declaration: Declaration, site: str) -> Mapping[str, Link]:
+def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
     """Every link of a site by its name, the technician's cable among them."""
     declared = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
-    return {LAN.name: Link(LAN.name, site, metered=False), **{link.name: link for link in declared}}
+    return {LAN.name: MeteredLink(LAN.name, site, metered=False), **{link.name: link for link in declared}}
 
 
-def link_of(declaration: Declaration, site: str, name: str) -> Link:
+def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
     """One link of a site. KeyError if it has none of that name: `bearer_of` has looked before."""
     return links_of(declaration, site)[name]
 
 
-def ways_of(declaration: Declaration, host: Host) -> tuple[Route, ...]:
+def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
     """The bearers as the router of the site knows them; none for a device that is not a router."""
     if not isinstance(host.device, Router):
         return ()
     ports = {bearer: port for port, bearer in ports_of(host).items()}
     return tuple(
-        Route(
+        BearerRoute(
             name=bearer.name,
             gateway=str(bearer.gateway),
             address=str(bearer.address),
@@ -70,7 +70,7 @@ def ports_of(host: Host) -> Mapping[str, str]:
     return {port.name: port.link for port in host.device.ports if port.link is not None}
 
 
-def _link(site: str, bearer: Bearer) -> Link:
+def _link(site: str, bearer: Bearer) -> MeteredLink:
     billing = bearer.billing if bearer.metered else None
     tariff = None
     if billing is not None:
@@ -81,7 +81,9 @@ def _link(site: str, bearer: Bearer) -> Link:
             floor_bytes_per_s=billing.floor_bytes_per_s,
             floor_after_s=billing.floor_after_s,
         )
-    return Link(bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None)
+    return MeteredLink(
+        bearer.name, site, bearer.metered, tariff, round(bearer.cap_mb * _MB) if bearer.metered else None
+    )
 
 
 _TOOL: Final = 60_000
@@ -102,8 +104,8 @@ def beforehand(
 
     Raises UsageError for a link that a site does not have.
     """
-    sums: dict[Link, list[Estimate]] = {}
-    bounds: set[Link] = set()
+    sums: dict[MeteredLink, list[Estimate]] = {}
+    bounds: set[MeteredLink] = set()
     for host in hosts:
         bearer = _carrier(declaration, host, request)
         if bearer is not None and bearer.metered:
@@ -237,14 +239,14 @@ class Meter:
         return tuple(port for port, link in ports_of(self.host).items() if link in self._links)
 
     @property
-    def link(self) -> Link:
+    def link(self) -> MeteredLink:
         """What carries the session, as far as it is known."""
         if self.active is None or self.declared == LAN.name or self.request.rehearsed:
             return self._links[self.declared]
         return self._links[self.active]
 
     @property
-    def _links(self) -> Mapping[str, Link]:
+    def _links(self) -> Mapping[str, MeteredLink]:
         return links_of(self.declaration, self.host.site)
 
     def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:

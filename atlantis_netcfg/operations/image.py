@@ -21,11 +21,11 @@ from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.declaration.model import AddressBy, Gateway, Image
-from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, Layout, require_tools
-from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, Static
+from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
+from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
-from atlantis_netcfg.image.source import Expanded, Kind, checksum, expand, segments
-from atlantis_netcfg.image.writer import Card, Meter, Progress, Step, Written, write
+from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
 from atlantis_netcfg.journal import Store, write_atomically
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.image.blocks import Disk
+    from atlantis_netcfg.image.blocks import BlockDevice
 
 
 @dataclass(slots=True)
@@ -53,7 +53,7 @@ class Receipt:
         return cls(path, {**about, "image": dict(image), "began": began.isoformat()})
 
     @contextmanager
-    def writing(self, disk: Disk) -> Iterator[None]:
+    def writing(self, disk: BlockDevice) -> Iterator[None]:
         """Keep what begins, and how it ended if it failed."""
         values = {"name": disk.name, "label": disk.label, "serial": disk.serial, "size": disk.size, "bus": disk.bus}
         self._keep(device=values, outcome="writing")
@@ -63,7 +63,7 @@ class Receipt:
             self._keep(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
             raise
 
-    def written(self, written: Written) -> None:
+    def written(self, written: WrittenCard) -> None:
         """Keep what was read back."""
         counts = {
             "data": written.data,
@@ -99,7 +99,7 @@ def _image_of(host: Host) -> tuple[Gateway, Image]:
     return device, device.image
 
 
-def layout_of(host: Host) -> Layout:
+def layout_of(host: Host) -> DiskLayout:
     """How the host's image is laid out. Raises UsageError where no card is made for the host."""
     return LAYOUTS[_image_of(host)[1].layout]
 
@@ -111,7 +111,7 @@ def wish_of(declaration: Declaration, host: Host, source: str) -> ImageRequest:
     static = None
     if image.address_by is AddressBy.STATIC:
         address = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-        static = Static(address, lan.gateway, lan.domain)
+        static = StaticNetwork(address, lan.gateway, lan.domain)
     return ImageRequest(
         host=host.name,
         site=host.site,
@@ -126,19 +126,19 @@ def wish_of(declaration: Declaration, host: Host, source: str) -> ImageRequest:
 
 
 _STAGES = {
-    Step.UNPACKING: Stage.OBSERVED,
-    Step.CLEARING: Stage.APPLYING,
-    Step.WRITING: Stage.APPLYING,
-    Step.COMPARING: Stage.VERIFYING,
+    WriterStep.UNPACKING: Stage.OBSERVED,
+    WriterStep.CLEARING: Stage.APPLYING,
+    WriterStep.WRITING: Stage.APPLYING,
+    WriterStep.COMPARING: Stage.VERIFYING,
 }
 
 
-class Stopped(DeviceFailed):
+class ImageStopped(DeviceFailed):
     """Somebody stopped the work before a card was touched."""
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class ImageOrder:
     """Whose image is made, and from which file."""
 
     declaration: Declaration
@@ -158,16 +158,16 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class MadeImage:
     """The host's image as a working copy, which ends with the context."""
 
-    order: Order
+    order: ImageOrder
     expanded: Expanded
     notes: tuple[str, ...]
     """What a person should know."""
     notify: Subscriber
 
-    def onto(self, card: Card) -> tuple[Written, Path]:
+    def onto(self, card: Card) -> tuple[WrittenCard, Path]:
         """Write it; return what was read back, and where that is on record. Raises DeviceRefused, CardUnfinished."""
         order = self.order
         size = -(-self.expanded.size // card.shown.sector) * card.shown.sector
@@ -187,7 +187,7 @@ class Made:
                 whole = scratch / file.name
                 with self.expanded.path.open("rb") as copy, whole.open("xb") as out:
                     for part in segments(self.expanded.path, self.expanded.size):
-                        if part.kind is Kind.DATA:
+                        if part.kind is SourceKind.DATA:
                             _copy(copy.fileno(), out.fileno(), part.start, part.size)
                     out.truncate(self.expanded.size)
                     os.fsync(out.fileno())
@@ -203,7 +203,7 @@ class Made:
 
 
 @contextmanager
-def made(order: Order, notify: Subscriber) -> Iterator[Made]:
+def made(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
     """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
     place = temporary.roomy()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
@@ -213,20 +213,20 @@ def made(order: Order, notify: Subscriber) -> Iterator[Made]:
         try:
             ready = _make(order, folder, notify)
         except KeyboardInterrupt as error:
-            raise Stopped(f"stopped while the image of {name} was made: no card was touched") from error
+            raise ImageStopped(f"stopped while the image of {name} was made: no card was touched") from error
         yield ready
 
 
-def _make(order: Order, folder: Path, notify: Subscriber) -> Made:
+def _make(order: ImageOrder, folder: Path, notify: Subscriber) -> MadeImage:
     name = order.host.name
-    meter = Meter(Step.UNPACKING, lambda progress: notify(_event(name, progress)))
+    meter = WriteMeter(WriterStep.UNPACKING, lambda progress: notify(_event(name, progress)))
     expanded = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
     source = f"{order.image.name}, SHA-256 {expanded.sha256}"
     notes = customise(expanded.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
     notify(Event(name, Stage.PLANNED, "customised, and every change read back"))
     if not expanded.told_by:
         notes = (f"nobody has confirmed the checksum of {order.image.name}: {expanded.sha256}", *notes)
-    return Made(order, expanded, notes, notify)
+    return MadeImage(order, expanded, notes, notify)
 
 
 def _event(name: str, progress: Progress) -> Event:

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class KindText:
     """One desired text of a device."""
 
     text: str
@@ -59,7 +59,7 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class HostPlace:
     """By which port and address the device is managed, as the adopted device has it."""
 
     address: str
@@ -100,7 +100,7 @@ class Managed(ABC):
         """Address, port, user and password, and the bearer that leads there."""
 
     @abstractmethod
-    def texts(self) -> tuple[Text, ...]:
+    def texts(self) -> tuple[KindText, ...]:
         """Render what the device should hold; more than one where the device decides which fits. Raises RenderError."""
 
     @abstractmethod
@@ -109,7 +109,7 @@ class Managed(ABC):
 
     @property
     @abstractmethod
-    def place(self) -> Place:
+    def place(self) -> HostPlace:
         """Where it is managed."""
 
     @property
@@ -167,10 +167,10 @@ class ManagedCpe(Managed):
         """As declared."""
         return self.cpe.access
 
-    def texts(self) -> tuple[Text, ...]:
+    def texts(self) -> tuple[KindText, ...]:
         """Return one text for each family of menus that can do what is declared."""
         return tuple(
-            Text(cpe(self.declaration, self.host, family), _MENUS[family]) for family in families(self.cpe.ptp)
+            KindText(cpe(self.declaration, self.host, family), _MENUS[family]) for family in families(self.cpe.ptp)
         )
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
@@ -178,13 +178,13 @@ class ManagedCpe(Managed):
         return cpe_prerequisites(self.declaration, self.host)
 
     @property
-    def place(self) -> Place:
+    def place(self) -> HostPlace:
         """The cable; the technician stands behind this site's router, which masquerades, or beside it with a laptop.
 
         The laptop's address is the highest of the link's network that no declared device has.
         """
         view = cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
-        return Place(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
+        return HostPlace(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
 
     def _laptop(self, network: IPv4Network) -> str:
         boxes = (host.device for host in self.declaration.hosts.values())
@@ -246,19 +246,19 @@ class ManagedLte(Managed):
         port = {} if device.access.port is None else {"port": device.access.port}
         return Access.model_validate({"address": device.address, **known, **port})
 
-    def texts(self) -> tuple[Text, ...]:
+    def texts(self) -> tuple[KindText, ...]:
         """Return the one text."""
-        return (Text(lte(self.declaration, self.host)),)
+        return (KindText(lte(self.declaration, self.host)),)
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
         """Modem, port and certificate."""
         return lte_prerequisites(self.declaration, self.host)
 
     @property
-    def place(self) -> Place:
+    def place(self) -> HostPlace:
         """The cable; the technician stands behind the site's router, which masquerades."""
         view = lte_view(self.declaration, self.host)
-        return Place(view.management.address, view.port, str(lte_bearer(self.declaration, self.host).address))
+        return HostPlace(view.management.address, view.port, str(lte_bearer(self.declaration, self.host).address))
 
     @property
     def hardware(self) -> Hardware:
@@ -294,19 +294,19 @@ class ManagedRouter(Managed):
         """As declared."""
         return self._router.access
 
-    def texts(self) -> tuple[Text, ...]:
+    def texts(self) -> tuple[KindText, ...]:
         """Return the one text."""
-        return (Text(router(self.declaration, self.host)),)
+        return (KindText(router(self.declaration, self.host)),)
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
         """Ports and certificates."""
         return prerequisites(self.declaration, self.host)
 
     @property
-    def place(self) -> Place:
+    def place(self) -> HostPlace:
         """The management port."""
         network = self.declaration.sites[self.host.site].management
-        return Place(
+        return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
             port=next(port.name for port in self._router.ports if port.use is PortUse.MANAGEMENT),
             technician=str(network.technician),

@@ -59,10 +59,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers import Finding, Quality
+    from atlantis_netcfg.bearers import BearerFinding, Quality
     from atlantis_netcfg.bearers.lte import LteReading
     from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
-    from atlantis_netcfg.bearers.lte.rutos_settings import Change, LteSettings
+    from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings, SettingChange
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import EventStream
 
@@ -81,7 +81,7 @@ class UnitStatus:
     """What one look at a unit has given."""
 
     reading: LteReading
-    findings: tuple[Finding, ...]
+    findings: tuple[BearerFinding, ...]
     requests: int = 0
     sent: int = 0
     received: int = 0
@@ -89,7 +89,7 @@ class UnitStatus:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class LteUnit:
     """A unit, the way to it, and what is known of it from earlier runs."""
 
     host: Host
@@ -243,7 +243,7 @@ class LteResult:
     diff: str = ""
     notes: tuple[str, ...] = ()
     plan_hash: str = ""
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[BearerFinding, ...] = ()
     quality: Quality = field(default_factory=dict)
     requests: int = 0
     sent: int = 0
@@ -282,7 +282,7 @@ class LteResult:
         }
 
 
-def words(finding: Finding) -> str:
+def words(finding: BearerFinding) -> str:
     """A finding as a note: `WARN: ... (...)`; one that passes is told without its verdict."""
     verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
     return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
@@ -346,13 +346,13 @@ def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> Emul
 
 
 def _modem(stack: ExitStack, device: LteRouter) -> EmulatedUnit:
-    spec = modem.ModemSpec(apn=device.sim.apn or "internet")
+    spec = modem.AtModemSpec(apn=device.sim.apn or "internet")
     running = stack.enter_context(modem.RunningModem(spec))
     return EmulatedUnit(Target(host="", port=0, pin="", serial=running.path), lambda: "\n".join(running.forbidden))
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
+class UnitPatience:
     """How long a unit may take to come back into its network after its settings were reloaded, in seconds."""
 
     settle_s: float = 120.0
@@ -363,7 +363,7 @@ class Patience:
 class SettingsResult:
     """What has become of the settings."""
 
-    found: tuple[Change, ...] = ()
+    found: tuple[SettingChange, ...] = ()
     done: bool = False
     refusal: str | None = None
     commands: int = 0
@@ -409,7 +409,7 @@ def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
     )
 
 
-def planned_action(number: int, change: Change) -> PlannedAction:
+def planned_action(number: int, change: SettingChange) -> PlannedAction:
     """One setting as the journal holds it."""
     value = "********" if change.secret else change.value
     return PlannedAction(
@@ -435,11 +435,11 @@ _FINAL = "roaming-not-allowed"
 """The judge's word for a card that is in a network and will get no data there."""
 
 
-class Converge:
+class UnitConvergence:
     """One unit's turn in a run."""
 
     def __init__(
-        self, unit: Unit, journal: Recorder, *, plan_only: bool, agreed: str | None, patience: Patience
+        self, unit: LteUnit, journal: Recorder, *, plan_only: bool, agreed: str | None, patience: UnitPatience
     ) -> None:
         self._unit = unit
         self._journal = journal
@@ -663,7 +663,7 @@ def _state(look: UnitStatus) -> str:
     return f"{words} ({network})" if network else words
 
 
-_REHEARSED = Patience(settle_s=1.0, poll_s=0.1)
+_REHEARSED = UnitPatience(settle_s=1.0, poll_s=0.1)
 
 
 def perform(
@@ -731,7 +731,7 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
     # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
 
     assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
-    unit = Unit(
+    unit = LteUnit(
         host,
         host.device,
         store,
@@ -739,12 +739,12 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
         rehearsed=request.rehearsed,
         target=request.targets.get(host.name) if request.rehearsed else None,
     )
-    turn = Converge(
+    turn = UnitConvergence(
         unit,
         journal,
         plan_only=request.mode is Mode.PLAN,
         agreed=None if request.plans is None else request.plans.get(host.name, ""),
-        patience=_REHEARSED if request.rehearsed else Patience(),
+        patience=_REHEARSED if request.rehearsed else UnitPatience(),
     )
     try:
         return turn.run()

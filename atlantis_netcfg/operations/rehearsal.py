@@ -19,10 +19,10 @@ from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.emulator.routeros import (
     NOT_REHEARSED,
     Air,
-    Link,
-    Management,
+    ManagementSpec,
     Radio,
     RadioPair,
+    RouterLink,
     RouterSpec,
     SiteSpec,
     SpawnedSite,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption
-    from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.routeros.estimate import BearerProfile
 
 _LISTENS_S = 1.0
 """Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""
@@ -81,7 +81,7 @@ class Rehearsal:
             return self.units[name].export()
         return str(self.twins.do(name, "export"))
 
-    def relink(self, host: Host, bearer: Bearer) -> None:
+    def relink(self, host: Host, bearer: BearerProfile) -> None:
         """Put the twin of a host behind another bearer."""
         if host.name in self.computers.machines:
             self.computers.relink(host.name, bearer)
@@ -183,10 +183,10 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
             f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",
             hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/adopt.md)",
         )
-    laptop = Management(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
+    laptop = ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
     changed = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
     router = adopted.router.model_copy(update={**changed, "serial": serial})
-    return adopted.model_copy(update={"router": router, "link": Link()})
+    return adopted.model_copy(update={"router": router, "link": RouterLink()})
 
 
 def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
@@ -202,7 +202,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             modem=hardware.modem,
             packages=hardware.packages,
             users=(User(name=access.user, password=access.password.reveal()),),
-            management=Management(address=place.address, port=place.port, technician=place.technician),
+            management=ManagementSpec(address=place.address, port=place.port, technician=place.technician),
             certificates=known.certificates,
             neighbours=_around(declaration, host),
         ),
@@ -218,7 +218,9 @@ def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return tuple(str(address) for bearer in bearers for address in (bearer.gateway, *bearer.canaries))
 
 
-def link(bearer: Bearer, host: Host) -> Link:
+def link(bearer: BearerProfile, host: Host) -> RouterLink:
     """Make the twin's link as slow as the bearer is declared to be, and count on the router's port that it hangs on."""
     port = next((port for port, name in ports_of(host).items() if name == bearer.name), None)
-    return Link(delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps, port=port)
+    return RouterLink(
+        delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps, port=port
+    )

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Host
-    from atlantis_netcfg.routeros._items import Item
+    from atlantis_netcfg.routeros._items import RowItem
     from atlantis_netcfg.routeros.desired import Desired
 
 
@@ -49,20 +49,20 @@ def _newer(saved: _items.Desired, declared: _items.Desired) -> tuple[str, ...]:
     return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
 
 
-def _unit(item: Item) -> Item:
+def _unit(item: RowItem) -> RowItem:
     local = _UNIT.get(item.menu, frozenset())
     values = {name: value for name, value in item.values.items() if name not in local}
     return replace(item, values=values, unknown=item.unknown | local)
 
 
-def _twins(item: Item, declared: _items.Desired) -> list[Item]:
+def _twins(item: RowItem, declared: _items.Desired) -> list[RowItem]:
     """Return the declared rows that are the saved one; rows without keys have no secrets."""
     if not MENUS[item.menu].keys:
         return []
     return [other for other in declared.items.get(item.menu, ()) if other.identity == item.identity]
 
 
-def _with_secrets(item: Item, twins: list[Item]) -> Item:
+def _with_secrets(item: RowItem, twins: list[RowItem]) -> RowItem:
     known: Mapping[str, str | None] = {
         name: twin.values[name] for twin in twins for name in item.unknown if twin.values.get(name)
     }

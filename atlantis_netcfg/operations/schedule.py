@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.apply import DeviceJob
-    from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.routeros.estimate import BearerProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def pair_of(bridge: Bridge, near: DeviceJob, far: DeviceJob) -> Pair:
     return Pair(near, far, link_timeout_s=max(ptp.link_timeout_s for ptp in ptps), signal=signal)
 
 
-def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> Bearer | None:
+def far_bearer(declaration: Declaration, bridge: Bridge, near: DeviceJob) -> BearerProfile | None:
     """What a session to the far end runs over: the near end's bearer and the bridge, of which the slower one counts."""
     if near.bearer is not None and near.bearer.name != LAN.name:
         return near.bearer

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers.satellite import Backup, Evidence, judge_carrier_nat, judge_evidence
+from atlantis_netcfg.bearers.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.declaration.model import Router, SatelliteTerminal
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.declaration import Declaration, Host
 
 
@@ -57,8 +57,8 @@ class TerminalResult:
 
     name: str
     model: str | None
-    evidence: Evidence | None
-    findings: tuple[Finding, ...]
+    evidence: SatelliteEvidence | None
+    findings: tuple[BearerFinding, ...]
 
     @property
     def verdict(self) -> Verdict:
@@ -148,16 +148,16 @@ def _of_host(result: TerminalResult) -> dict[str, Any]:
     return {**result.as_dict(), "ok": result.exit is ExitCode.DONE, "changed": False, "message": lines, "shown": ""}
 
 
-def _words(finding: Finding) -> str:
+def _words(finding: BearerFinding) -> str:
     hint = f" ({finding.hint})" if finding.hint else ""
     return f"{finding.verdict}: {finding.message}{hint}"
 
 
-def _evidence(device: SatelliteTerminal) -> Evidence | None:
+def _evidence(device: SatelliteTerminal) -> SatelliteEvidence | None:
     evidence = device.evidence
     if evidence is None:
         return None
-    return Evidence(
+    return SatelliteEvidence(
         firmware=evidence.firmware,
         allow_list=evidence.allow_list,
         by=evidence.by,
@@ -167,7 +167,7 @@ def _evidence(device: SatelliteTerminal) -> Evidence | None:
     )
 
 
-def _network_side(declaration: Declaration, host: Host, device: SatelliteTerminal) -> tuple[Finding, ...]:
+def _network_side(declaration: Declaration, host: Host, device: SatelliteTerminal) -> tuple[BearerFinding, ...]:
     address = device.evidence.sim_address if device.evidence is not None else None
     site = declaration.sites[host.site]
     bearer = next((bearer.name for bearer in site.bearers if bearer.device == host.name), host.name)
@@ -177,7 +177,7 @@ def _network_side(declaration: Declaration, host: Host, device: SatelliteTermina
     )
 
 
-def _backup(root: Path, evidence: Evidence | None, named: Path | None) -> Backup | None:
+def _backup(root: Path, evidence: SatelliteEvidence | None, named: Path | None) -> Backup | None:
     """The file that a person names, or the declared one below the inventory."""
     if named is not None:
         return Backup(str(named), _sha256(named))

@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.lte import Unit
+from atlantis_netcfg.operations.lte import LteUnit
 from atlantis_netcfg.routeros.api import certificate_of
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ _WAIT_S: Final = 150.0
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class DeviceIdentity:
     """What one service of a device shows of itself, and what it is known by."""
 
     device: str
@@ -63,21 +63,23 @@ def has_identity(host: Host) -> bool:
     return handled(host) or unit or is_computer(host)
 
 
-def identities(declaration: Declaration, host: Host, request: Request) -> tuple[Identity, ...]:
+def identities(declaration: Declaration, host: Host, request: Request) -> tuple[DeviceIdentity, ...]:
     """See what a device that is no computer shows: nothing is sent to it. Raises DeviceFailed, UsageError."""
     pins = Store(request.state).pins
     if handled(host):
         access = managed(declaration, host).access
         certificate = asyncio.run(certificate_of(endpoint_of(host, access, request)))
-        found = [Identity(host.name, "certificate", certificate, access.fingerprint, pins.get(host.name), _COMPARE)]
+        found = [
+            DeviceIdentity(host.name, "certificate", certificate, access.fingerprint, pins.get(host.name), _COMPARE)
+        ]
         address, key = (str(access.address), _SSH), access.host_key
     else:
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `has_identity` has said so
         assert host.device.access is not None  # noqa: S101 - declaration/rules/lte.py
-        unit = Unit(host, host.device, Store(request.state), ignore)
+        unit = LteUnit(host, host.device, Store(request.state), ignore)
         declared = host.device.access.fingerprint
         certificate = rutos_client.certificate_of(unit.endpoint)
-        found = [Identity(host.name, "certificate", certificate, declared, pins.get(host.name))]
+        found = [DeviceIdentity(host.name, "certificate", certificate, declared, pins.get(host.name))]
         if not unit.may_set:
             return tuple(found)
         address, key = unit.ssh, host.device.access.host_key
@@ -85,10 +87,10 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
         seen = host_key_of(*address)
     except DeviceFailed:
         return tuple(found)  # only safe mode of RouterOS below 7.18, files and settings of a 4G unit need it
-    return (*found, Identity(host.name, "SSH host key", seen, key, pins.host_key(host.name)))
+    return (*found, DeviceIdentity(host.name, "SSH host key", seen, key, pins.host_key(host.name)))
 
 
-def agree(identity: Identity, request: Request) -> None:
+def agree(identity: DeviceIdentity, request: Request) -> None:
     """Keep what a person has agreed to."""
     pins = Store(request.state).pins
     change = pins.change if identity.service == "certificate" else pins.change_host_key
@@ -104,7 +106,7 @@ class KeyState(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Computer:
+class TrustedComputer:
     """A gateway, or the server of the VPN: OpenSSH itself shows its key, asks, and keeps the answer."""
 
     declaration: Declaration

@@ -1,6 +1,6 @@
 """Upgrading RouterOS on one device of the declaration from package files that a person gives.
 
-`Prepared.of` reads the files and the device and decides what would happen, changing nothing; a person agrees;
+`PreparedUpgrade.of` reads the files and the device and decides what would happen, changing nothing; a person agrees;
 `carry_out` saves the device's state, sends the files, reboots, and reads back. It never starts by itself and downloads
 nothing.
 """
@@ -14,7 +14,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.cost import Link, Preview, preview
+from atlantis_netcfg.bearers.cost import MeteredLink, Preview, preview
 from atlantis_netcfg.console.ssh import upload
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
@@ -42,9 +42,9 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Mode as RequestMode
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, SshEndpoint, Status, converge
-from atlantis_netcfg.routeros.estimate import Bearer, beforehand
-from atlantis_netcfg.routeros.packages import Installed, Npk, Package, Upgrade, plan, read_npk
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
+from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
+from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, plan, read_npk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,7 +56,7 @@ _PROGRESS_STEPS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Waiting:
+class WaitingUpgrade:
     """How long to wait for a device that reboots and installs, in seconds."""
 
     until_s: float = 900.0
@@ -76,9 +76,9 @@ class Upgrading:
     given: tuple[Npk, ...]
     give_up: tuple[str, ...] = ()
     notify: Subscriber = lambda _event: None
-    waiting: Waiting = Waiting()
+    waiting: WaitingUpgrade = WaitingUpgrade()
 
-    async def look(self) -> tuple[Seen, Upgrade]:
+    async def look(self) -> tuple[SeenPackages, Upgrade]:
         """Read the device and decide; nothing is changed. Raises UpgradeRefused, and what a session raises."""
         self._say(Stage.CONNECTING, f"to {self.endpoint}")
         seen = await look(self.endpoint)
@@ -91,7 +91,7 @@ class Upgrading:
             )
         return seen, plan(seen.installed, self.given, give_up=self.give_up)
 
-    async def carry_out(self, seen: Seen, upgrade: Upgrade, journal: Recorder) -> Seen:
+    async def carry_out(self, seen: SeenPackages, upgrade: Upgrade, journal: Recorder) -> SeenPackages:
         """Send, reboot, wait, and return what was read back.
 
         Raises DeviceFailed with the device as it was, or OutcomeUnknown if it has not come back.
@@ -108,7 +108,7 @@ class Upgrading:
         self._say(Stage.CONFIRMED, f"RouterOS {back.installed.version}")
         return back
 
-    async def _send(self, seen: Seen, upgrade: Upgrade, journal: Recorder) -> None:
+    async def _send(self, seen: SeenPackages, upgrade: Upgrade, journal: Recorder) -> None:
         """Put every file on the device; what was put there is taken away again if one does not arrive."""
         done = 0
         try:
@@ -151,7 +151,7 @@ class Upgrading:
             progress=progress,
         )
 
-    async def _back(self) -> Seen:
+    async def _back(self) -> SeenPackages:
         """Wait for a device that was up for less time than has gone by: then it has rebooted. Raises OutcomeUnknown."""
         clock = asyncio.get_running_loop().time
         began = clock()
@@ -174,7 +174,7 @@ class Upgrading:
             hint="is it powered? Look at its lights or its serial line, then run the same command again",
         )
 
-    async def _verify(self, back: Seen, upgrade: Upgrade) -> None:
+    async def _verify(self, back: SeenPackages, upgrade: Upgrade) -> None:
         """Compare what came back with what was planned. Raises DeviceFailed with the device's own words."""
         there = {package.name: package for package in back.installed.packages if not package.disabled}
         wrong = [name for name in upgrade.expected if name not in there or there[name].version != upgrade.version]
@@ -253,13 +253,13 @@ class Upgraded:
 
 
 @dataclass(frozen=True, slots=True)
-class Prepared:
+class PreparedUpgrade:
     """An upgrade that has been judged and not begun."""
 
     upgrading: Upgrading
-    seen: Seen
+    seen: SeenPackages
     upgrade: Upgrade
-    bearer: Bearer
+    bearer: BearerProfile
     cost: Preview
     """What sending comes to, with saving and reading back; the reboot itself sends nothing."""
     job: DeviceJob = field(repr=False)
@@ -274,7 +274,7 @@ class Prepared:
         notify: Subscriber,
         *,
         give_up: Sequence[str] = (),
-        waiting: Waiting = Waiting(),
+        waiting: WaitingUpgrade = WaitingUpgrade(),
     ) -> Self:
         """Read files, then the device. Raises NotAPackage and CostRefused before it is contacted.
 
@@ -371,15 +371,15 @@ class Prepared:
             (_configuration(differs, self.job.site),),
         )
 
-    async def _run(self, journal: Journal) -> tuple[Seen, DeviceResult]:
-        saved = await converge(replace(self.job, journal=StatesOnly(journal)), mode=Mode.BACKUP)
+    async def _run(self, journal: Journal) -> tuple[SeenPackages, DeviceResult]:
+        saved = await converge(replace(self.job, journal=StatesOnly(journal)), mode=JobMode.BACKUP)
         if saved.exit is not ExitCode.DONE:
             raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
         back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)
-        return back, await converge(self.job, mode=Mode.PLAN)
+        return back, await converge(self.job, mode=JobMode.PLAN)
 
 
-def _cost(upgrade: Upgrade, bearer: Bearer, link: Link) -> Preview:
+def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview:
     beside = (beforehand(bearer, exports=True), beforehand(bearer), beforehand(bearer))
     sent = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
     return preview(sent, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link)
@@ -416,7 +416,7 @@ _LOG_LINES = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenPackages:
     """One look at a device."""
 
     installed: Installed
@@ -432,7 +432,7 @@ class Seen:
         return "package-name" not in file or file.get("package-version") == str(package.version)
 
 
-async def look(endpoint: Endpoint) -> Seen:
+async def look(endpoint: Endpoint) -> SeenPackages:
     """Read it in one session of two round trips. Raises DeviceFailed, also for answers that are not understood."""
     session = await Session.open(endpoint)
     try:
@@ -440,7 +440,7 @@ async def look(endpoint: Endpoint) -> Seen:
     finally:
         await session.close()
     about = next(iter(resource.checked().rows), {})
-    return Seen(
+    return SeenPackages(
         Installed(
             version=_version(about.get("version", "")),
             architecture=about.get("architecture-name", ""),
@@ -471,10 +471,10 @@ async def log_of(endpoint: Endpoint) -> list[str]:
     return [row["message"] for row in reply.rows if about.search(row.get("message", ""))][-_LOG_LINES:]
 
 
-def _packages(reply: Reply) -> list[Package]:
+def _packages(reply: Reply) -> list[RouterOsPackage]:
     """Return what is installed; from 7.18 on the list also has packages that a server offers, without a version."""
     return [
-        Package(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
+        RouterOsPackage(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
         for row in reply.checked().rows
         if row.get("version")
     ]

@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.kinds import managed
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
-from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, Seen, fall_silent, read, try_out
+from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, SeenAnswers, fall_silent, read, try_out
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,11 +46,11 @@ _COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
 
 
 @dataclass(frozen=True, slots=True)
-class Verified:
+class VerifiedDevice:
     """What a device has shown."""
 
     device: str
-    seen: Seen
+    seen: SeenAnswers
     tried: bool
     rehearsed: bool
     at: datetime
@@ -143,11 +143,11 @@ class Verifying:
         seconds = _SECONDS * (1 + self.tries) + UNDO_S * self.silence + bearer.rtt_s * 4 * sessions
         return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
 
-    def run(self) -> Verified:
+    def run(self) -> VerifiedDevice:
         """Ask the device. Raises DeviceFailed, OutcomeUnknown if scratch rows may be left."""
         return asyncio.run(self._run())
 
-    async def _run(self) -> Verified:
+    async def _run(self) -> VerifiedDevice:
         found = endpoint_of(self.host, managed(self.declaration, self.host).access, self.request)
         endpoint = replace(found, opening=self._spent.append)
         self._say(Stage.CONNECTING, "to be read, not changed")
@@ -161,13 +161,13 @@ class Verifying:
         self._say(Stage.DONE, "verified")
         total = Traffic.total(self._spent)
         now, tried, rehearsed = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed
-        return Verified(self.host.name, seen, tried, rehearsed, now, total.round_trips, total.bytes)
+        return VerifiedDevice(self.host.name, seen, tried, rehearsed, now, total.round_trips, total.bytes)
 
     def _say(self, stage: Stage, message: str) -> None:
         self.notify(Event(self.host.name, stage, message))
 
 
-def written(verified: Verified, state: Path) -> Verified:
+def written(verified: VerifiedDevice, state: Path) -> VerifiedDevice:
     """Keep the report in a file of the state directory: no address, no secret, and no name but the device's."""
     folder = paths.private_directory(state / "verify")
     file = folder / f"{verified.device}-{verified.at:%Y%m%dT%H%M%SZ}.json"

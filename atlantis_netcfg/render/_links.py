@@ -23,13 +23,13 @@ from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render.view import (
     Declared,
     DeclaredHost,
-    Judged,
-    Link,
+    JudgedBearer,
+    LinkView,
     ManagementView,
+    PingTarget,
     PortView,
     Prerequisite,
     RenderError,
-    Target,
     Uplink,
 )
 
@@ -58,7 +58,7 @@ _GAP_S = 5.0
 _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
-def probe_timing(bearer: Bearer, failover: Failover) -> Judged:
+def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
     """Return how a bearer with canaries is judged.
 
     From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
@@ -68,7 +68,7 @@ def probe_timing(bearer: Bearer, failover: Failover) -> Judged:
     gap_s = failover.hold_down_s / silence
     steady = min(max(2, ceil(failover.fail_back_s / _GAP_S) + 1), _MOST_STEADY)
     watch_s = float(failover.metered_probe_s) if bearer.metered else WATCH_S
-    return Judged(
+    return JudgedBearer(
         checked=not bearer.metered,
         watch_s=watch_s,
         timeout_s=_METERED_TIMEOUT_S if bearer.metered else _TIMEOUT_S,
@@ -150,16 +150,16 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
     )
 
 
-def _targets(admitted: tuple[AllowedTarget, ...]) -> Iterator[Target]:
+def _targets(admitted: tuple[AllowedTarget, ...]) -> Iterator[PingTarget]:
     for target in admitted:
         transport = None if target.port is None else target.transport.value
-        yield Target(target.name, str(target.address), target.port, transport)
+        yield PingTarget(target.name, str(target.address), target.port, transport)
 
 
-def served(name: str, router: Router, site: Site) -> tuple[Link, ...]:
+def served(name: str, router: Router, site: Site) -> tuple[LinkView, ...]:
     """Return the links that end here and carry another site."""
     return tuple(
-        Link(
+        LinkView(
             name=link.name,
             port=port_of(name, router, link.name),
             address=str(link.address),

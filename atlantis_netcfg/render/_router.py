@@ -24,7 +24,7 @@ from atlantis_netcfg.render.view import (
     Remote,
     RenderError,
     RouterView,
-    Tunnel,
+    TunnelView,
     address_in_site,
     hosts_of,
     router_of,
@@ -52,12 +52,12 @@ def server_in_lan(declaration: Declared, host: DeclaredHost) -> bool:
     return _server(declaration).site == host.site
 
 
-def tunnel(declaration: Declared, router: Router) -> Tunnel | None:
+def tunnel(declaration: Declared, router: Router) -> TunnelView | None:
     """Return the router's end of the VPN, if it is one."""
     client, vpn = router.vpn_client, declaration.pilot.vpn
     if client is None:
         return None
-    return Tunnel(
+    return TunnelView(
         interface=f"ovpn-{_server(declaration).site}",
         connect_to=vpn.endpoint_name,
         endpoint=str(vpn.endpoint),

@@ -98,7 +98,7 @@ class Managers:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class LinkView:
     """A port with an address of ours that leads out of the site."""
 
     name: str
@@ -110,7 +110,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class PingTarget:
     """A destination that the satellite may carry; `port` and `transport` are both there or both None."""
 
     name: str
@@ -120,7 +120,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedBearer:
     """How a link with canaries is watched, and when it is left and taken back; times in seconds."""
 
     checked: bool
@@ -139,15 +139,15 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Uplink(Link):
+class Uplink(LinkView):
     """A bearer. `place` is its place in the order of preference, from 1."""
 
     gateway: str
     kind: BearerKind
     place: int
     canaries: tuple[str, ...]
-    targets: tuple[Target, ...]
-    judged: Judged | None
+    targets: tuple[PingTarget, ...]
+    judged: JudgedBearer | None
     """None: it is not left for another one while its port has a link, be it unprobed or the last."""
     later: tuple[str, ...]
     """The router's own addresses on the links that come after this one."""
@@ -201,7 +201,7 @@ class Uplink(Link):
 
 
 @dataclass(frozen=True, slots=True)
-class Tunnel:
+class TunnelView:
     """The router's own end of the VPN."""
 
     interface: str
@@ -248,8 +248,8 @@ class RouterView:
     management: ManagementView
     managers: tuple[Managers, ...]
     uplinks: tuple[Uplink, ...]
-    served: tuple[Link, ...]
-    tunnel: Tunnel | None
+    served: tuple[LinkView, ...]
+    tunnel: TunnelView | None
     server_in_lan: bool
     """The VPN server is a host of this LAN, so traffic to other sites enters and leaves by the same bridge."""
     remotes: tuple[Remote, ...]

@@ -13,16 +13,16 @@ from __future__ import annotations
 
 from atlantis_netcfg.routeros import desired, fleet
 from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Patience, Status, converge
-from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Patience, Status, converge
+from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 
 __all__ = [
-    "Bearer",
+    "BearerProfile",
     "DeviceJob",
     "DeviceResult",
     "Endpoint",
     "Estimate",
-    "Mode",
+    "JobMode",
     "Patience",
     "Status",
     "converge",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class RowItem:
     """One declared row, or the settings of a menu that has no rows."""
 
     menu: str
@@ -69,7 +69,7 @@ class Desired:
     """Everything that a text declares for one device."""
 
     source: str
-    items: Mapping[str, tuple[Item, ...]]
+    items: Mapping[str, tuple[RowItem, ...]]
     """By menu; within a menu in the order of the text. A menu may be there without rows."""
     entire: frozenset[str] = frozenset()
     """Menus that are ours entirely: rows that the text does not name are removed, whoever added them."""
@@ -111,7 +111,7 @@ def known_menu(path: str) -> Menu:
     return MENUS[path]
 
 
-def item_of(statement: Statement) -> Item:
+def item_of(statement: Statement) -> RowItem:
     """Turn one statement into the row that it declares. Raises Mistake, without place."""
     menu = known_menu(statement.menu)
     if menu.readonly:
@@ -123,7 +123,7 @@ def item_of(statement: Statement) -> Item:
     raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
 
 
-def _added(menu: Menu, statement: Statement) -> Item:
+def _added(menu: Menu, statement: Statement) -> RowItem:
     if menu.shape is Shape.SINGLETON:
         raise Mistake(f"{menu.title} holds settings and no rows: write `set` instead of `add`")
     if menu.shape is Shape.FIXED:
@@ -132,21 +132,21 @@ def _added(menu: Menu, statement: Statement) -> Item:
     for key in menu.keys:
         if values.get(key) is None and (key in values or menu.by_name[key].default is None):
             raise Mistake(f"a row of {menu.title} needs `{key}`, which tells it from the others")
-    return Item(menu.path, values, statement.line)
+    return RowItem(menu.path, values, statement.line)
 
 
-def _set(menu: Menu, statement: Statement) -> Item:
+def _set(menu: Menu, statement: Statement) -> RowItem:
     values = _values(menu, statement)
     if menu.shape is Shape.SINGLETON:
         if statement.find is not None or statement.target is not None:
             raise Mistake(f"{menu.title} holds settings and no rows: write `set name=value` without a row")
-        return Item(menu.path, values, statement.line)
+        return RowItem(menu.path, values, statement.line)
     found = _found(menu, statement)
     # A key may be written only where the row is found by another property: `set [ find default-name=ether1 ] name=wan`.
     renamed = [key for key in menu.keys if key in values and values[key] != found[key]]
     if renamed:
         raise Mistake(f"`{renamed[0]}` tells the rows of {menu.title} apart and cannot be changed: declare a new row")
-    return Item(menu.path, {**found, **values}, statement.line, exists=True)
+    return RowItem(menu.path, {**found, **values}, statement.line, exists=True)
 
 
 def _found(menu: Menu, statement: Statement) -> dict[str, str]:

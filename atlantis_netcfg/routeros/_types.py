@@ -105,7 +105,7 @@ class Layer(IntEnum):
     """What closes doors or takes things away: removals, services, default routes that move traffic."""
 
 
-class Owner(StrEnum):
+class RowOwner(StrEnum):
     """Whose a row is, read off the device."""
 
     OURS = "ours"
@@ -152,7 +152,7 @@ class Drift:
 
     menu: str
     subject: str
-    owner: Owner
+    owner: RowOwner
     message: str
     id: str = ""
     """The row's `.id`."""

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.routeros._types import Action, Row, Verb
 from atlantis_netcfg.routeros.api import Command, Reply
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
+from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape, canonical
 from atlantis_netcfg.rsc import in_quotes, quote
 
 if TYPE_CHECKING:
@@ -55,10 +55,10 @@ def _values(action: Action) -> Iterator[tuple[str, str | None]]:
     for name, value in action.values:
         if name.startswith("!"):
             yield name, None
-        elif fields[name].kind is Kind.FLAG:
-            yield (name if canonical(Kind.FLAG, value) == "yes" else f"!{name}"), None
-        elif fields[name].kind is Kind.BOOLEAN:
-            yield name, canonical(Kind.BOOLEAN, value)
+        elif fields[name].kind is PropertyKind.FLAG:
+            yield (name if canonical(PropertyKind.FLAG, value) == "yes" else f"!{name}"), None
+        elif fields[name].kind is PropertyKind.BOOLEAN:
+            yield name, canonical(PropertyKind.BOOLEAN, value)
         else:
             yield name, value
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import Desired, Item, Mistake, RunTime, item_of, known_menu, near
+from atlantis_netcfg.routeros._items import Desired, Mistake, RowItem, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.rsc import Statement, parse
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 
-__all__ = ["Desired", "Item", "Mistake", "from_export", "read"]
+__all__ = ["Desired", "Mistake", "RowItem", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
 _ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
@@ -41,7 +41,7 @@ def read(text: str, source: str = "text") -> Desired:
     run_time: list[RunTime] = []
     remarks: list[tuple[str, str]] = []
     _directives(text, source, mistakes, (entire, undeclared, run_time, remarks))
-    items: dict[str, list[Item]] = {menu: [] for menu in (*export.menus, *entire, *undeclared) if menu in MENUS}
+    items: dict[str, list[RowItem]] = {menu: [] for menu in (*export.menus, *entire, *undeclared) if menu in MENUS}
     first: dict[tuple[str, tuple[str, ...]], int] = {}
     for statement in export.statements:
         try:
@@ -118,7 +118,7 @@ def _entire_menu(argument: str) -> str:
     return menu.path
 
 
-def _once(item: Item, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
+def _once(item: RowItem, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
     """Refuse a second row with the same identity; first-match rows may repeat."""
     if MENUS[item.menu].ordered:
         return
@@ -138,7 +138,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     desired = [known_menu(path) for path in dict.fromkeys(only)]
     restored = [menu for menu in desired if menu.exported and not menu.readonly]
     notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in desired if menu not in restored]
-    items: dict[str, list[Item]] = {menu.path: [] for menu in restored}
+    items: dict[str, list[RowItem]] = {menu.path: [] for menu in restored}
     gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
         if statement.menu in items:
@@ -157,7 +157,7 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     )
 
 
-def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[Item]:
+def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
     """Return the statement's row, or nothing and a note about why it cannot be restored."""
     foreign = [name for name, _ in statement.values if name not in menu.by_name]
     notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} stays as it is" for name in foreign]
@@ -167,7 +167,7 @@ def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -
         notes.append(f"{source}, line {statement.line}: not restored: {mistake}")
         return ()
     hidden = menu.secrets - set(item.values)
-    return (Item(item.menu, item.values, item.line, item.exists, hidden),)
+    return (RowItem(item.menu, item.values, item.line, item.exists, hidden),)
 
 
 def _is_a_row(menu: Menu, statement: Statement) -> bool:

@@ -11,7 +11,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.routeros.menus import Field, Kind, Menu, Shape, canonical
+from atlantis_netcfg.routeros.menus import Field, Menu, PropertyKind, Shape, canonical
 from atlantis_netcfg.rsc import Statement, print_statement
 
 if TYPE_CHECKING:
@@ -23,25 +23,25 @@ _CONTEXT = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class DiffLine:
     """One row as text, and its margin: `+` new, `-` old, ` ` as it is."""
 
     margin: str
     text: str
 
 
-def render(menus: Iterable[tuple[Menu, Sequence[Line]]]) -> str:
+def render(menus: Iterable[tuple[Menu, Sequence[DiffLine]]]) -> str:
     """Return the whole text; empty when no line has a `+` or `-`."""
     parts = [_menu_text(menu, lines) for menu, lines in menus if any(line.margin != " " for line in lines)]
     return "".join(parts)
 
 
-def _menu_text(menu: Menu, lines: Sequence[Line]) -> str:
+def _menu_text(menu: Menu, lines: Sequence[DiffLine]) -> str:
     shown = [f"  {menu.title}", *_shortened(lines)]
     return "".join(f"{line}\n" for line in shown)
 
 
-def _shortened(lines: Sequence[Line]) -> list[str]:
+def _shortened(lines: Sequence[DiffLine]) -> list[str]:
     """Keep rows that stay only beside those that change, and say how many are left out."""
     changed = [index for index, line in enumerate(lines) if line.margin != " "]
     near = {index + offset for index in changed for offset in range(-_CONTEXT, _CONTEXT + 1)}
@@ -72,12 +72,12 @@ def _default(menu: Menu, name: str, row: Row) -> str:
     return menu.by_name[name].form(menu.default_of(name, row))
 
 
-def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[Line]:
+def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[DiffLine]:
     """Return what a change in place takes away and what it puts there."""
     names = [name.removeprefix("!") for name, _ in values]
     old = {name: row.get(name, menu.default_of(name, row)) for name in names}
     new = {name.removeprefix("!"): None if name.startswith("!") else value for name, value in values}
-    return [Line("-", _print(menu, "set", old, row)), Line("+", _print(menu, "set", new, row))]
+    return [DiffLine("-", _print(menu, "set", old, row)), DiffLine("+", _print(menu, "set", new, row))]
 
 
 def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | None = None) -> str:
@@ -93,4 +93,4 @@ def _shown(field: Field, value: str | None) -> str | None:
     """Return a value as an export prints it (the API says `true` for `yes`), or the mask."""
     if field.secret and value:
         return MASK
-    return canonical(field.kind, value) if value and field.kind is Kind.BOOLEAN else value
+    return canonical(field.kind, value) if value and field.kind is PropertyKind.BOOLEAN else value

@@ -36,7 +36,7 @@ from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb, is_bare
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
-from atlantis_netcfg.routeros.menus import MARK, MENUS, Kind, Menu, Shape, canonical, rank
+from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, PropertyKind, Shape, canonical, rank
 from atlantis_netcfg.routeros.planner import as_renamed
 from atlantis_netcfg.rsc import quote
 
@@ -51,9 +51,9 @@ __all__ = [
     "ChangeRecord",
     "Comparison",
     "Difference",
+    "DriftHistory",
     "DriftKind",
     "FieldDifference",
-    "History",
     "Owner",
     "Past",
     "Since",
@@ -300,7 +300,7 @@ _VERBS = "add|set|unset|remove|move|enable|disable|comment"
 
 
 @dataclass(frozen=True, slots=True)
-class History:
+class DriftHistory:
     """The entries as the device prints them, newest first."""
 
     rows: Sequence[Row] = ()
@@ -334,24 +334,24 @@ def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
     return " add" in command.replace("/add", " add") and bool(words) and all(word in command for word in words)
 
 
-_NO_HISTORY = History()
+_NO_HISTORY = DriftHistory()
 _UNREAD = "over a metered link only their number is read"
 _NEVER = "no run has confirmed a state of this device"
 
 
 @dataclass(frozen=True, slots=True)
-class _View:
+class _RowView:
     """One menu, and everything that can be said about it."""
 
     menu: Menu
     desired: Desired
     rows: Sequence[Row]
     past: Past | None
-    history: History
+    history: DriftHistory
 
 
 def compare(
-    desired: Desired, observed: Observed, plan: Plan, past: Past | None = None, history: History = _NO_HISTORY
+    desired: Desired, observed: Observed, plan: Plan, past: Past | None = None, history: DriftHistory = _NO_HISTORY
 ) -> Comparison:
     """Say what differs; `plan` is what would make `observed` as `desired`."""
     rows = as_renamed(desired, observed.rows)
@@ -359,13 +359,13 @@ def compare(
     differences = [
         difference
         for path in paths
-        for difference in _of_menu(_View(MENUS[path], desired, rows[path], past, history), plan)
+        for difference in _of_menu(_RowView(MENUS[path], desired, rows[path], past, history), plan)
     ]
     titles = tuple(MENUS[path].title for path in paths)
     return Comparison(titles, tuple(differences), *(() if past is None else (past.run, past.at)))
 
 
-def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
+def _of_menu(view: _RowView, plan: Plan) -> Iterator[Difference]:
     path = view.menu.path
     raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
     by_id = {row.get(".id"): row for row in view.rows}
@@ -380,7 +380,7 @@ def _of_menu(view: _View, plan: Plan) -> Iterator[Difference]:
             yield _hidden(view.menu, hidden.subject, hidden.name)
 
 
-def _message(view: _View, raw: Raw) -> Difference:
+def _message(view: _RowView, raw: Raw) -> Difference:
     menu = view.menu
     since, why = (Since.UNKNOWN, _NEVER) if view.past is None else view.past.since(menu, raw, view.rows)
     values = raw.declared or raw.found or {}
@@ -417,7 +417,7 @@ def _row(menu: Menu, raw: Raw) -> str:
     return "" if raw.declared is not None else existing_row(menu, raw.found)
 
 
-def _fields(view: _View, raw: Raw) -> Iterator[FieldDifference]:
+def _fields(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
     if raw.kind is DriftKind.ORDER:
         yield from _place(view, raw)
     declared, found = raw.declared, raw.found
@@ -431,10 +431,10 @@ def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
     value = values.get(name, menu.default_of(name, values)) or ""
     if each.secret:
         return MASK if value else ""
-    return canonical(each.kind, value) if each.kind in (Kind.BOOLEAN, Kind.FLAG) else value
+    return canonical(each.kind, value) if each.kind in (PropertyKind.BOOLEAN, PropertyKind.FLAG) else value
 
 
-def _place(view: _View, raw: Raw) -> Iterator[FieldDifference]:
+def _place(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
     """Yield which place of its list the row has; dynamic rows do not count."""
     menu, row = view.menu, raw.found or {}
     desired = [
@@ -456,14 +456,14 @@ _NO_SECRETS = (Since.UNKNOWN, "a confirmed state holds no secrets")
 
 
 @dataclass(frozen=True, slots=True)
-class _Index:
+class _RowIndex:
     """The rows of one menu: by their keys, or by their content where they have none, and by our words about them."""
 
     by_self: Mapping[tuple[str, ...], Mapping[str, str]]
     by_mark: Mapping[Hashable, Mapping[str, str]]
 
     @classmethod
-    def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _Index:
+    def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _RowIndex:
         key = menu.identity if menu.keys else lambda values: content(menu, values)
         return cls({key(row): row for row in reversed(rows)}, alone(marked, rows))
 
@@ -476,7 +476,7 @@ class Past:
     at: datetime
     rows: Mapping[str, tuple[Mapping[str, str], ...]]
     """By menu; only what is not at its default."""
-    indices: dict[str, _Index] = field(default_factory=dict)
+    indices: dict[str, _RowIndex] = field(default_factory=dict)
     """By menu, made when a menu is asked for."""
 
     @classmethod
@@ -507,7 +507,7 @@ class Past:
         if menu.shape is Shape.SINGLETON:
             return there[0] if there else {}
         if menu.path not in self.indices:
-            self.indices[menu.path] = _Index.of(menu, there)
+            self.indices[menu.path] = _RowIndex.of(menu, there)
         index = self.indices[menu.path]
         found = index.by_self.get(menu.identity(values) if menu.keys else content(menu, values))
         if found is None and menu.keys and (menu.shape is Shape.FIXED or menu.is_stock(values)):

@@ -87,7 +87,7 @@ MOST_TEXT: Final = 45_000
 
 
 @dataclass(frozen=True, slots=True)
-class Bearer:
+class BearerProfile:
     """What the session to the device runs over."""
 
     name: str
@@ -125,7 +125,7 @@ def on_the_wire(payload: int, sessions: int) -> int:
 
 
 @dataclass(slots=True)
-class _Tally:
+class _CostTally:
     """What was spent so far."""
 
     round_trips: int = 0
@@ -147,7 +147,7 @@ class _Tally:
 
 
 def _read(
-    tally: _Tally, menus: Sequence[str], rows: Mapping[str, Sequence[Row]] | None, preflight: int = PREFLIGHT
+    tally: _CostTally, menus: Sequence[str], rows: Mapping[str, Sequence[Row]] | None, preflight: int = PREFLIGHT
 ) -> None:
     """Ask for the device itself and for every menu."""
     # A modem is asked beside it, which is more than reading.
@@ -162,7 +162,7 @@ def _read(
 
 
 def _read_back(
-    tally: _Tally, menus: Sequence[str], touched: Collection[str], rows: Mapping[str, Sequence[Row]] | None
+    tally: _CostTally, menus: Sequence[str], touched: Collection[str], rows: Mapping[str, Sequence[Row]] | None
 ) -> None:
     """Read everything again, or what was touched and the counts of the rest."""
     if rows is None or not LEAVES.issuperset(touched):
@@ -177,21 +177,21 @@ def _read_back(
     )
 
 
-def _look_again(tally: _Tally, rows: Mapping[str, Sequence[Row]]) -> None:
+def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[Row]]) -> None:
     """Read everything once more before the first change; menus with very many rows are counted."""
     short = {path: there for path, there in rows.items() if len(there) <= FEW_FOREIGN}
     _read(tally, tuple(short), short, PREFLIGHT if len(short) == len(rows) else AGAIN)
     tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
 
 
-def estimate(plan: Plan, bearer: Bearer, observed: Observed | None = None) -> Estimate:
+def estimate(plan: Plan, bearer: BearerProfile, observed: Observed | None = None) -> Estimate:
     """Estimate the run of a plan; an empty plan costs the reading that found it empty.
 
     With `observed`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
     """
     observed = observed and replace(observed, rows={path: _whole(rows) for path, rows in observed.rows.items()})
     menus = tuple(observed.rows) if observed is not None else TYPICAL_MENUS
-    tally = _Tally()
+    tally = _CostTally()
     tally.log_in()
     _read(tally, menus, observed.rows if observed is not None else None)
     if plan.actions:
@@ -208,14 +208,14 @@ def _whole(rows: tuple[Row, ...]) -> tuple[Row, ...]:
     return tuple({**sample, ".id": row[".id"]} if is_bare(row) else row for row in rows)
 
 
-def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
+def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
     """Estimate a run on a device that was not read yet, so that its cost can be told before the first byte.
 
     It is read once; with `plans`, a whole desired text is shown to its parser; with `writes`, it is also written, saved
     and read back, which is the most that a run without faults comes to. `exports`: it hands out its export and is not
     read.
     """
-    tally = _Tally()
+    tally = _CostTally()
     tally.log_in()
     if exports:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
@@ -237,11 +237,11 @@ def beforehand(bearer: Bearer, *, writes: bool = False, plans: bool = False, exp
     return _described(tally, bearer)
 
 
-def _described(tally: _Tally, bearer: Bearer) -> Estimate:
+def _described(tally: _CostTally, bearer: BearerProfile) -> Estimate:
     return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
 
 
-def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
+def _change(tally: _CostTally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
     """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     _parse(tally, plan, observed)
@@ -266,7 +266,7 @@ def _change(tally: _Tally, plan: Plan, observed: Observed | None, menus: tuple[s
 
 
 @dataclass(frozen=True, slots=True)
-class _Stages:
+class _StageCosts:
     """How a plan is sent: harmless additions may go outside safe mode, those that others name before, others behind."""
 
     before: list[Action]
@@ -280,17 +280,17 @@ class _Stages:
         return 2 * bool(self.before) + bool(self.behind) + (HANDSHAKE_TRIPS + 2 + CHECKPOINT_TRIPS) * checkpoints
 
 
-def _stages(plan: Plan) -> _Stages:
+def _stages(plan: Plan) -> _StageCosts:
     """Return the cheapest way."""
     ways = ((), (True,), (False,), (True, False))
     return min((_staged(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
 
 
-def _staged(actions: Sequence[Action], outside: Sequence[bool]) -> _Stages:
+def _staged(actions: Sequence[Action], outside: Sequence[bool]) -> _StageCosts:
     """Send harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
     out = [each for each in actions if _is_harmless(each) and (each.layer is Layer.FOUNDATION) in outside]
     numbers = {each.number for each in out}
-    return _Stages(
+    return _StageCosts(
         before=[each for each in out if each.layer is Layer.FOUNDATION],
         pieces=list(_pieces(each for each in actions if each.number not in numbers)),
         behind=[each for each in out if each.layer is not Layer.FOUNDATION],
@@ -318,14 +318,14 @@ def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
         yield piece
 
 
-def _script(tally: _Tally, actions: Sequence[Action]) -> None:
+def _script(tally: _CostTally, actions: Sequence[Action]) -> None:
     size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
     reply = sum(len(f"ok {action.number}\r\n") for action in actions)
     trips = max(1, ceil(size / SCRIPT))
     tally.spend(trips=trips, up=size + 40, down=reply + 40, device_s=len(actions) * EXECUTE_S)
 
 
-def _parse(tally: _Tally, plan: Plan, observed: Observed | None) -> None:
+def _parse(tally: _CostTally, plan: Plan, observed: Observed | None) -> None:
     """Show the commands to the device's parser, beside what is read before a change."""
     requested = Examination().questions(plan.actions, observed.rows if observed is not None else {})
     up = sum(_word(word) for command in requested for word in command.words()) + len(requested) * (TAG_BYTES + 1)
@@ -358,7 +358,7 @@ def _word(text: str) -> int:
     return size + (1 if size < 0x80 else 2 if size < 0x4000 else 3)  # noqa: PLR2004 - the limits of the format
 
 
-def _seconds(tally: _Tally, bearer: Bearer) -> float:
+def _seconds(tally: _CostTally, bearer: BearerProfile) -> float:
     up = tally.up * (1 + HEADERS) * 8 / bearer.rate_up_bps
     down = tally.down * (1 + HEADERS) * 8 / bearer.rate_down_bps
     return tally.round_trips * bearer.rtt_s + up + down + tally.device_s

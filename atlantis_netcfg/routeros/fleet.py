@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 AT_ONCE = 32
@@ -46,7 +46,7 @@ class Waiting:
 async def run(
     jobs: Iterable[DeviceJob | Pair],
     *,
-    mode: str = Mode.APPLY,
+    mode: str = JobMode.APPLY,
     at_once: int = AT_ONCE,
     done: ResultCallback | None = None,
 ) -> list[DeviceResult]:
@@ -57,15 +57,15 @@ async def run(
     waiting = list(jobs)
     results: dict[int, list[DeviceResult]] = {number: [] for number in range(len(waiting))}
     turns = [(_waiting(job), results[number].append) for number, job in enumerate(waiting)]
-    await _all(turns, Mode(mode), at_once, done)
+    await _all(turns, JobMode(mode), at_once, done)
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
 async def stream(
-    jobs: Iterable[Waiting], reported: ResultCallback, *, mode: str = Mode.APPLY, at_once: int = AT_ONCE
+    jobs: Iterable[Waiting], reported: ResultCallback, *, mode: str = JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
     """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
-    await _all([(job, reported) for job in jobs], Mode(mode), at_once, None)
+    await _all([(job, reported) for job in jobs], JobMode(mode), at_once, None)
 
 
 def _waiting(job: DeviceJob | Pair) -> Waiting:
@@ -79,7 +79,7 @@ def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
 
 
 async def _all(
-    turns: Sequence[tuple[Waiting, ResultCallback]], mode: Mode, at_once: int, done: ResultCallback | None
+    turns: Sequence[tuple[Waiting, ResultCallback]], mode: JobMode, at_once: int, done: ResultCallback | None
 ) -> None:
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
@@ -98,7 +98,7 @@ async def _all(
 
 async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
     job: Waiting,
-    mode: Mode,
+    mode: JobMode,
     room: _Room,
     over: Mapping[str, asyncio.Event],
     reported: ResultCallback,
@@ -145,7 +145,7 @@ def _names(job: Waiting) -> tuple[str, ...]:
     return (job.name,) if job.other is None else (job.name, job.other)
 
 
-async def _converge(waiting: Waiting, mode: Mode) -> tuple[DeviceResult, ...]:
+async def _converge(waiting: Waiting, mode: JobMode) -> tuple[DeviceResult, ...]:
     try:
         job = waiting.make()
     except NetcfgError as refusal:

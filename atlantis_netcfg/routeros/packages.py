@@ -181,7 +181,7 @@ class UpgradeRefused(DeviceFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class Package:
+class RouterOsPackage:
     """A row of `/system/package` that is installed."""
 
     name: str
@@ -196,7 +196,7 @@ class Installed:
     version: Version
     architecture: str
     board: str
-    packages: tuple[Package, ...]
+    packages: tuple[RouterOsPackage, ...]
     free_bytes: int
     """Of its flash (`free-hdd-space`)."""
     radios: tuple[str, ...] = ()

@@ -56,7 +56,7 @@ _ASKS = re.compile(r"\bpin\b|\bpassword\b|\blocked\b")
 _ON_AIR = re.compile(r"\bregistered\b|\bconnected\b|\bsearching\b|\bdenied\b|\broaming\b|\bcall in progress\b")
 
 
-class Sim(Enum):
+class PinSim(Enum):
     """What the SIM says of its PIN."""
 
     FREE = auto()
@@ -68,25 +68,25 @@ class Sim(Enum):
     UNKNOWN = auto()
 
 
-def sim_of(monitor: Row | None) -> Sim:
+def sim_of(monitor: Row | None) -> PinSim:
     """Read what `monitor` says; a modem on the air has no need of a PIN, whatever its driver says of it."""
     shown = monitor or {}
     word = shown.get("pin-status", "").lower()
-    for pattern, found in ((_PUK, Sim.PUK), (_REFUSED, Sim.REFUSED), (_FREE, Sim.FREE), (_ASKS, Sim.ASKS)):
+    for pattern, found in ((_PUK, PinSim.PUK), (_REFUSED, PinSim.REFUSED), (_FREE, PinSim.FREE), (_ASKS, PinSim.ASKS)):
         if pattern.search(word):
             return found
     text = " ".join(shown.get(name, "").lower() for name in ("status", "registration-status"))
-    return Sim.FREE if _ON_AIR.search(text) else Sim.UNKNOWN
+    return PinSim.FREE if _ON_AIR.search(text) else PinSim.UNKNOWN
 
 
-def objection(sim: Sim, current: str, declared: str, spent: str) -> str | None:
+def objection(sim: PinSim, current: str, declared: str, spent: str) -> str | None:
     """Say why the declared PIN must not be sent to a SIM that asks; None: nothing speaks against it.
 
     `held` is the PIN that the device has in its configuration, empty if none.
     """
-    if sim is Sim.PUK:
+    if sim is PinSim.PUK:
         return "the SIM is locked after too many wrong PINs and asks for its PUK: unlock it in a telephone"
-    if sim is Sim.REFUSED:
+    if sim is PinSim.REFUSED:
         return "the SIM has refused the PIN, which is not tried again: compare it with the SIM's letter"
     if spent:
         return spent
@@ -101,4 +101,4 @@ def pending(desired: Desired, observed: Observed) -> bool:
     """Tell whether the declared PIN is on the device and the modem has not yet said what became of it."""
     expected = {item.values.get(_FIELD) for item in desired.items.get(LTE, ())} - {None, ""}
     current = any(row.get(_FIELD) in expected for row in observed.rows.get(LTE, ()))
-    return current and sim_of(observed.modem) in {Sim.ASKS, Sim.UNKNOWN}
+    return current and sim_of(observed.modem) in {PinSim.ASKS, PinSim.UNKNOWN}

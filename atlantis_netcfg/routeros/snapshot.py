@@ -10,13 +10,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros.desired import from_export
-from atlantis_netcfg.routeros.menus import MENUS, Field, Kind, Menu, Shape, canonical, rank
+from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape, canonical, rank
 from atlantis_netcfg.rsc import Export, Statement, parse, print_export
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired, Item
+    from atlantis_netcfg.routeros._items import Desired, RowItem
     from atlantis_netcfg.routeros._types import Observed, Row
 
 OF_THE_BOX = frozenset(
@@ -56,7 +56,7 @@ def read(text: str, source: str) -> Desired:
     return from_export(text, menus, source)
 
 
-def _rows(menu: Menu, items: tuple[Item, ...], rows: tuple[Row, ...]) -> Iterator[tuple[Row, frozenset[str]]]:
+def _rows(menu: Menu, items: tuple[RowItem, ...], rows: tuple[Row, ...]) -> Iterator[tuple[Row, frozenset[str]]]:
     """Yield the rows with the properties that the declaration names for each: they are said even at their defaults.
 
     The routing menus of RouterOS 7 export what was given and nothing else, so that the state is the same to the letter.
@@ -75,7 +75,9 @@ def _rows(menu: Menu, items: tuple[Item, ...], rows: tuple[Row, ...]) -> Iterato
 def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
     """Yield every name by which a row names an interface."""
     for path, found in rows.items():
-        fields = [each.name for each in MENUS[path].fields if each.kind in (Kind.INTERFACE, Kind.GATEWAY)]
+        fields = [
+            each.name for each in MENUS[path].fields if each.kind in (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
+        ]
         if MENUS[path].shape is not Shape.FIXED:
             for row in found:
                 yield from (
@@ -112,12 +114,12 @@ def _is_somebodys_choice(menu: Menu, each: Field, row: Row) -> bool:
     """Tell of a property that is not at its default; where the device computes that, `no` and `none` count as it."""
     if each.keep and each.default is None:
         computed = menu.shape is not Shape.LIST or (menu.path, each.name) in OF_THE_BOX
-        return not computed and canonical(Kind.BOOLEAN, row[each.name]) not in ("", "no", "none")
+        return not computed and canonical(PropertyKind.BOOLEAN, row[each.name]) not in ("", "no", "none")
     default = each.form(menu.default_of(each.name, row))
     return menu.form(each.name, row) != default
 
 
 def _printed(each: Field, value: str) -> str | None:
-    if each.kind is Kind.FLAG:
+    if each.kind is PropertyKind.FLAG:
         return "" if canonical(each.kind, value) == "yes" else None
-    return canonical(each.kind, value) if each.kind is Kind.BOOLEAN else value
+    return canonical(each.kind, value) if each.kind is PropertyKind.BOOLEAN else value

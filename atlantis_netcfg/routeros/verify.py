@@ -19,7 +19,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.commands import executed, offered, refusal
-from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, Sim, monitor_of, sim_of
+from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, PinSim, monitor_of, sim_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -48,7 +48,7 @@ _WHO = re.compile(r"\S+@(?=\S)|\b\d{1,3}(?:\.\d{1,3}){3}\b|\b[0-9A-Fa-f]{0,4}(?:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class AssumptionFinding:
     """What is known of one assumption on a device."""
 
     id: str
@@ -58,29 +58,29 @@ class Finding:
     """Without addresses and names of users: it is sent to others."""
 
     @classmethod
-    def of(cls, name: str, judgement: Judgement) -> Finding:
+    def of(cls, name: str, judgement: Judgement) -> AssumptionFinding:
         """Make one of a judgement, whose words may be the device's."""
         verdict, evidence = judgement
         return cls(name, verdict, _WHO.sub("…", evidence))
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenAnswers:
     """What a device is, and what was found on it, one finding for each assumption."""
 
     version: str
     board: str
     architecture: str
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[AssumptionFinding, ...] = field(default=())
 
-    def with_findings(self, found: Iterable[Finding]) -> Seen:
+    def with_findings(self, found: Iterable[AssumptionFinding]) -> SeenAnswers:
         """Return the same with these in place of those of the same assumptions."""
         fresh = {finding.id: finding for finding in found}
         return replace(self, findings=tuple(fresh.get(finding.id, finding) for finding in self.findings))
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class AssumptionCheck:
     """Questions that change nothing, and the judgement of their answers."""
 
     questions: tuple[Command, ...]
@@ -197,7 +197,7 @@ def _pin_words(replies: Sequence[Reply]) -> Judgement:
     word = reply.rows[0].get("pin-status")
     if word is None:
         return Verdict.SKIP, "the modem says nothing of a PIN"
-    known = sim_of({"pin-status": word}) is not Sim.UNKNOWN
+    known = sim_of({"pin-status": word}) is not PinSim.UNKNOWN
     return (Verdict.PASS if known else Verdict.FAIL), f"`{word}`"
 
 
@@ -279,31 +279,33 @@ def _inspected(replies: Sequence[Reply]) -> Judgement:
     )
 
 
-CHECKS: Final[Mapping[str, Check]] = {
-    "api-unknown-property": Check((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
-    "api-count-only": Check(
+CHECKS: Final[Mapping[str, AssumptionCheck]] = {
+    "api-unknown-property": AssumptionCheck((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
+    "api-count-only": AssumptionCheck(
         (Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
         _counted,
     ),
-    "api-query-order": Check(
+    "api-query-order": AssumptionCheck(
         (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _text_order
     ),
-    "api-sessions-newest-last": Check((_print("/user/active", ".id,when"),), _sessions),
-    "api-ping-path": Check((Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
-    "history-names-ids": Check((_print("/system/history", ".id,time,undo,redo"),), _history_names),
-    "history-newest-first": Check((_print("/system/history", ".id,time"),), _history_order),
-    "netwatch-values": Check((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
-    "lte-pin-words": Check((MODEMS, MONITOR), _pin_words),
-    "parse-words": Check(tuple(map(_parse, _PARSED)), _parse_words),
-    "parse-nested": Check((executed(':put [:execute script=":put atlantis" as-string]'),), _parse_nested),
-    "console-ambiguous": Check((_parse("/ip/address/add co=x"), _parse("/ip/address/add atlantis=x")), _ambiguous),
-    "inspect-whole": Check((*[offered(*_LISTED)] * _TIMES, offered(*_LISTED, among=_PICKED)), _inspected),
+    "api-sessions-newest-last": AssumptionCheck((_print("/user/active", ".id,when"),), _sessions),
+    "api-ping-path": AssumptionCheck((Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
+    "history-names-ids": AssumptionCheck((_print("/system/history", ".id,time,undo,redo"),), _history_names),
+    "history-newest-first": AssumptionCheck((_print("/system/history", ".id,time"),), _history_order),
+    "netwatch-values": AssumptionCheck((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
+    "lte-pin-words": AssumptionCheck((MODEMS, MONITOR), _pin_words),
+    "parse-words": AssumptionCheck(tuple(map(_parse, _PARSED)), _parse_words),
+    "parse-nested": AssumptionCheck((executed(':put [:execute script=":put atlantis" as-string]'),), _parse_nested),
+    "console-ambiguous": AssumptionCheck(
+        (_parse("/ip/address/add co=x"), _parse("/ip/address/add atlantis=x")), _ambiguous
+    ),
+    "inspect-whole": AssumptionCheck((*[offered(*_LISTED)] * _TIMES, offered(*_LISTED, among=_PICKED)), _inspected),
 }
 """Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
 
 
-async def read(endpoint: Endpoint) -> Seen:
+async def read(endpoint: Endpoint) -> SeenAnswers:
     """Show what can be shown without changing anything, in two sessions. Raises DeviceFailed."""
     narrow: list[bool] = []
 
@@ -331,8 +333,10 @@ async def read(endpoint: Endpoint) -> Seen:
         unread = next((reply for reply in mine if _forbidden(reply)), None)
         found[name] = check.judge(mine) if unread is None else (Verdict.INCONCLUSIVE, str(_refused(unread)))
     row = next(iter(resource.checked().rows), {})
-    findings = tuple(Finding.of(each.id, found.get(each.id, (Verdict.SKIP, each.shown))) for each in ASSUMPTIONS)
-    return Seen(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
+    findings = tuple(
+        AssumptionFinding.of(each.id, found.get(each.id, (Verdict.SKIP, each.shown))) for each in ASSUMPTIONS
+    )
+    return SeenAnswers(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
 
 
 def _forbidden(reply: Reply) -> bool:
@@ -382,7 +386,7 @@ _SCRIPTED: Final = 3
 _NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
 
 
-async def try_out(endpoint: Endpoint) -> tuple[Finding, ...]:
+async def try_out(endpoint: Endpoint) -> tuple[AssumptionFinding, ...]:
     """Show what needs scratch rows. Raises DeviceFailed with the device as it was, OutcomeUnknown if rows are left."""
     found: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
     async with await Session.open(endpoint) as watcher:
@@ -397,7 +401,7 @@ async def try_out(endpoint: Endpoint) -> tuple[Finding, ...]:
                 await _by_close(endpoint, watcher, found)
         finally:
             await _cleaned(endpoint)
-    return tuple(Finding.of(name, judgement) for name, judgement in found.items())
+    return tuple(AssumptionFinding.of(name, judgement) for name, judgement in found.items())
 
 
 async def _refuse(session: Session) -> None:
@@ -595,7 +599,7 @@ async def _by_close(endpoint: Endpoint, watcher: Session, found: dict[str, Judge
         found["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, waited):.0f} s")
 
 
-async def fall_silent(endpoint: Endpoint) -> Finding:
+async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
     """Let a session that holds safe mode fall silent, and see when its row is taken back. Raises as `try_out`."""
     name = "api-silent-session"
     async with await Session.open(endpoint) as session:
@@ -614,7 +618,7 @@ async def fall_silent(endpoint: Endpoint) -> Finding:
         judgement = (Verdict.INCONCLUSIVE, f"undone within {waited:.0f} s: the session was not silent, but ended")
     else:
         judgement = (Verdict.PASS, f"undone after {waited / 60:.1f} minutes of silence")
-    return Finding.of(name, judgement)
+    return AssumptionFinding.of(name, judgement)
 
 
 async def _gone(session: Session, within_s: float, every_s: float = 1.0) -> float | None:

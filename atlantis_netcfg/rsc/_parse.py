@@ -38,7 +38,7 @@ def skip_space(text: str, offset: int) -> int:
 
 
 @dataclass(slots=True)
-class Arguments:
+class RscArguments:
     """Reads one line from `offset` up to `end`; what was found stands in the attributes."""
 
     line: LogicalLine
@@ -291,7 +291,7 @@ class _Reader:
         if verb is None:
             self._open(menu)
             return
-        arguments = Arguments(line, offset, verb)
+        arguments = RscArguments(line, offset, verb)
         arguments.read()
         self.menus.setdefault(menu)
         self.statements.append(

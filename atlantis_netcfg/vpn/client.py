@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.declaration.model import Gateway, Pace, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.identity import TIMERS, Link
+from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -28,9 +28,9 @@ SERVICE = "openvpn-client@atlantis.service"
 
 _DROP_IN = f"/etc/systemd/system/{SERVICE}.d/atlantis.conf"
 _INTERFACE = "tun0"
-_RETRY_MAX_S = {Link.FIBRE: 300, Link.LTE: 300, Link.SATELLITE: 900}
+_RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}
 """Longest pause between two attempts: one that is refused costs 12 kB (facts 9)."""
-_RESTART_S = {Link.FIBRE: 10, Link.LTE: 30, Link.SATELLITE: 300}
+_RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 300}
 """Pause after the server has told it to leave, which ends the program."""
 
 
@@ -72,10 +72,10 @@ def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) 
     )
 
 
-_LINKS = {Pace.FAST: Link.FIBRE, Pace.MOBILE: Link.LTE, Pace.SATELLITE: Link.SATELLITE}
+_LINKS = {Pace.FAST: MemberLink.FIBRE, Pace.MOBILE: MemberLink.LTE, Pace.SATELLITE: MemberLink.SATELLITE}
 
 
-def site_link(declaration: Declaration, site: str) -> Link:
+def site_link(declaration: Declaration, site: str) -> MemberLink:
     """What carries a tunnel from this site at its worst: satellite before 4G before the rest."""
     return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=Pace.FAST)]
 
@@ -108,7 +108,7 @@ def _conf(declaration: Declaration, host: Host) -> str:
         "retry_max_s": _RETRY_MAX_S[link],
         "ping_s": ping_s,
         "ping_restart_s": ping_restart_s,
-        "slow": link is Link.SATELLITE,
+        "slow": link is MemberLink.SATELLITE,
         "exit_notify": udp,
     }
     return environment().get_template("openvpn/client.conf.j2").render(client=view)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 
-class Kind(StrEnum):
+class MemberKind(StrEnum):
     """What a member is; `host` is a declared computer of a site, everything else is a partner's or a site's router."""
 
     ROBOT = "robot"
@@ -23,7 +23,7 @@ class Kind(StrEnum):
     HOST = "host"
 
 
-class Link(StrEnum):
+class MemberLink(StrEnum):
     """What carries the tunnel of a member at its worst: sets its timers."""
 
     FIBRE = "fibre"
@@ -31,7 +31,11 @@ class Link(StrEnum):
     SATELLITE = "satellite"
 
 
-TIMERS: Mapping[Link, tuple[int, int]] = {Link.FIBRE: (10, 60), Link.LTE: (25, 120), Link.SATELLITE: (60, 300)}
+TIMERS: Mapping[MemberLink, tuple[int, int]] = {
+    MemberLink.FIBRE: (10, 60),
+    MemberLink.LTE: (25, 120),
+    MemberLink.SATELLITE: (60, 300),
+}
 """`ping` and `ping-restart` in seconds. Satellite: 0.2 MB a day, gaps of 70 s are outlived (facts 9); 4G [inferred]:
 mobile networks forget a silent UDP flow after half a minute."""
 
@@ -93,12 +97,12 @@ class Member:
 
     name: str
     """`PARTNER-DEVICE`, or the name of a declared host."""
-    kind: Kind
+    kind: MemberKind
     partner: str | None
     """Key in the declaration; None: the pilot's own."""
     device: str
     address: IPv4Address
-    link: Link
+    link: MemberLink
     vehicle: str | None
     """Key in the declaration of the robot that it is; None: none of them."""
     certificates: tuple[Certificate, ...]

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, VpnService
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.identity import Kind, Member, MembershipList
+from atlantis_netcfg.vpn.identity import Member, MemberKind, MembershipList
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -46,7 +46,7 @@ class Flow:
 
 
 @dataclass(frozen=True, slots=True)
-class Traffic:
+class PolicyTraffic:
     """Flows of one kind. No protocol: every flow; no ports: every port."""
 
     protocol: Protocol | None = None
@@ -59,8 +59,8 @@ class Traffic:
         return flow.protocol is self.protocol and (self.ports is None or flow.port in self.ports)
 
 
-ANYTHING = Traffic()
-PING = Traffic(Protocol.ICMP)
+ANYTHING = PolicyTraffic()
+PING = PolicyTraffic(Protocol.ICMP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Permission:
 
     source: Zone | None
     destination: Zone | None
-    traffic: Traffic
+    traffic: PolicyTraffic
     why: str
     """A few words, in the firewall a comment."""
 
@@ -159,14 +159,14 @@ def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
 
 def policy(declaration: Declaration, membership: MembershipList) -> Policy:
     """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
-    return _Draft(declaration, membership).policy()
+    return _PolicyDraft(declaration, membership).policy()
 
 
-_DECLARED = frozenset({Kind.HOST, Kind.ROUTER})
+_DECLARED = frozenset({MemberKind.HOST, MemberKind.ROUTER})
 """Of the pilot's own members these are hosts of the declaration."""
 
 
-class _Draft:
+class _PolicyDraft:
     """The zones of a pilot, and what follows from them."""
 
     def __init__(self, declaration: Declaration, membership: MembershipList) -> None:
@@ -221,11 +221,13 @@ class _Draft:
     def _of_guests(self) -> Iterator[Permission]:
         """What others' devices share, in the VPN and in the LANs."""
         guests = self._among("p_guest_devices", lambda member: not _ours(member), self._lans())
-        robots = self._among("p_all_robots", lambda item: item.kind is Kind.ROBOT, self._vehicles(self._all_vehicles))
+        robots = self._among(
+            "p_all_robots", lambda item: item.kind is MemberKind.ROBOT, self._vehicles(self._all_vehicles)
+        )
         yield from self._both_ways(guests, self._speaking("p_control_centres", ControlCentre), "control centres")
         yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
         for service in self._pilot.vpn.services:
-            traffic = Traffic(Protocol(service.transport), range(service.port, service.port + 1))
+            traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
             yield Permission(guests, self._serving(service), traffic, service.name)
 
     def _of_partners(self) -> Iterator[Permission]:
@@ -262,7 +264,7 @@ class _Draft:
 
     def _managers(self) -> Zone:
         return self._among(
-            "p_all_managers", lambda member: _ours(member) and member.kind is Kind.LAPTOP, self._management()
+            "p_all_managers", lambda member: _ours(member) and member.kind is MemberKind.LAPTOP, self._management()
         )
 
     def _management(self) -> tuple[IPv4Network, ...]:
@@ -296,12 +298,12 @@ class _Draft:
 
 def _ours(member: Member) -> bool:
     """A computer of the pilot's own; a robot is a guest, whoever's it is."""
-    return member.partner is None and member.kind is not Kind.ROBOT
+    return member.partner is None and member.kind is not MemberKind.ROBOT
 
 
-def _dds(dds: Dds | None) -> tuple[Traffic, ...]:
+def _dds(dds: Dds | None) -> tuple[PolicyTraffic, ...]:
     """Unicast ports of every participant that is found; multicast has no way through the tunnel."""
-    return () if dds is None else (Traffic(Protocol.UDP, dds.ports),)
+    return () if dds is None else (PolicyTraffic(Protocol.UDP, dds.ports),)
 
 
 def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
@@ -363,7 +365,7 @@ def _input(permission: Permission) -> Iterator[str]:
         yield f"ip saddr @{permission.source.name} {match}accept {_comment(permission.why)}"
 
 
-def _match(traffic: Traffic) -> str:
+def _match(traffic: PolicyTraffic) -> str:
     """Either nothing, or words and a space."""
     if traffic.protocol is None:
         return ""

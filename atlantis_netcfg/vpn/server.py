@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
-from atlantis_netcfg.gateway.parts import Configuration, Directory, File, Package, Step, Unit
+from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, Directory, File, Package, Unit
 from atlantis_netcfg.render import environment, template_folder
-from atlantis_netcfg.vpn.identity import TIMERS, Certificate, Link, Member, MembershipList
+from atlantis_netcfg.vpn.identity import TIMERS, Certificate, Member, MemberLink, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, firewall
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ _SYSCTL = "/etc/sysctl.d/60-atlantis-vpn.conf"
 
 _NO_REDIRECTS = 'for interface in /proc/sys/net/ipv4/conf/*/send_redirects; do echo 0 > "$interface" || exit; done'
 KERNEL_STEPS = (
-    Step("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
-    Step("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
+    ConvergeStep("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
+    ConvergeStep("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
 )
 
 
@@ -208,7 +208,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     device = host.device
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
     udp = vpn.transport.value == "udp"
-    ping_s, ping_restart_s = TIMERS[Link.FIBRE]
+    ping_s, ping_restart_s = TIMERS[MemberLink.FIBRE]
     local = tunnel_address(declaration, host)
     view = {
         "proto": "udp4" if udp else "tcp4-server",
@@ -248,7 +248,7 @@ def ccd(member: Member, certificate: Certificate, declaration: Declaration) -> s
         "address": member.address,
         "netmask": vpn.network.netmask,
         "networks": tuple(_behind(declaration, member.name)) if member.partner is None else (),
-        "timers": TIMERS[member.link] if member.link is not Link.FIBRE else None,
+        "timers": TIMERS[member.link] if member.link is not MemberLink.FIBRE else None,
     }
     return environment().get_template("openvpn/ccd.j2").render(member=view)
 

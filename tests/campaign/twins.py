@@ -16,7 +16,7 @@ from atlantis_netcfg.emulator.routeros.__main__ import _serve
 from atlantis_netcfg.emulator.routeros.control import COMMANDS
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros import Router
+    from atlantis_netcfg.emulator.routeros import EmulatedRouter
 
 
 _STEP_S = 10.0
@@ -37,7 +37,7 @@ class SkippingLoop(asyncio.SelectorEventLoop):
         return super().time() + self.skipped_s
 
 
-async def _skip(_router: Router, seconds: float) -> None:
+async def _skip(_router: EmulatedRouter, seconds: float) -> None:
     """Go from one thing that is due to the next, so that what follows from each other happens in its order."""
     loop = asyncio.get_running_loop()
     assert isinstance(loop, SkippingLoop)

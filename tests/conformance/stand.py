@@ -21,10 +21,10 @@ import pytest
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import Link, SiteSpec, SpawnedSite, User, spawn
+from atlantis_netcfg.emulator.routeros import RouterLink, SiteSpec, SpawnedSite, User, spawn
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
-from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, converge, desired
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Stand:
         """Where the twin is to be found."""
         return dict(self.twins.ready[ROUTER])
 
-    def provision(self, mode: Mode = Mode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
+    def provision(self, mode: JobMode = JobMode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
         """Run our engine on it, in the technician's name."""
         spec = site_spec(declaration(), [declaration().hosts[ROUTER]]).twins[0].router
         user = spec.users[0]
@@ -94,7 +94,7 @@ class Stand:
 
     def drift(self) -> str:
         """What our plan would change, as the technician reads it."""
-        return self.provision(Mode.PLAN).diff
+        return self.provision(JobMode.PLAN).diff
 
     def put_right(self) -> None:
         """Run, and run again: the second run finds nothing to do."""
@@ -153,7 +153,7 @@ def stand(folder: Path, *, version: str = "7.18.2", knobs: WireBehaviour | None 
     """Start the coastal router as `provision adopt` leaves it, without a link in between; `box`: fields of its spec."""
     (twin,) = site_spec(declaration(), [declaration().hosts[ROUTER]]).twins
     wanted = {"version": version, "users": (*twin.router.users, STRANGER), **box}
-    changes = {"link": Link(), "router": twin.router.model_copy(update=wanted)}
+    changes = {"link": RouterLink(), "router": twin.router.model_copy(update=wanted)}
     twin = twin.model_copy(update=changes if knobs is None else {**changes, "knobs": knobs})
     with ExitStack() as stack:
         twins = stack.enter_context(spawn(SiteSpec(name="coastal", twins=(twin,)), folder))

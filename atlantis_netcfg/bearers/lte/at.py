@@ -64,7 +64,7 @@ _TECHNOLOGIES |= {10: "lte", 11: "5g", 12: "5g", 13: "lte"}
 """`<AcT>`, 7.3."""
 
 
-def reading_of(answers: Mapping[str, Answer]) -> LteReading:
+def reading_of(answers: Mapping[str, AtAnswer]) -> LteReading:
     """Put the answers to the reads into one record; a read that the modem does not know leaves its figures None."""
     card, refused, card_words = _card(answers)
     network, network_words = _network(answers)
@@ -93,7 +93,7 @@ def reading_of(answers: Mapping[str, Answer]) -> LteReading:
     )
 
 
-def _rows(answers: Mapping[str, Answer], command: str) -> list[list[str]]:
+def _rows(answers: Mapping[str, AtAnswer], command: str) -> list[list[str]]:
     """The fields of the lines that begin with the command's own name."""
     answer = answers.get(command)
     if answer is None or not answer.ok:
@@ -103,7 +103,7 @@ def _rows(answers: Mapping[str, Answer], command: str) -> list[list[str]]:
     return [[each.strip() for each in row] for body in bodies for row in csv.reader([body.strip()])]
 
 
-def _first(answers: Mapping[str, Answer], command: str) -> list[str]:
+def _first(answers: Mapping[str, AtAnswer], command: str) -> list[str]:
     return next(iter(_rows(answers, command)), [])
 
 
@@ -111,7 +111,7 @@ def _whole(text: str) -> int | None:
     return int(text) if re.fullmatch(r"-?\d{1,6}", text) else None
 
 
-def _card(answers: Mapping[str, Answer]) -> tuple[Registration | None, bool | None, str | None]:
+def _card(answers: Mapping[str, AtAnswer]) -> tuple[Registration | None, bool | None, str | None]:
     """What stands between card and network, whether a PIN was refused, in which words."""
     answer = answers.get("AT+CPIN?")
     if answer is None:
@@ -138,7 +138,7 @@ def _cme(final: str) -> int | None:
     return next((code for words, code in _CME_WORDS if words in cause.lower()), None)
 
 
-def _network(answers: Mapping[str, Answer]) -> tuple[Registration, str | None]:
+def _network(answers: Mapping[str, AtAnswer]) -> tuple[Registration, str | None]:
     """Data first: EPS, then packet; the circuit-switched state only where neither is known to the modem."""
     data = [found for command in ("AT+CEREG?", "AT+CGREG?") if (found := _stat(answers, command)) is not None]
     stats = data or [found for found in (_stat(answers, "AT+CREG?"),) if found is not None]
@@ -149,7 +149,7 @@ def _network(answers: Mapping[str, Answer]) -> tuple[Registration, str | None]:
     return state, "not registered, and not searching" if idle else None
 
 
-def _stat(answers: Mapping[str, Answer], command: str) -> int | None:
+def _stat(answers: Mapping[str, AtAnswer], command: str) -> int | None:
     for row in _rows(answers, command):
         raw = row[1] if len(row) > 1 else ""
         if _whole(row[0]) is not None and re.fullmatch(r"\d{1,2}", raw):
@@ -157,7 +157,7 @@ def _stat(answers: Mapping[str, Answer], command: str) -> int | None:
     return None
 
 
-def _operator(answers: Mapping[str, Answer]) -> tuple[str | None, str | None, str | None]:
+def _operator(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None, str | None]:
     """Name, code, technology: the name is a code where somebody has chosen the numeric format."""
     row = _first(answers, "AT+COPS?")
     name = row[2] if len(row) > 2 and row[2] else None  # noqa: PLR2004 - mode, format, operator, technology
@@ -168,12 +168,12 @@ def _operator(answers: Mapping[str, Answer]) -> tuple[str | None, str | None, st
     return name, None, technology
 
 
-def _strength(answers: Mapping[str, Answer]) -> float | None:
+def _strength(answers: Mapping[str, AtAnswer]) -> float | None:
     value = _whole(next(iter(_first(answers, "AT+CSQ")), ""))
     return -113.0 + 2 * value if value is not None and 0 <= value <= 31 else None  # noqa: PLR2004 - 8.5
 
 
-def _extended(answers: Mapping[str, Answer]) -> tuple[float | None, float | None]:
+def _extended(answers: Mapping[str, AtAnswer]) -> tuple[float | None, float | None]:
     """RSRP in dBm and RSRQ in dB."""
     row = _first(answers, "AT+CESQ")
     if len(row) < 6:  # noqa: PLR2004 - rxlev, ber, rscp, ecno, rsrq, rsrp
@@ -184,12 +184,12 @@ def _extended(answers: Mapping[str, Answer]) -> tuple[float | None, float | None
     return rsrp, rsrq
 
 
-def _active(answers: Mapping[str, Answer]) -> str | None:
+def _active(answers: Mapping[str, AtAnswer]) -> str | None:
     """The context that is active; None if none is, or the modem does not say."""
     return next((row[0] for row in _rows(answers, "AT+CGACT?") if len(row) > 1 and row[1] == "1"), None)
 
 
-def _apn(answers: Mapping[str, Answer]) -> str | None:
+def _apn(answers: Mapping[str, AtAnswer]) -> str | None:
     """In use, as the network has it; else as the active context, or the only one, is defined."""
     active = _active(answers)
     for row in _rows(answers, "AT+CGCONTRDP"):
@@ -200,7 +200,7 @@ def _apn(answers: Mapping[str, Answer]) -> str | None:
     return next((row[2] for row in chosen if row[2]), None)
 
 
-def _address(answers: Mapping[str, Answer]) -> str | None:
+def _address(answers: Mapping[str, AtAnswer]) -> str | None:
     active = _active(answers)
     for row in _rows(answers, "AT+CGPADDR"):
         if len(row) > 1 and row[0] == (active or row[0]):
@@ -210,7 +210,7 @@ def _address(answers: Mapping[str, Answer]) -> str | None:
     return None
 
 
-def _vendor(answers: Mapping[str, Answer]) -> tuple[str | None, str | None]:
+def _vendor(answers: Mapping[str, AtAnswer]) -> tuple[str | None, str | None]:
     """Code and band of `+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300` (Quectel)."""
     row = _first(answers, "AT+QNWINFO")
     if len(row) < 3:  # noqa: PLR2004 - technology, operator, band, channel
@@ -376,7 +376,7 @@ class AtSilent(DeviceFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class AtAnswer:
     """The lines of information, and how it ended: `OK`, `ERROR`, `+CME ERROR: 10`."""
 
     lines: tuple[str, ...]
@@ -388,7 +388,7 @@ class Answer:
         return self.final == "OK"
 
 
-class Modem:
+class AtModem:
     """A serial port on which nobody else is; `with` opens and closes it."""
 
     def __init__(self, path: str, *, answer_s: float = ANSWER_S) -> None:
@@ -422,7 +422,7 @@ class Modem:
                 fcntl.ioctl(self._port.fileno(), termios.TIOCNXCL)
                 self._port.close()
 
-    def ask(self, command: str) -> Answer:
+    def ask(self, command: str) -> AtAnswer:
         """Send one allowed command. Raises CommandForbidden (nothing sent), AtSilent."""
         data = checked(command).encode("ascii") + b"\r"
         port = self._port
@@ -438,13 +438,13 @@ class Modem:
                 hint="has it power, and is its cable firm? It may be starting anew: wait a minute",
             ) from error
 
-    def _answer(self, port: serial.Serial, command: str) -> Answer:
+    def _answer(self, port: serial.Serial, command: str) -> AtAnswer:
         until = time.monotonic() + self._answer_s
         lines: list[str] = []
         while True:
             for line in self._lines(port):
                 if _final(line):
-                    return Answer(tuple(lines), line)
+                    return AtAnswer(tuple(lines), line)
                 if line != command:
                     lines.append(line)
             if sum(map(len, lines)) > _MOST:
@@ -491,7 +491,7 @@ class AtLook:
 
 def read(port: str, *, answer_s: float = ANSWER_S) -> AtLook:
     """Ask the modem at `port`. Raises PortOwned and AtUnreachable (nothing was sent), AtSilent."""
-    with Modem(port, answer_s=answer_s) as modem:
+    with AtModem(port, answer_s=answer_s) as modem:
         answers = {command: modem.ask(command) for command in READS}
         maker = " ".join(answers["AT+CGMI"].lines).lower()
         for word, commands in VENDOR_READS.items():

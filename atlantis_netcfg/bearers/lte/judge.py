@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.status import Finding, LinkState, Quality
+from atlantis_netcfg.bearers.status import BearerFinding, LinkState, Quality
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -89,9 +89,9 @@ def unmanaged_reading() -> LteReading:
     return LteReading(source="manual")
 
 
-def check_by_hand(address: str) -> Finding:
+def check_by_hand(address: str) -> BearerFinding:
     """The finding for a unit without a driver: a person must look at its own page."""
-    return Finding(
+    return BearerFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
         f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
@@ -121,7 +121,7 @@ class LteExpected:
 _REGISTERED = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
 
 
-def judge(reading: LteReading, expected: LteExpected) -> tuple[Finding, ...]:
+def judge(reading: LteReading, expected: LteExpected) -> tuple[BearerFinding, ...]:
     """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
     if reading.state in _REGISTERED:
         return tuple(_registered(reading, expected))
@@ -155,27 +155,27 @@ def quality(reading: LteReading) -> Quality:
     }
 
 
-def _not_registered(reading: LteReading, expected: LteExpected) -> Finding:
+def _not_registered(reading: LteReading, expected: LteExpected) -> BearerFinding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
         return _pin(reading, expected)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
         message = f"{message} (the device says: {reading.last_error})"
-    return Finding(verdict, code, message, hint)
+    return BearerFinding(verdict, code, message, hint)
 
 
-def _pin(reading: LteReading, expected: LteExpected) -> Finding:
+def _pin(reading: LteReading, expected: LteExpected) -> BearerFinding:
     left = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
         message = f"the SIM has refused the PIN, and it is not tried again{left}"
         hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
-        return Finding(Verdict.FAIL, "pin-wrong", message, hint)
+        return BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
     if not expected.pin_declared:
         hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
-        return Finding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
+        return BearerFinding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
     message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{left}"
     hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
-    return Finding(Verdict.FAIL, "pin-not-entered", message, hint)
+    return BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
 
 
 _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
@@ -218,7 +218,7 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
 }
 
 
-def _registered(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+def _registered(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
     yield from _roaming(reading, expected)
     yield from _apn(reading, expected)
     yield from _address(reading, expected)
@@ -230,35 +230,39 @@ def _foreign(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
-def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
     if not _foreign(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if expected.roaming:
         message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
-        yield Finding(Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer")
+        yield BearerFinding(
+            Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
+        )
     else:
         message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
         hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
-        yield Finding(Verdict.FAIL, "roaming-not-allowed", message, hint)
+        yield BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
-def _apn(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+def _apn(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
     if expected.apn is None:
         hint = "declare `sim.apn` as the SIM's contract says"
         if expected.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
-            yield Finding(Verdict.FAIL, "apn-missing", message, hint)
+            yield BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _foreign(reading):
-            yield Finding(Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint)
+            yield BearerFinding(
+                Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
+            )
     elif reading.network_apn and reading.apn is None:
         message = f"the unit takes the network's APN, so the declared one, {expected.apn}, may not be in use"
         hint = "run the site, which switches `use-network-apn` off"
-        yield Finding(Verdict.WARN, "apn-of-the-network", message, hint)
+        yield BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
     elif reading.apn is not None and _bare(reading.apn) != _bare(expected.apn):
         message = f"the APN in use is {reading.apn}, the declared one is {expected.apn}"
         hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
-        yield Finding(Verdict.WARN, "apn-differs", message, hint)
+        yield BearerFinding(Verdict.WARN, "apn-differs", message, hint)
 
 
 def _bare(apn: str) -> str:
@@ -266,22 +270,22 @@ def _bare(apn: str) -> str:
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
-def _address(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+def _address(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
     if reading.address is not None or reading.connected or (_foreign(reading) and not expected.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
-    yield Finding(Verdict.FAIL, "no-address", message, hint)
+    yield BearerFinding(Verdict.FAIL, "no-address", message, hint)
 
 
-def _bands(reading: LteReading, expected: LteExpected) -> Iterator[Finding]:
+def _bands(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
     allowed = [f"B{number}" for number in expected.bands]
     if allowed and reading.band is not None and reading.band.startswith("B") and reading.band not in allowed:
         message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed)}"
-        yield Finding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
+        yield BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 
-def _levels(reading: LteReading) -> Iterator[Finding]:
+def _levels(reading: LteReading) -> Iterator[BearerFinding]:
     levels = (
         ("rsrp", "RSRP", reading.rsrp_dbm, WEAK_RSRP_DBM, "dBm"),
         ("rsrq", "RSRQ", reading.rsrq_db, WEAK_RSRQ_DB, "dB"),
@@ -290,7 +294,7 @@ def _levels(reading: LteReading) -> Iterator[Finding]:
     for code, name, value, limit, unit in levels:
         if value is not None and value < limit:
             message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
-            yield Finding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
+            yield BearerFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
 
 
 _WEAK = {

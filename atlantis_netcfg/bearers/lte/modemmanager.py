@@ -10,7 +10,7 @@ from jeepney import DBusAddress, HeaderFields, MessageFlag, MessageType, new_met
 from jeepney.io.blocking import DBusConnection, open_dbus_connection
 
 from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
-from atlantis_netcfg.bearers.status import Finding
+from atlantis_netcfg.bearers.status import BearerFinding
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
 
@@ -257,7 +257,7 @@ def _part(properties: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 _BEARER = "org.freedesktop.ModemManager1.Bearer"
 
-NO_SIGNAL = Finding(
+NO_SIGNAL = BearerFinding(
     Verdict.INCONCLUSIVE,
     "signal-not-set-up",
     "ModemManager gives no signal figures, because nobody has told it to ask for them",
@@ -270,7 +270,7 @@ class MmLook:
     """What one look at ModemManager has given."""
 
     reading: LteReading
-    findings: tuple[Finding, ...]
+    findings: tuple[BearerFinding, ...]
     """What the record has no place for: signal figures that nobody asks for."""
     calls: int
 

@@ -77,14 +77,14 @@ class RutosEndpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class RutosAnswer:
     """What came back: an HTTP status, and the JSON of the body (None if it is none)."""
 
     status: int
     body: Any
 
 
-class Wire:
+class RutosWire:
     """The connection; opened by the first request, opened again if the unit has closed it in between."""
 
     def __init__(self, endpoint: RutosEndpoint) -> None:
@@ -103,7 +103,7 @@ class Wire:
             self._connection.close()
             self._connection = None
 
-    def ask(self, method: str, path: str, body: Any = None, *, token: str | None = None) -> Answer:  # noqa: ANN401 - JSON
+    def ask(self, method: str, path: str, body: Any = None, *, token: str | None = None) -> RutosAnswer:  # noqa: ANN401 - JSON
         """Send one request. Raises RutosUnreachable, CertificateUnknown, CertificateChanged, NotOffered."""
         headers = {"Accept": "application/json"} | ({"Authorization": f"Bearer {token}"} if token else {})
         data = None
@@ -116,9 +116,9 @@ class Wire:
         if status in _NOT_OFFERED:
             raise NotOffered(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
         try:
-            return Answer(status, json.loads(text) if text else None)
+            return RutosAnswer(status, json.loads(text) if text else None)
         except (ValueError, RecursionError):
-            return Answer(status, None)
+            return RutosAnswer(status, None)
 
     def _exchange(self, method: str, path: str, data: bytes | None, headers: Mapping[str, str]) -> tuple[int, bytes]:
         """Once more on a new connection if an old one turns out to be closed: every request here is a read."""
@@ -247,7 +247,7 @@ class Wire:
 
 def certificate_of(endpoint: RutosEndpoint) -> str:
     """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises RutosUnreachable."""
-    wire = Wire(replace(endpoint, pin=None))
+    wire = RutosWire(replace(endpoint, pin=None))
     try:
         wire.ask("GET", "/")
     except CertificateUnknown as unknown:

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
-from atlantis_netcfg.bearers.lte.rutos_client import NotOffered, RutosEndpoint, RutosLoginFailed, RutosRefused, Wire
+from atlantis_netcfg.bearers.lte.rutos_client import (
+    NotOffered,
+    RutosEndpoint,
+    RutosLoginFailed,
+    RutosRefused,
+    RutosWire,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -267,7 +273,7 @@ def read(endpoint: RutosEndpoint) -> RutosLook:
     Raises RutosUnreachable, CertificateUnknown and CertificateChanged (before the password is sent), RutosLoginFailed,
     RutosRefused.
     """
-    wire = Wire(endpoint)
+    wire = RutosWire(endpoint)
     try:
         session = _Rest(endpoint, wire)
         try:
@@ -279,7 +285,7 @@ def read(endpoint: RutosEndpoint) -> RutosLook:
         wire.close()
 
 
-def _by_rest(endpoint: RutosEndpoint, wire: Wire, session: _Rest) -> RutosLook:
+def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosLook:
     modems, slots, interfaces, device = READS
     modem = modem_of(session.get(modems))
     if modem is None:
@@ -301,7 +307,7 @@ def _sections(rows: object) -> tuple[str, ...]:
 class _Rest:
     """The API of RutOS 7: a token, renewed once when it has run out."""
 
-    def __init__(self, endpoint: RutosEndpoint, wire: Wire) -> None:
+    def __init__(self, endpoint: RutosEndpoint, wire: RutosWire) -> None:
         self._endpoint = endpoint
         self._wire = wire
         self._token: str | None = None
@@ -354,7 +360,7 @@ def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginFailed:
     )
 
 
-def _by_ubus(endpoint: RutosEndpoint, wire: Wire) -> RutosLook:
+def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
     """Firmware without the API: JSON-RPC to ubus, whose field names differ again."""
     who = {"username": endpoint.user, "password": endpoint.password.reveal()}
     code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
@@ -375,7 +381,7 @@ def _by_ubus(endpoint: RutosEndpoint, wire: Wire) -> RutosLook:
 
 
 def _call(
-    endpoint: RutosEndpoint, wire: Wire, session: str, target: tuple[str, str], arguments: dict[str, str]
+    endpoint: RutosEndpoint, wire: RutosWire, session: str, target: tuple[str, str], arguments: dict[str, str]
 ) -> tuple[int, dict[str, Any]]:
     body = {"jsonrpc": "2.0", "id": 1, "method": "call", "params": [session, *target, arguments]}
     try:

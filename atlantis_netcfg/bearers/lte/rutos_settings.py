@@ -58,7 +58,7 @@ class LteSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class SettingChange:
     """One option that differs."""
 
     package: str
@@ -119,12 +119,12 @@ def pin_held(reading: LteReading, desired: LteSettings, sections: Sections, *, t
     return next((reason for holds, reason in reasons if holds), None)
 
 
-def removal(change: Change) -> str:
+def removal(change: SettingChange) -> str:
     """What `uci batch` reads to take one option away again."""
     return f"delete {change.package}.{change.section}.{change.option}\ncommit {change.package}\n"
 
 
-def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tuple[Change, ...]:
+def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tuple[SettingChange, ...]:
     """What has to be set, in order; empty if the unit is as declared. Raises SettingRefused.
 
     A declared PIN is set only while the card asks for one.
@@ -142,13 +142,13 @@ def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tu
     return tuple(found)
 
 
-def batch(found: tuple[Change, ...]) -> str:
+def batch(found: tuple[SettingChange, ...]) -> str:
     """What `uci batch` reads on its standard input; secrets in clear: it goes nowhere else."""
     lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in found]
     return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(found))))
 
 
-def _packages(found: tuple[Change, ...]) -> tuple[str, ...]:
+def _packages(found: tuple[SettingChange, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(change.package for change in found))
 
 
@@ -157,7 +157,7 @@ def _place(reading: LteReading) -> str:
     return str(reading.sim_slot or 1)
 
 
-def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator[Change]:
+def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator[SettingChange]:
     if desired.apn is None and desired.user is None and desired.password is None:
         return
     name, options = _mobile(sections, place)
@@ -179,7 +179,7 @@ def _authentication(desired: LteSettings, options: Mapping[str, str]) -> str | N
     return there if there != "none" else "pap"
 
 
-def _card(sections: Sections, place: str, desired: LteSettings, reading: LteReading) -> Iterator[Change]:
+def _card(sections: Sections, place: str, desired: LteSettings, reading: LteReading) -> Iterator[SettingChange]:
     name, options = _slot(sections, place)
     if not name:
         raise SettingRefused(
@@ -189,17 +189,17 @@ def _card(sections: Sections, place: str, desired: LteSettings, reading: LteRead
         )
     denied = "0" if desired.roaming else "1"
     if (options.get("deny_roaming") or "0") != denied:
-        yield Change("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
+        yield SettingChange("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
     if desired.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
         yield from _differing("simcard", name, options, {PIN: (desired.pin.reveal(), True)})
 
 
 def _differing(
     package: str, section: str, options: Mapping[str, str], declared: Mapping[str, tuple[str | None, bool]]
-) -> Iterator[Change]:
+) -> Iterator[SettingChange]:
     for option, (value, secret) in declared.items():
         if value is not None and options.get(option) != value:
-            yield Change(package, section, option, value, options.get(option), secret)
+            yield SettingChange(package, section, option, value, options.get(option), secret)
 
 
 def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:

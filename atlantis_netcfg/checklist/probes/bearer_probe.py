@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import Finding, LinkState
+from atlantis_netcfg.bearers import BearerFinding, LinkState
 from atlantis_netcfg.checklist.probes.step import Judged, LinkStatusRequest, LinkStatusResult, Step, read, unasked
-from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Bearer, Column
 
@@ -49,7 +49,7 @@ def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
     return tuple(name for name in (bearer.device, peer) if name is not None)
 
 
-def well(values: Mapping[str, Any]) -> Finding | None:
+def well(values: Mapping[str, Any]) -> BearerFinding | None:
     """Say that a link carries traffic, if it was seen to: that its own box calls itself connected is not enough."""
     if values.get("state") != LinkState.UP:
         return None
@@ -57,12 +57,12 @@ def well(values: Mapping[str, Any]) -> Finding | None:
     loss = quality.get("loss_percent")
     if not isinstance(loss, int | float) or loss >= _ALL:
         hint = "declare `canaries` of the link, and look whether its router may send pings; then ask again"
-        return Finding(
+        return BearerFinding(
             Verdict.INCONCLUSIVE, "not-tried", "its box says that it is up, and nothing was seen to pass", hint
         )
     after = "" if quality.get("rtt_ms") is None else f", a round trip over it takes {quality['rtt_ms']:g} ms"
     level = "" if quality.get("signal_dbm") is None else f", heard with {quality['signal_dbm']:g} dBm"
-    return Finding(Verdict.PASS, "up", f"the link is up{after}{level}")
+    return BearerFinding(Verdict.PASS, "up", f"the link is up{after}{level}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class BearerProbe:
     """The link carries traffic, and its own boxes have nothing to complain of."""
 
     bearer: str
-    good: Callable[[Mapping[str, Any]], Finding | None] = well
+    good: Callable[[Mapping[str, Any]], BearerFinding | None] = well
     """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
 
     def asks(self) -> tuple[LinkStatusRequest, ...]:
@@ -94,14 +94,14 @@ def link_steps(
     cell: Cell,
     column: str,
     title: Callable[[Bearer], str],
-    good: Callable[[Mapping[str, Any]], Finding | None] = well,
+    good: Callable[[Mapping[str, Any]], BearerFinding | None] = well,
 ) -> tuple[Step, ...]:
     """Give one item a link of a column; the first is the column's own, the others bear the names of their links."""
     return tuple(
         Step(
             name=bearer.name if number else "",
             title=title(bearer),
-            kind=Kind.AUTOMATIC,
+            kind=ItemKind.AUTOMATIC,
             phase=Phase.BENCH,
             probe=BearerProbe(bearer.name, good),
             concerns=boxes(cell, bearer),
@@ -110,16 +110,16 @@ def link_steps(
     )
 
 
-def _unseen(bearer: str) -> Finding:
+def _unseen(bearer: str) -> BearerFinding:
     hint = "look at its own box, then ask again"
-    return Finding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {bearer} works", hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", f"nobody says whether {bearer} works", hint)
 
 
-def _findings(values: Mapping[str, Any]) -> Iterator[Finding]:
+def _findings(values: Mapping[str, Any]) -> Iterator[BearerFinding]:
     for item in values.get("findings") or ():
         verdict = Verdict(item["verdict"])
         hint = item.get("hint") or (_HINT if verdict is not Verdict.PASS else None)
-        yield Finding(verdict, item["code"], item["message"], hint)
+        yield BearerFinding(verdict, item["code"], item["message"], hint)
 
 
 def _evidence(values: Mapping[str, Any]) -> tuple[Evidence, ...]:
@@ -156,7 +156,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return links or (_lte_by_a_person(cell),)
 
 
-def _registered(values: Mapping[str, Any]) -> Finding | None:
+def _registered(values: Mapping[str, Any]) -> BearerFinding | None:
     """Say in which network a unit is that carries traffic."""
     up = well(values)
     quality = values.get("quality") or {}
@@ -164,14 +164,14 @@ def _registered(values: Mapping[str, Any]) -> Finding | None:
         return up
     words = f"{quality['registration']}".replace("_", " ")
     network = f" in {quality['operator']}" if quality.get("operator") else ""
-    return Finding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
+    return BearerFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
 
 
 def _lte_by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"4G of {cell.name} works",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=f"Open the page of the 4G unit of {cell.name}, then load a page over it with every other link unplugged."
         " Enter no PIN: three wrong ones lock the SIM.",

@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.bearer_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
+    NeighbourRoute,
     Pinged,
-    Route,
     judge_ping,
     neighbour_request,
     own_address,
@@ -41,7 +41,7 @@ from atlantis_netcfg.checklist.probes.step import (
     rows_of,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import ETHERNET, EthernetEndpoint
 
@@ -77,47 +77,49 @@ def judge_port(router: str, port: str, results: Mapping[str, Answer]) -> Judged:
         called = f"is called {socket['name']} there" if socket is not None else "is another socket there"
         message = f"port {port} of {router} {called}, so that what is told under that name is not about it"
         hint = "run the site, which gives ports their names back"
-        return Judged((Finding(Verdict.FAIL, "port-renamed", message, hint),))
+        return Judged((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and counted is None:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
-        return Judged((Finding(Verdict.FAIL, "no-port", message, hint),))
+        return Judged((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
     values = {**(counted or {}), **(local[0] if local else {})}
     return Judged(tuple(_findings(router, port, values)), _evidence(router, port, values))
 
 
-def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
+def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
     if values.get("disabled") in _TRUE:
         hint = "run the site to enable it, or look who has disabled it"
-        yield Finding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
+        yield BearerFinding(Verdict.FAIL, "port-disabled", f"port {port} of {router} is switched off", hint)
         return
     status = values.get("status") or {"true": "link-ok", "false": "no-link"}.get(values.get("running", ""), "")
     if status == "no-link":
         hint = "is the cable plugged in at both ends, and is the other end switched on?"
-        yield Finding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
+        yield BearerFinding(Verdict.FAIL, "port-down", f"port {port} of {router} has no link", hint)
         return
     if status != "link-ok":
         text = f"`{status}`" if status else "nothing"
         message = f"{router} says {text} of the link of port {port}"
-        yield Finding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
+        yield BearerFinding(Verdict.INCONCLUSIVE, "port-unknown", message, "look at the lamps of the port")
         return
     rate = values.get("rate")
-    yield Finding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
+    yield BearerFinding(Verdict.PASS, "link", f"port {port} of {router} has a link{f' of {rate}' if rate else ''}")
     yield from _quality(router, port, values)
 
 
-def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Finding]:
+def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
     hint = "change the cable, and set both ends to negotiate the rate themselves"
     if values.get("rate") in _SLOW:
-        yield Finding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
+        yield BearerFinding(Verdict.WARN, "rate-low", f"port {port} of {router} runs at {values['rate']} only", hint)
     if values.get("full-duplex") in {"false", "no"}:
-        yield Finding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
+        yield BearerFinding(Verdict.WARN, "half-duplex", f"port {port} of {router} runs in half duplex", hint)
     for name, words in (("rx-error", "received broken"), ("tx-error", "not sent")):
         count = values.get(name, "")
         if count.isdecimal() and int(count):
             message = f"port {port} of {router} has counted {count} frames {words} since it was started"
-            yield Finding(Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows")
+            yield BearerFinding(
+                Verdict.WARN, f"{name}s", message, "change the cable, then look whether the number grows"
+            )
 
 
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[Evidence, ...]:
@@ -167,12 +169,12 @@ class CabledProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: it was not asked whether it answers"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
-            return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
-            return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
+            return Judged((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
             return Judged(local)
         expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
@@ -183,24 +185,24 @@ class CabledProbe:
         whose = tuple(self._cards(card, way)) if pinged.verdict in {Verdict.PASS, Verdict.WARN} else ()
         return Judged((*pinged.findings, *whose), (*pinged.evidence, *shown, *known))
 
-    def _cards(self, card: str | None, way: Route | None) -> Iterator[Finding]:
+    def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
         """Say whose card has answered; on the segment somebody has, and behind a router nobody can see it."""
         if self.place is Place.GATEWAY and way is not None and way.by is not None:
             message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
             hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
-            yield Finding(Verdict.FAIL, "not-on-the-cable", message, hint)
+            yield BearerFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
         elif self.mac is None:
             message = f"nothing tells whether it is {self.name} that answers at {self.address}"
             hint = "declare `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
-            yield Finding(Verdict.WARN, "whose-unknown", message, hint)
+            yield BearerFinding(Verdict.WARN, "whose-unknown", message, hint)
         elif card is None:
             message = f"{PLACES[self.place]} does not tell which network card answers for {self.address}"
             hint = "ask from a computer in the site's LAN, or unplug the cable and see that the pings end"
-            yield Finding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
         elif card != self.mac:
             message = f"{card} answers for {self.address}, and the network card of {self.name} is {self.mac}"
             hint = "two devices have this address, or the card was exchanged: unplug it and ping again"
-            yield Finding(Verdict.FAIL, "other-card", message, hint)
+            yield BearerFinding(Verdict.FAIL, "other-card", message, hint)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
@@ -230,7 +232,7 @@ def _cable_step(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
     return Step(
         name=name,
         title=f"{cell.name} answers on the site's cable without loss",
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=probe,
         concerns=() if seen_by is None else (seen_by,),
@@ -241,7 +243,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"Ethernet of {cell.name} works",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=f"Plug {cell.name} into a LAN port of the site, and ping the gateway from it twenty times.",
         look_for="The lamps of both ends are lit, and all pings are answered.",

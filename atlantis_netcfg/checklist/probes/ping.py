@@ -13,8 +13,17 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.probes.step import PLACES, Answer, CommandResult, Judged, Place, Run, measured, not_run
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.probes.step import (
+    PLACES,
+    Answer,
+    CommandResult,
+    Judged,
+    Place,
+    RunProgram,
+    measured,
+    not_run,
+)
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -25,7 +34,7 @@ _LOOPBACK = "lo"
 
 
 @dataclass(frozen=True, slots=True)
-class Route:
+class NeighbourRoute:
     """How packets to an address leave."""
 
     interface: str
@@ -34,7 +43,7 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True)
-class Card:
+class NetworkCard:
     """An interface."""
 
     up: bool
@@ -45,37 +54,37 @@ class Card:
     """The bridge that it is a port of."""
 
 
-def route_request(place: Place, address: str) -> Run:
+def route_request(place: Place, address: str) -> RunProgram:
     """Give the question; its answer's name is `route`."""
-    return Run("route", place, ("ip", "-j", "route", "get", address))
+    return RunProgram("route", place, ("ip", "-j", "route", "get", address))
 
 
-def card_request(place: Place, interface: str) -> Run:
+def card_request(place: Place, interface: str) -> RunProgram:
     """Give the question; its answer's name is `addr`."""
-    return Run("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
+    return RunProgram("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
 
 
-def neighbour_request(place: Place, address: str) -> Run:
+def neighbour_request(place: Place, address: str) -> RunProgram:
     """Give the question; its answer's name is `neigh`, and it is asked after a ping that stands before it."""
-    return Run("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
+    return RunProgram("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
 
 
-def read_route(answer: Answer | None, address: str) -> Route | None:
+def read_route(answer: Answer | None, address: str) -> NeighbourRoute | None:
     """Read a route; None: there is none, or it is not understood."""
     for row in _rows(answer):
         if isinstance(row.get("dev"), str) and row.get("dst") == address:
             by = row.get("gateway")
-            return Route(row["dev"], by if isinstance(by, str) else None)
+            return NeighbourRoute(row["dev"], by if isinstance(by, str) else None)
     return None
 
 
-def read_card(answer: Answer | None) -> Card | None:
+def read_card(answer: Answer | None) -> NetworkCard | None:
     """Read an interface; None: there is none, or it is not understood."""
     for row in _rows(answer):
         flags = row.get("flags")
         if isinstance(flags, list):
             master = row.get("master")
-            return Card("UP" in flags, "LOWER_UP" in flags, master if isinstance(master, str) else None)
+            return NetworkCard("UP" in flags, "LOWER_UP" in flags, master if isinstance(master, str) else None)
     return None
 
 
@@ -88,12 +97,12 @@ def read_neighbour(answer: Answer | None, address: str) -> str | None:
     return None
 
 
-def own_address(place: Place, name: str, address: str, way: Route | None) -> Iterator[Finding]:
+def own_address(place: Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
     """Say that an address is that of the computer that asks, whose own answers tell nothing of anybody else."""
     if way is not None and way.interface == _LOOPBACK:
         message = f"{PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
         hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
-        yield Finding(Verdict.FAIL, "own-address", message, hint)
+        yield BearerFinding(Verdict.FAIL, "own-address", message, hint)
 
 
 def _rows(answer: Answer | None) -> list[dict[str, Any]]:
@@ -157,9 +166,9 @@ class Pinged:
     """From here it does not serve."""
 
 
-def ping_request(place: Place, address: str) -> Run:
+def ping_request(place: Place, address: str) -> RunProgram:
     """Give the question; its answer's name is `ping`."""
-    return Run("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
+    return RunProgram("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
 
 
 def read_ping(out: str, address: str) -> Echoes | None:
@@ -194,7 +203,7 @@ def judge_ping(expected: Pinged, answer: Answer | None) -> Judged:
         why = f": {lines[0][:120]}" if lines else ""
         message = f"no ping was sent to {expected.name} ({expected.address}) from {PLACES[expected.place]}{why}"
         hint = f"type it by hand there: ping {expected.address}"
-        return Judged((Finding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
     where = f"{expected.name} from {PLACES[expected.place]}"
     evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
@@ -205,49 +214,49 @@ def judge_ping(expected: Pinged, answer: Answer | None) -> Judged:
     if echoes.sent < COUNT:
         message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
         hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[expected.place]}"
-        cut = Finding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
+        cut = BearerFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
         return Judged((cut, *strange), tuple(evidence))
     found = (_loss(expected, echoes), *_times(expected, echoes))
     kept = tuple(finding for finding in found if not strange or finding.verdict is not Verdict.PASS)
     return Judged((*strange, *kept), tuple(evidence))
 
 
-def odd_answers(who: str, echoes: Echoes) -> Iterator[Finding]:
+def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:
     """Say what is strange about answers, however many they are."""
     if echoes.others:
         message = f"{echoes.others[0]} answers in place of {who}"
         hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
-        yield Finding(Verdict.FAIL, "another-answers", message, hint)
+        yield BearerFinding(Verdict.FAIL, "another-answers", message, hint)
     if echoes.damaged:
         message = f"answers of {who} came back damaged"
         hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
-        yield Finding(Verdict.FAIL, "answers-damaged", message, hint)
+        yield BearerFinding(Verdict.FAIL, "answers-damaged", message, hint)
     if echoes.twice:
         many = echoes.twice > MANY_TWICE * max(echoes.received, 1)
         message = f"{who} answers {echoes.received} of {echoes.sent} pings, and {echoes.twice} answers came twice"
         hint = "two devices have this address, or the network has a loop: unplug it and ping again"
-        yield Finding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
+        yield BearerFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
-def _loss(expected: Pinged, echoes: Echoes) -> Finding:
+def _loss(expected: Pinged, echoes: Echoes) -> BearerFinding:
     who = f"{expected.name} ({expected.address})"
     if not echoes.received:
         refused = f"; {echoes.refusal}" if echoes.refusal else ""
         hint = "is it switched on, with this address, and does it answer pings at all?"
-        return Finding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
+        return BearerFinding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
     message = f"{who} answers {echoes.received} of {echoes.sent} pings"
     loss = echoes.loss_percent
     if loss <= expected.loss_percent:
         after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        return Finding(Verdict.PASS, "answers", message + after)
+        return BearerFinding(Verdict.PASS, "answers", message + after)
     verdict = Verdict.FAIL if loss >= expected.fail_percent else Verdict.WARN
     hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
-    return Finding(verdict, "loss", f"{message}: {loss:g} % are lost, above {expected.loss_percent:g} %", hint)
+    return BearerFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {expected.loss_percent:g} %", hint)
 
 
-def _times(expected: Pinged, echoes: Echoes) -> tuple[Finding, ...]:
+def _times(expected: Pinged, echoes: Echoes) -> tuple[BearerFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
     message = f"{expected.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
     hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
-    return (Finding(Verdict.WARN, "slow", message, hint),)
+    return (BearerFinding(Verdict.WARN, "slow", message, hint),)

@@ -23,7 +23,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
 from atlantis_netcfg.checklist.probes.step import SITE, Cell, Listen, Step
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.declaration.model import ETHERNET, Column
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"{title} of {cell.name} works",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=_PHASES.get(cell.endpoint, Phase.BENCH),
         do=f"Use {title} of {cell.name} as in the test that is planned; no probe of it is declared.",
         look_for="What is sent arrives, in both directions where it has two.",

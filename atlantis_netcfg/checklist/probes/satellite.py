@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, bearers
 from atlantis_netcfg.checklist.probes.step import (
     AllowListTestRequest,
@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist.probes.step import (
     measured,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Column
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
@@ -73,29 +73,29 @@ class AllowListProbe:
             return Judged((unasked("the satellite's router", answer),))
         return Judged(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
-    def _findings(self, proved: AllowListTestResult) -> Iterator[Finding]:
+    def _findings(self, proved: AllowListTestResult) -> Iterator[BearerFinding]:
         aimed = [entry for entry in proved.findings if entry.code in _AIMED]
         seen = [item for item in aimed if item.verdict in _SEEN]
         if not aimed:
             message = f"nothing was tried over {self.bearer}"
             hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
-            yield Finding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
         elif not seen:
             message = f"none of {len(aimed)} targets could be proved over {self.bearer}"
             hint = "try again while the satellite carries the traffic: unplug the other links"
-            yield Finding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
             yield self._proved(len(seen), len(aimed), sum(finding.code == _NOT_TRIED for finding in aimed))
         for finding in proved.findings:
             weaker = Verdict.WARN if seen and finding.code == _NOT_TRIED else finding.verdict
             yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
-    def _proved(self, seen: int, aimed: int, untried: int) -> Finding:
+    def _proved(self, seen: int, aimed: int, untried: int) -> BearerFinding:
         message = f"{seen} of {aimed} targets were proved over {self.bearer}"
         if not untried:
-            return Finding(Verdict.PASS, "proved", message)
+            return BearerFinding(Verdict.PASS, "proved", message)
         message = f"{message}, {untried} could not be tried"
-        return Finding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
+        return BearerFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
 
     @property
     def _hints(self) -> Mapping[str, str]:
@@ -123,7 +123,7 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
     yield Step(
         name=bearer.name if number else "",
         title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=BearerProbe(bearer.name, _there),
         concerns=concerns,
@@ -131,7 +131,7 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
     yield Step(
         name=f"{before}allow-list",
         title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
-        kind=Kind.ACTIVE,
+        kind=ItemKind.ACTIVE,
         phase=Phase.QUAY,
         probe=AllowListProbe(bearer.name, cell.site),
         consent=Consent(
@@ -150,7 +150,7 @@ def _firewall(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]
     return Step(
         name=f"{before}firewall",
         title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=f"Open the pages of {bearer.device} and look at its firewall; attach a screenshot of it.",
         look_for=f"It is on, admits these and nothing else: {listed}. Its password is not the factory's.",
@@ -165,7 +165,7 @@ def _terminal(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]
     return Step(
         name=f"{before}terminal",
         title=f"The terminal's own pages show signal, position and a data session ({bearer.device})",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.QUAY,
         do=f"Open the pages of {bearer.device} under a clear sky; attach a screenshot of its status.",
         look_for=f"It shows a signal, its position and a data session, and no alarm; {firmware}.",
@@ -178,7 +178,7 @@ def _target(target: AllowedTarget) -> str:
     return f"{target.name} ({target.address}{port})"
 
 
-def _there(values: Mapping[str, Any]) -> Finding | None:
+def _there(values: Mapping[str, Any]) -> BearerFinding | None:
     """Say what of the terminal can be seen from the router; that its ARP entry has aged proves nothing."""
     quality = values.get("quality") or {}
     if quality.get("port_link") != "up":
@@ -186,17 +186,17 @@ def _there(values: Mapping[str, Any]) -> Finding | None:
     port = quality.get("port") or "its port"
     if quality.get("next_hop_seen") == "yes":
         message = f"port {port} has a link, and the terminal has answered on it; over the air nothing was sent"
-        return Finding(Verdict.PASS, "terminal-there", message)
+        return BearerFinding(Verdict.PASS, "terminal-there", message)
     message = f"port {port} has a link, but the terminal has not answered on it of late"
     hint = "that alone proves nothing: the router asks for it when it sends; the allow-list's item shows more"
-    return Finding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
 
 def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"Satellite of {cell.name} works",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.QUAY,
         do=f"Open the pages of the satellite terminal of {cell.name} under a clear sky, then send one small message."
         " Each byte may cost.",

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom, Site
 
@@ -80,7 +80,7 @@ class Listen:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class RunProgram:
     """Run a program that only reads; it must stand in `checklist/probes/registry.py`."""
 
     name: str
@@ -147,7 +147,13 @@ class AllowListTestRequest:
 
 
 Question = (
-    Listen | Run | DhcpDiscoverRequest | DdsDiscoverRequest | RouterOsQuery | LinkStatusRequest | AllowListTestRequest
+    Listen
+    | RunProgram
+    | DhcpDiscoverRequest
+    | DdsDiscoverRequest
+    | RouterOsQuery
+    | LinkStatusRequest
+    | AllowListTestRequest
 )
 
 
@@ -240,7 +246,7 @@ class AllowListTestResult:
 
     trouble: Trouble | None
     words: str = ""
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[BearerFinding, ...] = ()
     bill: str = ""
     """What it has cost, in words."""
     seconds: float = 0.0
@@ -289,7 +295,7 @@ Answer = Transcript | CommandResult | Rows | LinkStatusResult | AllowListTestRes
 class Judged:
     """What follows from the answers. Without a finding nothing was seen, and that never passes."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[BearerFinding, ...]
     """The worst comes to the item's verdict; its message is the first of those."""
     evidence: tuple[Evidence, ...] = ()
 
@@ -330,7 +336,7 @@ class Step:
     name: str
     """Third part of the item's id; empty for the column's own, main item."""
     title: str
-    kind: Kind
+    kind: ItemKind
     phase: Phase
     probe: Probe | None = None
     """None: a person looks."""
@@ -347,9 +353,9 @@ class Step:
 
     def __post_init__(self) -> None:
         """Hold the three kinds apart."""
-        if not self.unless and (self.kind is Kind.PERSON) != (self.probe is None):
+        if not self.unless and (self.kind is ItemKind.PERSON) != (self.probe is None):
             raise ValueError(f"step `{self.title}`: a person's step has no probe, every other one has")
-        if (self.kind is Kind.ACTIVE) != (self.consent is not None):
+        if (self.kind is ItemKind.ACTIVE) != (self.consent is not None):
             raise ValueError(f"step `{self.title}`: consent is asked for active steps, and for all of them")
 
 
@@ -441,25 +447,25 @@ _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
 """Where the package of Debian and Ubuntu is not called as its program is."""
 
 
-def unasked(who: str, answer: Answer | None) -> Finding:
+def unasked(who: str, answer: Answer | None) -> BearerFinding:
     """Say that `who` could not be asked; it never fails anything, for nothing is known."""
     words = getattr(answer, "words", "") or "it does not answer"
     hint = f"make {who} reachable first, then ask again"
-    return Finding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "not-asked", f"{who} could not be asked: {words}", hint)
 
 
-def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[Finding]:
+def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFinding]:
     """Say why a program has printed nothing that counts; nothing, if it was carried out."""
     where = PLACES[place]
     if not isinstance(ran, CommandResult):
         yield unasked(where, ran)
     elif ran.trouble is Trouble.MISSING:
         hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"
-        yield Finding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
     elif ran.trouble is Trouble.SILENT:
         hint = f"look whether {where} is overloaded, then ask again"
         message = f"`{program}` did not come to an end in time on {where}"
-        yield Finding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
     elif ran.trouble is not None:
         yield unasked(where, ran)
 

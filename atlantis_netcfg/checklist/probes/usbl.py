@@ -13,11 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
-    Modem,
+    AcousticModem,
     ask_seatrac,
     declared_address,
     modem_of,
@@ -29,7 +29,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
 from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
 from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, UsblEndpoint
 
@@ -60,7 +60,7 @@ def ping_consent(name: str, beacon: int) -> Consent:
 class Ping:
     """The other beacon answers a ping, and its range is measured."""
 
-    modem: Modem
+    modem: AcousticModem
     name: str
     """The row in words."""
     beacon: int
@@ -101,7 +101,9 @@ class Ping:
         finding = self._sent(pings[-1], answers, transcript) if pings else self._kept(answers)
         return Judged((finding,), tuple(_evidence(answers)))
 
-    def _sent(self, sent: seatrac.Answer, answers: tuple[seatrac.Answer, ...], transcript: Transcript) -> Finding:
+    def _sent(
+        self, sent: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: Transcript
+    ) -> BearerFinding:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
@@ -120,39 +122,45 @@ class Ping:
                 return wrong
             if fix.range_m is None:
                 message = f"{other} has answered the ping of {self.name}, and its range was not measured"
-                return Finding(Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free")
+                return BearerFinding(
+                    Verdict.WARN, "no-range", message, "ping again, and look whether both heads are free"
+                )
             far = f"{fix.range_m:.1f} m away"
-            return Finding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
+            return BearerFinding(Verdict.PASS, "answered", f"{other} has answered the ping of {self.name}, {far}")
         if error is not None and error[:1] == bytes([_TIMEOUT]):
             hint = "look whether both beacons are in the water and within reach, and which number the other one has"
-            return Finding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
+            return BearerFinding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
         status = (error or sent.record)[:1]
         if status not in {b"", b"\x00"}:
             why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
             message = f"the beacon of {self.name} has not carried out the ping: {why}"
-            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it")
+            return BearerFinding(
+                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
+            )
         message = f"the beacon of {self.name} has sent a ping and does not tell what became of it"
-        return Finding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+        return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
 
-    def _kept(self, answers: tuple[seatrac.Answer, ...]) -> Finding:
+    def _kept(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> BearerFinding:
         record = seatrac.last(answers, seatrac.STATUS)
         if record is None:
             message = f"no ping was sent: the transceiver of {self.name} is not idle"
-            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it")
+            return BearerFinding(
+                Verdict.INCONCLUSIVE, "not-sent", message, "check again when the vehicle does not use it"
+            )
         status = seatrac.status(record)
         if status is None or status.depth_m is None:
             message = f"no ping was sent: the beacon of {self.name} does not tell its depth"
             hint = "have its crew let the status tell the environment; without a depth nothing is sent"
-            return Finding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
+            return BearerFinding(Verdict.INCONCLUSIVE, "depth-unknown", message, hint)
         if status.depth_m >= _DEPTH_M:
             message = f"the beacon of {self.name} has not answered the ping command"
-            return Finding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
+            return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
         message = f"no ping was sent: the beacon of {self.name} measures a depth of {status.depth_m:.1f} m, as in air"
         hint = f"put the vehicle into the water: from {_DEPTH_M} m on the ping is sent"
-        return Finding(Verdict.INCONCLUSIVE, "in-air", message, hint)
+        return BearerFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
 
 
-def _evidence(answers: tuple[seatrac.Answer, ...]) -> Iterator[Evidence]:
+def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[Evidence]:
     status = seatrac.status(seatrac.last(answers, seatrac.STATUS) or b"")
     if status is not None and status.depth_m is not None:
         yield Evidence(type=EvidenceType.READ, what="depth before the ping", value=f"{status.depth_m:.1f} m")
@@ -172,7 +180,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     passive = Step(
         name="",
         title=f"The USBL of {cell.name} tells fresh fixes",
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.WATER,
         probe=Fixes(
             modem,
@@ -192,7 +200,7 @@ def _width_m(cell: Cell) -> float | None:
     return None if fence is None else 2 * fence.radius_m
 
 
-def _ping(cell: Cell, modem: Modem, endpoint: UsblEndpoint) -> Iterator[Step]:
+def _ping(cell: Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iterator[Step]:
     if endpoint.ping is None:
         return
     if modem.driver is not AcousticDriver.SEATRAC:
@@ -202,7 +210,7 @@ def _ping(cell: Cell, modem: Modem, endpoint: UsblEndpoint) -> Iterator[Step]:
     yield Step(
         name="ping",
         title=f"The beacon {endpoint.ping} answers a ping of {cell.name}",
-        kind=Kind.ACTIVE,
+        kind=ItemKind.ACTIVE,
         phase=Phase.WATER,
         probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _width_m(cell)),
         consent=consent,
@@ -214,7 +222,7 @@ def _pinged_by_a_person(cell: Cell, beacon: int) -> Step:
     return Step(
         name="ping",
         title=f"The modem with the address {beacon} answers {cell.name}",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.WATER,
         do=f"With both in the water, let the software of {cell.name} locate the modem with the address {beacon}.",
         look_for="A position comes, and its range is about that on the chart.",
@@ -227,7 +235,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"The USBL of {cell.name} gives its position",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.WATER,
         do=f"The USBL of {cell.name} {why}, so nobody can listen to it. With both transducers in the water, and never "
         "in air, let the vehicle be located from its base, some metres away and in a known direction.",

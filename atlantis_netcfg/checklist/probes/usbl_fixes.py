@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.acoustic.modem import Modem, not_understood, transcript_or_judgement
+from atlantis_netcfg.checklist.probes.acoustic.modem import AcousticModem, not_understood, transcript_or_judgement
 from atlantis_netcfg.checklist.probes.acoustic.status import (
     INTEGRITY_LOW,
     RSSI_DB,
     SOUND_SPEED_MPS,
+    AcousticReading,
     Beacon,
-    Reading,
     damage,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
@@ -166,7 +166,7 @@ class _Arrivals:
 
 def impossible(
     who: str, fix: UsblFix, local: int | None, width_m: float | None, driver: AcousticDriver
-) -> Finding | None:
+) -> BearerFinding | None:
     """Say what is wrong with a fix beyond doubt; None: it may be true.
 
     `own`: address of the modem that tells it; `width_m`: of the site's waters, where they are declared.
@@ -174,39 +174,41 @@ def impossible(
     whose = f"the address {fix.remote}"
     if fix.delay_s < -_FUTURE_S:
         message = f"{who} tells a fix of {whose} that is measured {-fix.delay_s:.0f} s from now by its own clock"
-        return Finding(Verdict.FAIL, "time-impossible", message, _REPLAY)
+        return BearerFinding(Verdict.FAIL, "time-impossible", message, _REPLAY)
     if fix.remote == local:
         message = f"{who} tells fixes of {whose}, which is its own"
-        return Finding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
+        return BearerFinding(Verdict.FAIL, "own-address", message, "give one of the two modems another address")
     if local is not None and fix.to not in {None, 0, local}:
         message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
         hint = "look which beacon is connected here: another one's answers are not its own fixes"
-        return Finding(Verdict.FAIL, "other-beacon", message, hint)
+        return BearerFinding(Verdict.FAIL, "other-beacon", message, hint)
     return _misplaced(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
 
 
-def _misplaced(who: str, whose: str, fix: UsblFix, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+def _misplaced(
+    who: str, whose: str, fix: UsblFix, width_m: float | None, driver: AcousticDriver
+) -> BearerFinding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
     if far_m and min(far_m) <= _NEAREST_M:
         message = f"{who} puts {whose} at {min(far_m):.1f} m, where it is itself: zeros in place of what was measured"
         hint = "restart the modem, and the program that passes its fixes on"
-        return Finding(Verdict.FAIL, "position-null", message, hint)
+        return BearerFinding(Verdict.FAIL, "position-null", message, hint)
     if far_m and (away := _too_far(who, whose, max(far_m), width_m, driver)) is not None:
         return away
     if _apart(fix, _GROSS_SHARE, _GROSS_M):
-        return Finding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
+        return BearerFinding(Verdict.FAIL, "range-mismatch", _mismatch(who, whose, fix), _MISMATCH)
     return None
 
 
-def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> Finding | None:
+def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: AcousticDriver) -> BearerFinding | None:
     widest = min(_REACH_M[driver], width_m if width_m is not None else _REACH_M[driver])
     if far_m > widest:
         limit = "no such modem hears that far" if widest == _REACH_M[driver] else f"the site is {widest:.0f} m wide"
         hint = "compare it with what is seen; correct `checklist.geofence` of the site if the test is wider"
-        return Finding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
+        return BearerFinding(Verdict.FAIL, "too-far", f"{who} puts {whose} {far_m:.0f} m away, and {limit}", hint)
     if width_m is None and far_m > _UNDECLARED_M:
         message = f"{who} puts {whose} {far_m:.0f} m away, and nobody has declared how wide the site is"
-        return Finding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
+        return BearerFinding(Verdict.INCONCLUSIVE, "far-away", message, "declare `checklist.geofence` of the site")
     return None
 
 
@@ -222,7 +224,7 @@ def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
 _MISMATCH = "compare the sound speed that is set with the water's; echoes of a wall make such fixes, too"
 
 
-def _absurd(who: str, whose: str, fix: UsblFix) -> Finding | None:
+def _absurd(who: str, whose: str, fix: UsblFix) -> BearerFinding | None:
     """Say that a value is one that no reception has."""
     values = (
         ("an accuracy", fix.accuracy, "rad", fix.accuracy is not None and not 0 <= fix.accuracy <= _ACCURACY_NONE),
@@ -234,14 +236,16 @@ def _absurd(who: str, whose: str, fix: UsblFix) -> Finding | None:
     if odd is None:
         return None
     message = f"{who} tells a fix of {whose} with {odd}, which says nothing of a direction or is none"
-    return Finding(Verdict.FAIL, "values-impossible", message, f"look whether something is received at all; {_ECHOES}")
+    return BearerFinding(
+        Verdict.FAIL, "values-impossible", message, f"look whether something is received at all; {_ECHOES}"
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Fixes:
     """The USBL tells fresh fixes of the modems that it should hear."""
 
-    modem: Modem
+    modem: AcousticModem
     name: str
     """The row in words."""
     hears: tuple[int, ...]
@@ -285,18 +289,18 @@ class Fixes:
         if self.modem.driver is AcousticDriver.SEATRAC:
             settings = Beacon.of(transcript).settings
             return None if settings is None else settings.beacon
-        return Reading.of(transcript).address
+        return AcousticReading.of(transcript).address
 
-    def _whose(self, transcript: Transcript) -> Iterator[Finding]:
+    def _whose(self, transcript: Transcript) -> Iterator[BearerFinding]:
         """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
         local = self._local_address(transcript)
         if local is not None and self.declared is not None and local != self.declared:
             message = f"{self._who} has the acoustic address {local}, and {self.declared} is declared"
             hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
-            yield Finding(Verdict.FAIL, "wrong-address", message, hint)
+            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
             message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
-            yield Finding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
+            yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
 
     def _understood(self, transcript: Transcript) -> bool:
         if self.modem.driver is AcousticDriver.SEATRAC:
@@ -304,33 +308,35 @@ class Fixes:
         pieces = evologics.pieces(transcript.data)
         return any(piece.command for piece in pieces) or evologics.state(pieces) is not None
 
-    def _foreign(self, transcript: Transcript) -> Finding:
+    def _foreign(self, transcript: Transcript) -> BearerFinding:
         seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
         return (damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
 
-    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: Transcript) -> Finding:
+    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: Transcript) -> BearerFinding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             switched = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if switched == 0 and not fixes:
                 message = f"{self._who} keeps its fixes to itself: their output is switched off (AT?ZU 0)"
                 hint = "have its crew switch the output of fixes on: this tool never does"
-                return Finding(Verdict.INCONCLUSIVE, "output-off", message, hint)
+                return BearerFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
         whose = f" of {_addresses(self.hears)}" if self.hears else ""
         others = sorted({fix.remote for fix in fixes})
         beside = f", only of {_addresses(tuple(others))}" if others else ""
         message = f"{self._who} told no fix{whose} within {transcript.ended_s:.0f} s{beside}: nobody pinging?"
-        return Finding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
+        return BearerFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
-    def _of(self, remote: int, fixes: list[UsblFix], local: int | None, transcript: Transcript) -> Iterator[Finding]:
+    def _of(
+        self, remote: int, fixes: list[UsblFix], local: int | None, transcript: Transcript
+    ) -> Iterator[BearerFinding]:
         """Judge what was told of one modem: possible, of now, and more than one measurement."""
         if not fixes:
             message = f"{self._who} told no fix of the address {remote} within {transcript.ended_s:.0f} s"
-            yield Finding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "not-heard", message, _NOBODY)
             return
         again = _again(fixes)
         if again is not None:
             message = f"{self._who} tells {again} of the address {remote}"
-            yield Finding(Verdict.FAIL, "repeated", message, _REPLAY)
+            yield BearerFinding(Verdict.FAIL, "repeated", message, _REPLAY)
             return
         # One measurement is as old as when it was told first.
         measured = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
@@ -342,49 +348,55 @@ class Fixes:
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
             message = f"{len(wrong)} of {len(measured)} fixes of the address {remote} cannot be: {_first(wrong)}"
-            yield Finding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
+            yield BearerFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
-    def _wrong(self, fix: UsblFix, local: int | None) -> Finding | None:
+    def _wrong(self, fix: UsblFix, local: int | None) -> BearerFinding | None:
         of = f"of the address {fix.remote}"
         finding = impossible(self._who, fix, local, self.width_m, self.modem.driver)
         if finding is not None:
             return finding
         if fix.delay_s > self.max_age_s:
             message = f"{self._who} tells a fix {of} that was measured {fix.delay_s:.0f} s before"
-            return Finding(Verdict.FAIL, "stale", message, _REPLAY)
+            return BearerFinding(Verdict.FAIL, "stale", message, _REPLAY)
         if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
             ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
                 side = "behind" if ahead_s < 0 else "ahead of"
                 message = f"{self._who} tells a fix {of} at a time that is {abs(ahead_s):.0f} s {side} the clock here"
                 hint = f"set the modem's clock; if it is right: {_REPLAY}"
-                return Finding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
+                return BearerFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
         if fix.suspect:
-            return Finding(Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES)
+            return BearerFinding(
+                Verdict.INCONCLUSIVE, "not-trusted", f"{self._who} does not trust its own fix {of}", _ECHOES
+            )
         return None
 
-    def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[Finding]:
+    def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[BearerFinding]:
         last = good[-1]
         far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
         counted = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
         if last.age_s > self.max_age_s:
             message = f"{self._who} told {counted}, but none for {last.age_s:.0f} s"
-            yield Finding(Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}")
+            yield BearerFinding(
+                Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}"
+            )
             return
-        yield Finding(Verdict.PASS, "heard", f"{self._who} told {counted}{far}")
+        yield BearerFinding(Verdict.PASS, "heard", f"{self._who} told {counted}{far}")
         if len(good) == 1:
             message = f"only one fix of the address {remote} came: whether more follow is not seen"
-            yield Finding(Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again")
+            yield BearerFinding(
+                Verdict.WARN, "one-fix", message, "let it be pinged every few seconds, and listen again"
+            )
         yield from _quality(self._who, remote, last)
 
-    def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[Finding]:
+    def _out_of_step(self, fixes: tuple[UsblFix, ...]) -> Iterator[BearerFinding]:
         """Whether the modem's clock and ours go alike: what was kept back for too long, or recorded, does not."""
         apart = [fix.clock_s - fix.received_at for fix in fixes if fix.clock_s is not None]
         if apart and max(apart) - min(apart) > self.max_age_s:
             far_s = max(apart) - min(apart)
             message = f"the clock of {self._who} and ours move apart by {far_s:.0f} s while fixes come"
             hint = f"listen again: fixes that were kept back come at once; if it stays so: {_REPLAY}"
-            yield Finding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "out-of-step", message, hint)
 
 
 def _again(fixes: list[UsblFix]) -> str | None:
@@ -405,37 +417,37 @@ def _before(then: object, item: object) -> bool:
     return isinstance(then, float) and isinstance(item, float) and then < item
 
 
-def _first(wrong: Mapping[int, Finding]) -> str:
+def _first(wrong: Mapping[int, BearerFinding]) -> str:
     return next(iter(wrong.values())).message
 
 
-def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[Finding]:
+def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[BearerFinding]:
     of = f"of the address {remote}"
     if fix.range_m is None:
         hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
-        yield Finding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
+        yield BearerFinding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
     elif not fix.directed:
         hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
-        yield Finding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
+        yield BearerFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
     elif _apart(fix, _OFF_SHARE, _OFF_M):
-        yield Finding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
+        yield BearerFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
     low, high = RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
         weak = fix.rssi_db < low
         message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
         hint = "look at the transducers and what is between them" if weak else "move the modems apart"
-        yield Finding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
+        yield BearerFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
     if fix.integrity is not None and fix.integrity < INTEGRITY_LOW:
         message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {INTEGRITY_LOW}"
         hint = "look for echoes (walls, the hull, the surface) and noise, and listen again"
-        yield Finding(Verdict.WARN, "integrity-low", message, hint)
+        yield BearerFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:
         message = f"{who} knows the direction {of} only to {math.degrees(fix.accuracy):.0f} degrees"
-        yield Finding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
+        yield BearerFinding(Verdict.WARN, "accuracy-poor", message, _ECHOES)
     if fix.fit_error is not None and fix.fit_error > _FIT_POOR:
         poor = f"fit error {fix.fit_error:.1f}, good is below {_FIT_POOR:g}"
         message = f"{who} has measured the direction {of} poorly: {poor}"
-        yield Finding(Verdict.WARN, "poor-fit", message, _ECHOES)
+        yield BearerFinding(Verdict.WARN, "poor-fit", message, _ECHOES)
 
 
 def _addresses(addresses: tuple[int, ...]) -> str:

@@ -25,7 +25,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.wifi import Family, WifiPeer
 from atlantis_netcfg.bearers.wifi import queries as wifi_queries
 from atlantis_netcfg.bearers.wifi import read as read_wifi
@@ -51,7 +51,7 @@ from atlantis_netcfg.checklist.probes.step import (
     Question,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Step,
     declared,
     not_run,
@@ -59,7 +59,7 @@ from atlantis_netcfg.checklist.probes.step import (
     rows_of,
     unasked,
 )
-from atlantis_netcfg.checklist.report import Evidence, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration.model import Column, WifiEndpoint, WifiRole
@@ -81,7 +81,7 @@ _COUNTRY = re.compile(r"^country ([A-Z0-9]{2}):", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Link:
+class WifiLink:
     """Answer of `iw dev INTERFACE link`."""
 
     bssid: str | None = None
@@ -111,16 +111,16 @@ class Rules:
     countries: tuple[str, ...] = ()
 
 
-def read_link(out: str) -> Link | None:
+def read_link(out: str) -> WifiLink | None:
     """Read an association; None: the words are not understood."""
     if out.strip().startswith("Not connected"):
-        return Link()
+        return WifiLink()
     found = _CONNECTED.search(out)
     if found is None:
         return None
     fields = dict(_fields(out))
     mhz = _MHZ.match(fields.get("freq", ""))
-    return Link(
+    return WifiLink(
         bssid=found[1].upper(),
         ssid=_plain(fields["SSID"]) if "SSID" in fields else None,
         frequency_mhz=int(mhz[1]) if mhz else None,
@@ -207,7 +207,7 @@ def band_of(frequency_mhz: int) -> str | None:
     return next((name for name, (low, high) in _BANDS.items() if low <= frequency_mhz < high), None)
 
 
-def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None, who: str) -> Iterator[Finding]:
+def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None, who: str) -> Iterator[BearerFinding]:
     """Compare the channel with what may be used outdoors in the pilot's country."""
     if frequency_mhz is None:
         return
@@ -215,60 +215,62 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
     if band is None:
         message = f"{who} is on {frequency_mhz} MHz, which is neither 2.4 nor 5 GHz"
         hint = "the pilot agreed on 802.11a and g: not every radio of it hears this band"
-        yield Finding(Verdict.WARN, "band", message, hint)
+        yield BearerFinding(Verdict.WARN, "band", message, hint)
     elif why := channels.why_illegal(country, band, frequency_mhz, width_mhz or 20, outdoors=True):
         message = f"{who} is on {frequency_mhz} MHz: {why}"
         hint = "set another channel at the vehicle before it goes outside: 5500 to 5700 MHz, or 2.4 GHz"
-        yield Finding(Verdict.WARN, "channel-indoors", message, hint)
+        yield BearerFinding(Verdict.WARN, "channel-indoors", message, hint)
 
 
-def judge_country(country: str, rules: Rules, where: str) -> Iterator[Finding]:
+def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFinding]:
     """Compare the country that the computer's radios obey with the pilot's; who does not say is not judged."""
     expected = COUNTRIES[country]
     others = [item for item in rules.countries if item not in {expected, *_NO_COUNTRY}]
     hint = f"on it: sudo iw reg set {expected}, and `REGDOMAIN={expected}` in /etc/default/crda so that it stays"
     if others:
         message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {expected}"
-        yield Finding(Verdict.WARN, "country-differs", message, hint)
+        yield BearerFinding(Verdict.WARN, "country-differs", message, hint)
     elif rules.countries and expected not in rules.countries:
         message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {expected}"
-        yield Finding(Verdict.WARN, "country-unset", message, hint)
+        yield BearerFinding(Verdict.WARN, "country-unset", message, hint)
 
 
 FAR_DB = 10.0
 IMBALANCE_DB = 6.0
 
 
-def judge_level(endpoint: WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[Finding]:
+def judge_level(endpoint: WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[BearerFinding]:
     """Compare a level with both bounds. `where` hears `who`."""
     if level is None:
         message = f"{where} does not say how well it hears {who}"
-        yield Finding(Verdict.INCONCLUSIVE, "signal-unknown", message, "look at the radio's own page, or ask again")
+        yield BearerFinding(
+            Verdict.INCONCLUSIVE, "signal-unknown", message, "look at the radio's own page, or ask again"
+        )
     elif level < endpoint.low_dbm:
         far = level <= endpoint.low_dbm - FAR_DB
         message = f"{where} hears {who} with {level:g} dBm, below {endpoint.low_dbm:g} dBm"
         hint = "bring both closer or into sight of each other, and look at the antennas and their connectors"
-        yield Finding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
+        yield BearerFinding(Verdict.FAIL if far else Verdict.WARN, "signal-weak", message, hint)
     elif level > endpoint.high_dbm:
         far = level >= endpoint.high_dbm + FAR_DB
         message = f"{where} hears {who} with {level:g} dBm, above {endpoint.high_dbm:g} dBm: its receiver is overdriven"
         hint = "move both some metres apart, or reduce the transmit power of the other end"
-        yield Finding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
+        yield BearerFinding(Verdict.FAIL if far else Verdict.WARN, "signal-strong", message, hint)
 
 
-def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[Finding]:
+def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterator[BearerFinding]:
     """Compare the chains of the receiver with each other."""
     levels = [chain for chain in chains if chain is not None]
     if len(levels) > 1 and max(levels) - min(levels) > IMBALANCE_DB:
         apart = max(levels) - min(levels)
         message = f"the chains of {where} hear {who} {apart:g} dB apart, more than {IMBALANCE_DB:g} dB"
         hint = "check how the antennas stand to each other, then the connector of the weaker chain"
-        yield Finding(Verdict.WARN, "chain-imbalance", message, hint)
+        yield BearerFinding(Verdict.WARN, "chain-imbalance", message, hint)
 
 
 def judge_rate(
     endpoint: WifiEndpoint, sent: float | None, received: float | None, who: str, where: str
-) -> Iterator[Finding]:
+) -> Iterator[BearerFinding]:
     """Compare the rates of the association with the declared floor.
 
     The rate of sending is the choice of this end's rate control, and counts; what was last received may have been a
@@ -280,13 +282,13 @@ def judge_rate(
     hint = "look again while traffic flows; then look at level, channel and width"
     if sent is None and received is None:
         message = f"{where} does not say at which rate it is associated with {who}"
-        yield Finding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
     elif sent is not None and sent < floor:
         message = f"{where} sends to {who} at {sent:g} Mbit/s, below {floor:g} Mbit/s"
-        yield Finding(Verdict.FAIL, "rate-low", message, hint)
+        yield BearerFinding(Verdict.FAIL, "rate-low", message, hint)
     elif received is not None and received < floor:
         message = f"{where} last received from {who} at {received:g} Mbit/s, below {floor:g} Mbit/s"
-        yield Finding(Verdict.WARN, "rate-low", message, hint)
+        yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
 
 
 FAIL_LOSS_PERCENT = 50.0
@@ -313,10 +315,10 @@ class AssociatedProbe:
         """Give the radio's view, the interface and the way to the vehicle."""
         radio = self.endpoint.interface
         requested = (
-            Run("link", self.place, ("iw", "dev", radio, "link")),
-            Run("stations", self.place, ("iw", "dev", radio, "station", "dump")),
-            Run("info", self.place, ("iw", "dev", radio, "info")),
-            Run("rules", self.place, ("iw", "reg", "get")),
+            RunProgram("link", self.place, ("iw", "dev", radio, "link")),
+            RunProgram("stations", self.place, ("iw", "dev", radio, "station", "dump")),
+            RunProgram("info", self.place, ("iw", "dev", radio, "info")),
+            RunProgram("rules", self.place, ("iw", "reg", "get")),
             card_request(self.place, radio),
         )
         if self.address is None:
@@ -334,7 +336,7 @@ class AssociatedProbe:
             text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
             message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
-            return Judged((Finding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
             return Judged((apart,), self._evidence(link, None))
         station = read_station(_out(results, "stations"), link.bssid or "")
@@ -346,43 +348,43 @@ class AssociatedProbe:
     def _radio(self) -> str:
         return f"{self.endpoint.interface} of {PLACES[self.place]}"
 
-    def _no_interface(self, addr: Answer | None) -> Iterator[Finding]:
+    def _no_interface(self, addr: Answer | None) -> Iterator[BearerFinding]:
         """Say that the radio is not there, or is switched off."""
         card = read_card(addr)
         if isinstance(addr, CommandResult) and card is None and "does not exist" in addr.err:
             hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
             message = f"{PLACES[self.place]} has no interface {self.endpoint.interface}"
-            yield Finding(Verdict.FAIL, "no-interface", message, hint)
+            yield BearerFinding(Verdict.FAIL, "no-interface", message, hint)
         elif card is not None and not card.up:
             hint = f"on it: rfkill list; sudo ip link set {self.endpoint.interface} up"
-            yield Finding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
+            yield BearerFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
 
-    def _no_iw(self, link: Answer | None) -> Iterator[Finding]:
+    def _no_iw(self, link: Answer | None) -> Iterator[BearerFinding]:
         """Say that the radio cannot be asked."""
         yield from not_run(self.place, "iw", link)
         if isinstance(link, CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
             message = f"{self.endpoint.interface} of {PLACES[self.place]} is not a radio"
-            yield Finding(Verdict.FAIL, "no-radio", message, hint)
+            yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
         elif isinstance(link, CommandResult) and "nl80211 not found" in link.err:
             hint = "plug a radio in, or load the driver of the one that it has"
             message = f"{PLACES[self.place]} has no radio that its kernel knows"
-            yield Finding(Verdict.FAIL, "no-radio", message, hint)
+            yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
 
-    def _link(self, results: Mapping[str, Answer]) -> Link | None:
+    def _link(self, results: Mapping[str, Answer]) -> WifiLink | None:
         return read_link(_out(results, "link"))
 
-    def _apart(self, link: Link, results: Mapping[str, Answer]) -> Finding | None:
+    def _apart(self, link: WifiLink, results: Mapping[str, Answer]) -> BearerFinding | None:
         """Say that the radio is not associated with the vehicle; None: it is, as far as can be told."""
         kind = read_type(_out(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
             message = f"{self._radio} is no client of an access point, but of type {kind}"
             hint = f"the vehicle is the access point here: what has set {self.endpoint.interface} up so?"
-            return Finding(Verdict.FAIL, "no-client", message, hint)
+            return BearerFinding(Verdict.FAIL, "no-client", message, hint)
         if link.bssid is None:
             hint = f"is {self.name} on and its antenna out of the water? Then compare SSID and key at both ends"
             message = f"{self._radio} is not associated with {self._expected}"
-            return Finding(Verdict.FAIL, "not-associated", message, hint)
+            return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
         ssid = self.endpoint.ssid
         if ssid is not None and link.ssid is not None and link.ssid != ssid:
             message = (
@@ -390,27 +392,29 @@ class AssociatedProbe:
                 f" `{ssid}` cannot be judged"
             )
             hint = f"connect it to `{ssid}` when the other vehicle is done, or give each vehicle a radio of its own"
-            return Finding(Verdict.INCONCLUSIVE, "other-association", message, hint)
+            return BearerFinding(Verdict.INCONCLUSIVE, "other-association", message, hint)
         if self.endpoint.mac is not None and link.bssid != str(self.endpoint.mac).upper():
             message = f"{link.bssid} sends as {self._expected}, and the radio of {self.name} is {self.endpoint.mac}"
             hint = "correct `endpoints.wifi.mac` if its radio was exchanged; else find out who sends under this name"
-            return Finding(Verdict.FAIL, "other-radio", message, hint)
+            return BearerFinding(Verdict.FAIL, "other-radio", message, hint)
         return None
 
     @property
     def _expected(self) -> str:
         return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
 
-    def _identity(self, link: Link, station: Station | None) -> Iterator[Finding]:
+    def _identity(self, link: WifiLink, station: Station | None) -> Iterator[BearerFinding]:
         dbm = _level(link, station)
         level = "" if dbm is None else f", heard with {dbm:g} dBm"
         who = f"`{link.ssid}`" if link.ssid else str(link.bssid)
-        yield Finding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
+        yield BearerFinding(Verdict.PASS, "associated", f"{self._radio} is associated with {who} of {self.name}{level}")
         if (self.endpoint.ssid is None or link.ssid is None) and self.endpoint.mac is None:
             message = f"nothing tells whether {who} is the access point of {self.name}"
-            yield Finding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
+            yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
 
-    def _radio_says(self, link: Link, station: Station | None, results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _radio_says(
+        self, link: WifiLink, station: Station | None, results: Mapping[str, Answer]
+    ) -> Iterator[BearerFinding]:
         yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
         sent, received = _rates(link, station)
@@ -425,22 +429,22 @@ class AssociatedProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
+            return Judged((BearerFinding(Verdict.WARN, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         card = read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:
             message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
             hint = f"type it there: ip route get {self.address}; then correct the address or the route"
-            return Judged((Finding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),))
+            return Judged((BearerFinding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),))
         if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
-            return Judged((Finding(Verdict.FAIL, "no-route", message, hint),))
+            return Judged((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
         expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         return judge_ping(expected, results.get("ping"))
 
-    def _evidence(self, link: Link, station: Station | None) -> tuple[Evidence, ...]:
+    def _evidence(self, link: WifiLink, station: Station | None) -> tuple[Evidence, ...]:
         at = self._radio
         sent, received = _rates(link, station)
         shown = (
@@ -456,12 +460,12 @@ class AssociatedProbe:
         return (*result, declared("signal wanted", bounds))
 
 
-def _level(link: Link, station: Station | None) -> float | None:
+def _level(link: WifiLink, station: Station | None) -> float | None:
     mean = None if station is None else station.signal_dbm
     return link.signal_dbm if mean is None else mean
 
 
-def _rates(link: Link, station: Station | None) -> tuple[float | None, float | None]:
+def _rates(link: WifiLink, station: Station | None) -> tuple[float | None, float | None]:
     return (
         link.tx_mbps if link.tx_mbps is not None or station is None else station.tx_mbps,
         link.rx_mbps if link.rx_mbps is not None or station is None else station.rx_mbps,
@@ -514,7 +518,7 @@ class RegisteredProbe:
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
             hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
-            return Judged((Finding(Verdict.WARN, "association-unseen", message, hint),))
+            return Judged((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
         answers = {family: results.get(family) for family in Family}
         if all(not isinstance(result, Rows) or result.trouble is not None for result in answers.values()):
             return Judged((unasked(host, answers[Family.WIRELESS]),))
@@ -522,7 +526,7 @@ class RegisteredProbe:
         if not tables:
             message = f"{host} has no registration table, in neither of its two menus for radios"
             hint = "is `endpoints.wifi.seen_by` the device with the access point? RouterOS 7.13 on needs a package"
-            return Judged((Finding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
         peers = [peer for family, rows in tables.items() for peer in read_wifi(family, rows, None).peers]
         return self._registered(host, peers)
 
@@ -531,21 +535,25 @@ class RegisteredProbe:
         if self.mac is None:
             message = f"nobody has declared the MAC address of {self.name}, by which {host} would know it"
             hint = "write `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
-            return Judged((Finding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
+            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
         mine = next((peer for peer in peers if peer.mac == self.mac), None)
         if mine is None:
             message = f"{self.name} ({self.mac}) is not registered at {host}; {others} is"
             hint = "is it on, with the SSID and key of the site? If its radio was exchanged, correct its MAC address"
-            return Judged((Finding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),))
+            return Judged(
+                (BearerFinding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),)
+            )
         return Judged(tuple(self._findings(host, mine)), self._evidence(host, mine))
 
-    def _findings(self, host: str, peer: WifiPeer) -> Iterator[Finding]:
+    def _findings(self, host: str, peer: WifiPeer) -> Iterator[BearerFinding]:
         if peer.authorised is False:
             message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
-            yield Finding(Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's")
+            yield BearerFinding(
+                Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's"
+            )
         else:
             level = "" if peer.signal_dbm is None else f", heard with {peer.signal_dbm:g} dBm"
-            yield Finding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
+            yield BearerFinding(Verdict.PASS, "registered", f"{self.name} is registered at {host}{level}")
         yield from judge_level(self.endpoint, peer.signal_dbm, self.name, host)
         yield from judge_chains(peer.chains_dbm, self.name, host)
         yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
@@ -569,7 +577,7 @@ class RegisteredProbe:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return Judged((Finding(Verdict.WARN, "no-address", message, hint),))
+            return Judged((BearerFinding(Verdict.WARN, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if local := tuple(own_address(self.place, self.name, self.address, way)):
             return Judged(local)
@@ -597,7 +605,7 @@ def _radio_step(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
     return Step(
         name=name,
         title=_title(cell, endpoint),
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=probe,
         concerns=tuple(concern for concern in concerns if concern is not None),
@@ -623,7 +631,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"Wi-Fi of {cell.name} works",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=f"Connect a computer to the Wi-Fi of {cell.name} where the vehicles will be, and look at its level.",
         look_for="It connects, hears the access point with -35 to -75 dBm, and pings the gateway without loss.",

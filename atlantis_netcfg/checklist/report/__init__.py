@@ -11,16 +11,16 @@ from atlantis_netcfg.checklist.report._html import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.checklist.report._words import lines
 from atlantis_netcfg.checklist.report.document import (
-    Change,
     Document,
     Drawing,
     DrawnLink,
     DrawnNode,
     Evidence,
     EvidenceType,
-    Finding,
     Item,
-    Kind,
+    ItemChange,
+    ItemFinding,
+    ItemKind,
     LeftOut,
     Override,
     Phase,
@@ -30,16 +30,16 @@ from atlantis_netcfg.checklist.report.document import (
 )
 
 __all__ = [
-    "Change",
     "Document",
     "Drawing",
     "DrawnLink",
     "DrawnNode",
     "Evidence",
     "EvidenceType",
-    "Finding",
     "Item",
-    "Kind",
+    "ItemChange",
+    "ItemFinding",
+    "ItemKind",
     "LeftOut",
     "Override",
     "Phase",

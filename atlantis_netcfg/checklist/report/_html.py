@@ -23,7 +23,7 @@ from markupsafe import Markup
 from PIL import Image, ImageOps
 
 from atlantis_netcfg.checklist.report._junit import junit
-from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, State, css_class, grid, state
+from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.checklist.report._words import clock, counts, evidence_groups, first, headline, scope, title
 from atlantis_netcfg.report.junit import clean
@@ -145,7 +145,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
             anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
             first=first(document),
             overridden=[item for item in document.items if item.override is not None],
-            unsettled=[item for item in document.items if state(item) in {State.OPEN, State.INCONCLUSIVE}],
+            unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
             attached=attached(document, files),
         )
     )
@@ -157,7 +157,7 @@ def _style() -> str:
     return _environment().get_template("style.css.j2").render(light=_classes(TINTS), dark=_classes(DARK))
 
 
-def _classes(tints: Mapping[State | None, Any]) -> dict[str, Any]:
+def _classes(tints: Mapping[ShownState | None, Any]) -> dict[str, Any]:
     return {css_class(item): tint for item, tint in tints.items()}
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import State, grid, state
+from atlantis_netcfg.checklist.report._shapes import ShownState, grid, state
 from atlantis_netcfg.checklist.report._words import closing, evidence_words, signed
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.report.junit import add, clean, count, skip, tell, written
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-_FAILURES = frozenset({State.FAIL, State.INCONCLUSIVE, State.OPEN})
+_FAILURES = frozenset({ShownState.FAIL, ShownState.INCONCLUSIVE, ShownState.OPEN})
 
 
 def junit(document: Document) -> bytes:
@@ -60,9 +60,9 @@ def _judge(case: ET.Element, item: Item) -> None:
     words = filter(None, (item.message, item.hint))
     if shown in _FAILURES:
         add(case, "failure", str(shown), *words)
-    elif shown is State.ERROR:
+    elif shown is ShownState.ERROR:
         add(case, "error", str(shown), *words)
-    elif shown is State.SKIP:
+    elif shown is ShownState.SKIP:
         skip(case, item.message)
     tell(case, *_lines(item))
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 
-class State(StrEnum):
+class ShownState(StrEnum):
     """Worst last."""
 
     SKIP = "SKIP"
@@ -44,32 +44,32 @@ class State(StrEnum):
     ERROR = "ERROR"
 
 
-_ORDER = tuple(State)
-GREEN = frozenset({State.SKIP, State.PASS, State.WARN, State.OVERRIDDEN})
+_ORDER = tuple(ShownState)
+GREEN = frozenset({ShownState.SKIP, ShownState.PASS, ShownState.WARN, ShownState.OVERRIDDEN})
 """What does not keep a checklist from being green, as `Document.exit` has it."""
 
 SYMBOLS = {
-    State.SKIP: "–",  # noqa: RUF001 - a dash
-    State.PASS: "✓",
-    State.WARN: "!",
-    State.OVERRIDDEN: "✎",
-    State.NOT_CHECKED: "…",
-    State.OPEN: "○",
-    State.INCONCLUSIVE: "?",
-    State.FAIL: "✗",
-    State.ERROR: "■",
+    ShownState.SKIP: "–",  # noqa: RUF001 - a dash
+    ShownState.PASS: "✓",
+    ShownState.WARN: "!",
+    ShownState.OVERRIDDEN: "✎",
+    ShownState.NOT_CHECKED: "…",
+    ShownState.OPEN: "○",
+    ShownState.INCONCLUSIVE: "?",
+    ShownState.FAIL: "✗",
+    ShownState.ERROR: "■",
 }
 """None of them has a form as an emoji, so that every phone prints them in the colour of the text."""
 ASCII = {
-    State.SKIP: "-",
-    State.PASS: "+",
-    State.WARN: "!",
-    State.OVERRIDDEN: "*",
-    State.NOT_CHECKED: ".",
-    State.OPEN: "o",
-    State.INCONCLUSIVE: "?",
-    State.FAIL: "X",
-    State.ERROR: "#",
+    ShownState.SKIP: "-",
+    ShownState.PASS: "+",
+    ShownState.WARN: "!",
+    ShownState.OVERRIDDEN: "*",
+    ShownState.NOT_CHECKED: ".",
+    ShownState.OPEN: "o",
+    ShownState.INCONCLUSIVE: "?",
+    ShownState.FAIL: "X",
+    ShownState.ERROR: "#",
 }
 """For a console, which may know no others."""
 
@@ -77,18 +77,18 @@ _TAKEN_OVER = frozenset({Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR})
 _GRAVE = frozenset({Verdict.FAIL, Verdict.ERROR})
 
 
-def state(item: Item) -> State:
+def state(item: Item) -> ShownState:
     """What is shown of one item."""
     if item.override is not None and (item.open or item.verdict in _TAKEN_OVER):
-        return State.OVERRIDDEN
+        return ShownState.OVERRIDDEN
     if item.open and item.verdict not in _GRAVE:
-        return State.OPEN
-    return State(item.verdict.value)
+        return ShownState.OPEN
+    return ShownState(item.verdict.value)
 
 
-def worst_state(items: Iterable[Item]) -> State:
+def worst_state(items: Iterable[Item]) -> ShownState:
     """The worst of some items; of none, that nothing was checked."""
-    return max(map(state, items), key=_ORDER.index, default=State.NOT_CHECKED)
+    return max(map(state, items), key=_ORDER.index, default=ShownState.NOT_CHECKED)
 
 
 LETTER = 6.1
@@ -97,7 +97,7 @@ BADGE_HEIGHT = 16.0
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class DrawnBox:
     """A node."""
 
     x: float
@@ -107,7 +107,7 @@ class Box:
     label: str
     detail: str
     kind: str
-    state: State | None
+    state: ShownState | None
     """None: no item speaks of it."""
 
     @property
@@ -124,36 +124,36 @@ class Badge:
     y: float
     width: float
     text: str
-    state: State | None
+    state: ShownState | None
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
+class DrawnWire:
     """A line through some points."""
 
     points: tuple[tuple[float, float], ...]
-    state: State | None
+    state: ShownState | None
     dashed: bool = False
     """It goes through a tunnel, or through water and air."""
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class DrawingLayout:
     """A whole drawing; what comes first is painted first."""
 
     width: float
     height: float
-    wires: tuple[Wire, ...]
-    boxes: tuple[Box, ...]
+    wires: tuple[DrawnWire, ...]
+    boxes: tuple[DrawnBox, ...]
     badges: tuple[Badge, ...]
 
 
-def badge_width(label: str, state: State | None) -> float:
+def badge_width(label: str, state: ShownState | None) -> float:
     """How wide a badge has to be."""
     return letters_of(badge_text(label, state)) * LETTER + 10
 
 
-def badge_text(label: str, state: State | None) -> str:
+def badge_text(label: str, state: ShownState | None) -> str:
     """The words of a badge: its sign before them."""
     return f"{SYMBOLS[state]} {label}" if state is not None else label
 
@@ -185,39 +185,39 @@ class Tint:
     edge: str
 
 
-TINTS: Mapping[State | None, Tint] = {
+TINTS: Mapping[ShownState | None, Tint] = {
     None: Tint("#1c2730", "#ffffff", "#6b7884"),
-    State.SKIP: Tint("#46525c", "#eef1f3", "#75818c"),
-    State.PASS: Tint("#0a5226", "#e2f5e6", "#2c8a4b"),
-    State.WARN: Tint("#5f3d00", "#fff0c2", "#a87400"),
-    State.OVERRIDDEN: Tint("#6d2f00", "#ffe6d1", "#b65a14"),
-    State.NOT_CHECKED: Tint("#46525c", "#ffffff", "#75818c"),
-    State.OPEN: Tint("#0b4470", "#e2f0fc", "#3279b3"),
-    State.INCONCLUSIVE: Tint("#4a2786", "#efe7fc", "#8160bd"),
-    State.FAIL: Tint("#8c0c12", "#fde1df", "#c8332f"),
-    State.ERROR: Tint("#ffffff", "#7a0d3d", "#7a0d3d"),
+    ShownState.SKIP: Tint("#46525c", "#eef1f3", "#75818c"),
+    ShownState.PASS: Tint("#0a5226", "#e2f5e6", "#2c8a4b"),
+    ShownState.WARN: Tint("#5f3d00", "#fff0c2", "#a87400"),
+    ShownState.OVERRIDDEN: Tint("#6d2f00", "#ffe6d1", "#b65a14"),
+    ShownState.NOT_CHECKED: Tint("#46525c", "#ffffff", "#75818c"),
+    ShownState.OPEN: Tint("#0b4470", "#e2f0fc", "#3279b3"),
+    ShownState.INCONCLUSIVE: Tint("#4a2786", "#efe7fc", "#8160bd"),
+    ShownState.FAIL: Tint("#8c0c12", "#fde1df", "#c8332f"),
+    ShownState.ERROR: Tint("#ffffff", "#7a0d3d", "#7a0d3d"),
 }
-DARK: Mapping[State | None, Tint] = {
+DARK: Mapping[ShownState | None, Tint] = {
     None: Tint("#e6edf3", "#1b232c", "#8b98a5"),
-    State.SKIP: Tint("#b7c2cc", "#262f38", "#7b8894"),
-    State.PASS: Tint("#a5ebb9", "#0f3a20", "#3f9e62"),
-    State.WARN: Tint("#ffdf85", "#463300", "#b78a1d"),
-    State.OVERRIDDEN: Tint("#ffc9a0", "#4a2608", "#cf7a3a"),
-    State.NOT_CHECKED: Tint("#b7c2cc", "#12181f", "#7b8894"),
-    State.OPEN: Tint("#a9d6fb", "#0d3353", "#4c93cd"),
-    State.INCONCLUSIVE: Tint("#d6c3fa", "#352058", "#9a7cd6"),
-    State.FAIL: Tint("#ffb8b3", "#561317", "#e0605b"),
-    State.ERROR: Tint("#ffffff", "#8f1b50", "#e67cab"),
+    ShownState.SKIP: Tint("#b7c2cc", "#262f38", "#7b8894"),
+    ShownState.PASS: Tint("#a5ebb9", "#0f3a20", "#3f9e62"),
+    ShownState.WARN: Tint("#ffdf85", "#463300", "#b78a1d"),
+    ShownState.OVERRIDDEN: Tint("#ffc9a0", "#4a2608", "#cf7a3a"),
+    ShownState.NOT_CHECKED: Tint("#b7c2cc", "#12181f", "#7b8894"),
+    ShownState.OPEN: Tint("#a9d6fb", "#0d3353", "#4c93cd"),
+    ShownState.INCONCLUSIVE: Tint("#d6c3fa", "#352058", "#9a7cd6"),
+    ShownState.FAIL: Tint("#ffb8b3", "#561317", "#e0605b"),
+    ShownState.ERROR: Tint("#ffffff", "#8f1b50", "#e67cab"),
 }
 
 
-def css_class(state: State | None) -> str:
+def css_class(state: ShownState | None) -> str:
     """The class that a page gives to whatever shows a state."""
     return "s-none" if state is None else f"s-{state.lower().replace(' ', '-')}"
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class GridCell:
     """Where a row and a column meet."""
 
     column: str
@@ -233,7 +233,7 @@ class Cell:
         return not (self.table3 or self.beside)
 
     @property
-    def state(self) -> State:
+    def state(self) -> ShownState:
         """The worst of its items."""
         return worst_state(self.items)
 
@@ -248,7 +248,7 @@ class GridRow:
     """A vehicle, or the location."""
 
     row: Row
-    cells: tuple[Cell, ...]
+    cells: tuple[GridCell, ...]
     """One for each column of the table, then one for each beside it."""
     items: tuple[Item, ...]
 
@@ -299,5 +299,5 @@ def _row(document: Document, row: Row, columns: tuple[str, ...]) -> GridRow:
     for column in columns:
         items = tuple(item for item in here if item.endpoint == column)
         marked = column in row.table3 or any(item.table3 for item in items)
-        cells.append(Cell(column, marked, not marked and (column in row.beside or bool(items)), items))
+        cells.append(GridCell(column, marked, not marked and (column in row.beside or bool(items)), items))
     return GridRow(row, tuple(cells), tuple(here))

@@ -22,10 +22,10 @@ from atlantis_netcfg.checklist.report._shapes import (
     SYMBOLS,
     TINTS,
     Badge,
-    Box,
-    Layout,
-    State,
-    Wire,
+    DrawingLayout,
+    DrawnBox,
+    DrawnWire,
+    ShownState,
     badge_text,
     badge_width,
     css_class,
@@ -66,40 +66,40 @@ _NAME_LETTERS, _DETAIL_LETTERS, _BADGE_LETTERS = 15, 19, 30
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _DrawnPlace:
     """Where a node stands."""
 
     row: int
-    box: Box
+    box: DrawnBox
 
 
 @dataclass(slots=True)
-class _Sheet:
+class _SvgSheet:
     """What is drawn so far."""
 
     items: dict[str, Item]
-    places: dict[str, _Place] = field(default_factory=dict)
-    wires: list[Wire] = field(default_factory=list)
+    places: dict[str, _DrawnPlace] = field(default_factory=dict)
+    wires: list[DrawnWire] = field(default_factory=list)
     badges: list[Badge] = field(default_factory=list)
     buses: list[float] = field(default_factory=list)
     """The common line below each row: above it hang badges of that row, below it stand those of the next."""
 
-    def state(self, named: Iterable[str]) -> State | None:
+    def state(self, named: Iterable[str]) -> ShownState | None:
         """The worst of some items; None where there are none of them."""
         known = [self.items[name] for name in named if name in self.items]
         return worst_state(known) if known else None
 
 
-def states(document: Document) -> tuple[dict[str, State | None], list[tuple[DrawnLink, State | None]]]:
+def states(document: Document) -> tuple[dict[str, ShownState | None], list[tuple[DrawnLink, ShownState | None]]]:
     """How each node and each link is, for words beside the drawing."""
-    sheet = _Sheet({item.id: item for item in document.items})
+    sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: sheet.state(node.items) for node in document.drawing.nodes}
     return nodes, [(link, sheet.state(link.items)) for link in document.drawing.links]
 
 
-def layout(document: Document) -> Layout:
+def layout(document: Document) -> DrawingLayout:
     """Arrange the drawing of a document; the same for the same document."""
-    sheet = _Sheet({item.id: item for item in document.items})
+    sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: node for node in document.drawing.nodes}
     vehicles = [node for node in nodes.values() if node.kind == _VEHICLE]
     devices = [node for node in nodes.values() if node.kind != _VEHICLE]
@@ -109,7 +109,7 @@ def layout(document: Document) -> Layout:
     height = _vehicles(sheet, vehicles, links, bottom)
     height = max([height, *(badge.y + BADGE_HEIGHT + 4 for badge in sheet.badges)])
     boxes = tuple(place.box for place in sheet.places.values())
-    return Layout(_WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
+    return DrawingLayout(_WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
 
 
 def _others(link: DrawnLink, ends: set[str]) -> set[str]:
@@ -130,7 +130,7 @@ def _rows(nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> list[list[D
     return [some[start : start + _IN_A_ROW] for some in ranked for start in range(0, len(some), _IN_A_ROW)]
 
 
-def _devices(sheet: _Sheet, nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> float:
+def _devices(sheet: _SvgSheet, nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> float:
     """Place all but the vehicles, and wire them; the bottom of it."""
     rows = _rows(nodes, links)
     row_of = {node.key: number for number, row in enumerate(rows) for node in row}
@@ -141,7 +141,7 @@ def _devices(sheet: _Sheet, nodes: Sequence[DrawnNode], links: Sequence[DrawnLin
         left = _LEFT + (_WIDTH - _LEFT - _RIGHT - len(row) * _BOX_WIDTH - (len(row) - 1) * _GAP) / 2
         for place, node in enumerate(row):
             box = _layout_box(sheet, node, left + place * (_BOX_WIDTH + _GAP), y, _BOX_WIDTH)
-            sheet.places[node.key] = _Place(number, box)
+            sheet.places[node.key] = _DrawnPlace(number, box)
         y += _BOX_HEIGHT + _tallest(slots, row, _Side.BELOW) + 8
         sheet.buses.append(y)
     _layout_wire(sheet, slots, row_of)
@@ -195,24 +195,24 @@ def _fan(links: Sequence[DrawnLink], key: str, row_of: dict[str, int], row: int)
     return len([other for other in others if row_of[other] == row])
 
 
-def _layout_box(sheet: _Sheet, node: DrawnNode, x: float, y: float, width: float) -> Box:
+def _layout_box(sheet: _SvgSheet, node: DrawnNode, x: float, y: float, width: float) -> DrawnBox:
     label, detail = cut(node.label, _NAME_LETTERS), cut(node.detail, _DETAIL_LETTERS)
-    return Box(x, y, width, _BOX_HEIGHT, label, detail, node.kind, sheet.state(node.items))
+    return DrawnBox(x, y, width, _BOX_HEIGHT, label, detail, node.kind, sheet.state(node.items))
 
 
-def _layout_wire(sheet: _Sheet, slots: _Slots, row_of: dict[str, int]) -> None:
+def _layout_wire(sheet: _SvgSheet, slots: _Slots, row_of: dict[str, int]) -> None:
     for (key, side), links in slots.items():
         box = sheet.places[key].box
         for number, link in enumerate(links):
             state = sheet.state(link.items)
             badge = _layout_badge(link, state, *_spot(box, side, number))
             route = _route(sheet, *_ends(link, row_of), badge.y + BADGE_HEIGHT / 2)
-            sheet.wires.append(Wire(route, state, link.kind in _THROUGH))
+            sheet.wires.append(DrawnWire(route, state, link.kind in _THROUGH))
             if link.label.strip():
                 sheet.badges.append(badge)
 
 
-def _spot(box: Box, side: _Side, number: int) -> tuple[float, float]:
+def _spot(box: DrawnBox, side: _Side, number: int) -> tuple[float, float]:
     """Middle and top of the n-th badge at a node."""
     if side is _Side.BESIDE:
         return (_LEFT / 2 + box.x) / 2, box.y + 2 + _SLOT * number
@@ -221,14 +221,14 @@ def _spot(box: Box, side: _Side, number: int) -> tuple[float, float]:
     return box.middle, box.y - _SLOT * (number + 1)
 
 
-def _layout_badge(link: DrawnLink, state: State | None, middle: float, y: float) -> Badge:
+def _layout_badge(link: DrawnLink, state: ShownState | None, middle: float, y: float) -> Badge:
     label = cut(link.label, _BADGE_LETTERS)
     width = badge_width(label, state)
     x = min(max(middle - width / 2, 1), max(_WIDTH - width - 1, 1))
     return Badge(x, y, width, badge_text(label, state), state)
 
 
-def _route(sheet: _Sheet, upper: str, lower: str, badge: float) -> tuple[tuple[float, float], ...]:
+def _route(sheet: _SvgSheet, upper: str, lower: str, badge: float) -> tuple[tuple[float, float], ...]:
     place, other = sheet.places[upper], sheet.places[lower]
     a, b = place.box, other.box
     if place.row == other.row:
@@ -241,14 +241,14 @@ def _route(sheet: _Sheet, upper: str, lower: str, badge: float) -> tuple[tuple[f
     return ((a.x, start), (x, start), (x, end), (b.x, end))
 
 
-def _vehicles(sheet: _Sheet, vehicles: Sequence[DrawnNode], links: Sequence[DrawnLink], y: float) -> float:
+def _vehicles(sheet: _SvgSheet, vehicles: Sequence[DrawnNode], links: Sequence[DrawnLink], y: float) -> float:
     """Place the vehicles, one below the other; the bottom of the drawing."""
     lanes: dict[str, float] = {}
     for node in vehicles:
         y += 6
         local = [link for link in links if node.key in {link.a, link.b}]
         box = _layout_box(sheet, node, 4, y, _VEHICLE_WIDTH)
-        sheet.places[node.key] = _Place(-1, box)
+        sheet.places[node.key] = _DrawnPlace(-1, box)
         low = _flow(sheet, [link for link in local if link.label.strip()], y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
         middle = y + _BOX_HEIGHT / 2
         ends = dict.fromkeys(link.b if link.a == node.key else link.a for link in local)
@@ -256,13 +256,13 @@ def _vehicles(sheet: _Sheet, vehicles: Sequence[DrawnNode], links: Sequence[Draw
             if end in sheet.places and sheet.places[end].row >= 0:
                 lane = lanes.setdefault(end, _WIDTH - 8 - 5 * (len(lanes) % 3))
                 both = [item for link in local if end in {link.a, link.b} for item in link.items]
-                sheet.wires.append(Wire(((box.x + box.width, middle), (lane, middle)), sheet.state(both)))
-                sheet.wires.append(Wire(_down(sheet.places[end].box, lane, middle), None))
+                sheet.wires.append(DrawnWire(((box.x + box.width, middle), (lane, middle)), sheet.state(both)))
+                sheet.wires.append(DrawnWire(_down(sheet.places[end].box, lane, middle), None))
         y = max(y + _BOX_HEIGHT, low)
     return y + 6
 
 
-def _flow(sheet: _Sheet, links: Sequence[DrawnLink], y: float) -> float:
+def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], y: float) -> float:
     """Set badges side by side, and in a new line where there is no room; the bottom of the last."""
     start = x = _VEHICLE_WIDTH + 12
     for link in links:
@@ -275,7 +275,7 @@ def _flow(sheet: _Sheet, links: Sequence[DrawnLink], y: float) -> float:
     return y + _SLOT + (_BOX_HEIGHT - BADGE_HEIGHT) / 2
 
 
-def _down(box: Box, lane: float, y: float) -> tuple[tuple[float, float], ...]:
+def _down(box: DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ...]:
     start = box.y + box.height / 2
     return ((box.x + box.width, start), (lane, start), (lane, y))
 
@@ -334,11 +334,11 @@ def _beside(words: str) -> str:
     return f", {words}" if words else ""
 
 
-def _group(root: ET.Element, state: State | None, kind: str) -> ET.Element:
+def _group(root: ET.Element, state: ShownState | None, kind: str) -> ET.Element:
     return ET.SubElement(root, "g", {"class": f"{kind} {css_class(state)}"})
 
 
-def _wire(root: ET.Element, wire: Wire) -> None:
+def _wire(root: ET.Element, wire: DrawnWire) -> None:
     points = " ".join(f"{x:g},{y:g}" for x, y in wire.points)
     tint = TINTS[wire.state]
     given = {"points": points, "fill": "none", "stroke": tint.edge, "stroke-width": "1.6", "class": "line"}
@@ -347,7 +347,7 @@ def _wire(root: ET.Element, wire: Wire) -> None:
     ET.SubElement(_group(root, wire.state, "wire"), "polyline", given)
 
 
-def _box(root: ET.Element, box: Box) -> None:
+def _box(root: ET.Element, box: DrawnBox) -> None:
     tint = TINTS[box.state]
     group = _group(root, box.state, "box")
     shape = {"x": f"{box.x:g}", "y": f"{box.y:g}", "width": f"{box.width:g}", "height": f"{box.height:g}", "rx": "5"}

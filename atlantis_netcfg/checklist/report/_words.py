@@ -8,7 +8,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Cell, GridRow, State, cut, grid, state
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, GridCell, GridRow, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report.document import Document, Evidence, EvidenceType, Item
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import visible
@@ -42,15 +42,15 @@ def clock(at: datetime) -> str:
     return f"{at:%Y-%m-%d %H:%M:%S} {at.tzname() or 'no time zone'}"
 
 
-def counts(items: Iterable[Item]) -> dict[State, int]:
+def counts(items: Iterable[Item]) -> dict[ShownState, int]:
     """How many there are of each state, the worst first, without those that there are none of."""
     states = [state(item) for item in items]
-    return {entry: states.count(entry) for entry in reversed(State) if entry in states}
+    return {entry: states.count(entry) for entry in reversed(ShownState) if entry in states}
 
 
 def by_state(items: Iterable[Item]) -> list[Item]:
     """The worst first; those of one state in the order of the list."""
-    order = tuple(reversed(State))
+    order = tuple(reversed(ShownState))
     return sorted(items, key=lambda item: order.index(state(item)))
 
 
@@ -61,25 +61,31 @@ def first(document: Document) -> tuple[str, list[Item]]:
     return "What to mend first" if grave else "What to look at", every
 
 
-_SETTLED = frozenset({State.PASS, State.SKIP, State.OVERRIDDEN})
+_SETTLED = frozenset({ShownState.PASS, ShownState.SKIP, ShownState.OVERRIDDEN})
 
 
-def headline(document: Document) -> tuple[State, str]:
+def headline(document: Document) -> tuple[ShownState, str]:
     """The verdict of the whole in one word and one sentence."""
     values = counts(document.items)
     narrowed = f", for {scope(document)} alone" if document.scope else ""
     if document.exit is ExitCode.NOTHING:
-        return State.NOT_CHECKED, "Nothing was checked"
+        return ShownState.NOT_CHECKED, "Nothing was checked"
     if document.exit is not ExitCode.DONE:
         return next(iter(values)), f"The checklist has not passed{narrowed}"
-    unpleasant = State.OVERRIDDEN if State.OVERRIDDEN in values else State.WARN if State.WARN in values else State.PASS
+    unpleasant = (
+        ShownState.OVERRIDDEN
+        if ShownState.OVERRIDDEN in values
+        else ShownState.WARN
+        if ShownState.WARN in values
+        else ShownState.PASS
+    )
     return unpleasant, f"The checklist has passed{narrowed}{_AND[unpleasant]}"
 
 
 _AND = {
-    State.OVERRIDDEN: ", with what a person has overruled",
-    State.WARN: ", with warnings",
-    State.PASS: "",
+    ShownState.OVERRIDDEN: ", with what a person has overruled",
+    ShownState.WARN: ", with warnings",
+    ShownState.PASS: "",
 }
 
 
@@ -141,14 +147,19 @@ _NAME, _CELL = 14, 7
 """Columns of the grid, in characters."""
 _MARGIN = 15
 """Where the words of an item begin."""
-_GRID = {State.PASS: "ok", State.INCONCLUSIVE: "?", State.OVERRIDDEN: "FAIL*", State.NOT_CHECKED: "."}
+_GRID = {
+    ShownState.PASS: "ok",
+    ShownState.INCONCLUSIVE: "?",
+    ShownState.OVERRIDDEN: "FAIL*",
+    ShownState.NOT_CHECKED: ".",
+}
 _WORDS = {
-    State.INCONCLUSIVE: "? INCONCLUSIVE",
-    State.OVERRIDDEN: "FAIL* overridden by a person",
-    State.NOT_CHECKED: ". not checked",
+    ShownState.INCONCLUSIVE: "? INCONCLUSIVE",
+    ShownState.OVERRIDDEN: "FAIL* overridden by a person",
+    ShownState.NOT_CHECKED: ". not checked",
 }
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
-_BRIEF = frozenset({State.OPEN, State.SKIP, State.PASS})
+_BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 """What is told after the rest, in a line each or by name alone."""
 
 
@@ -195,7 +206,7 @@ def _marks(row: GridRow, columns: int, *, beside: bool) -> list[str]:
     return [*marks[:columns], "|", *marks[columns:]] if beside else marks
 
 
-def _mark(cell: Cell) -> str:
+def _mark(cell: GridCell) -> str:
     if cell.empty:
         return ""
     words = _GRID.get(cell.state, str(cell.state))
@@ -234,13 +245,13 @@ def _item(item: Item) -> Iterator[str]:
 
 def _brief(document: Document) -> Iterator[str]:
     """What is open or was skipped with the reason, what passed by name alone."""
-    for entry in (State.OPEN, State.SKIP):
+    for entry in (ShownState.OPEN, ShownState.SKIP):
         for item in document.items:
             if state(item) is entry:
                 yield from _wrapped(f"{ASCII[entry]} {entry}", f"{item.id}: {item.title} ({item.message})")
-    passed = [item.id for item in document.items if state(item) is State.PASS]
+    passed = [item.id for item in document.items if state(item) is ShownState.PASS]
     if passed:
-        yield from _wrapped(f"{ASCII[State.PASS]} PASS", ", ".join(passed))
+        yield from _wrapped(f"{ASCII[ShownState.PASS]} PASS", ", ".join(passed))
 
 
 def _beside(document: Document) -> Iterator[str]:

@@ -16,7 +16,7 @@ class _Data(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Kind(StrEnum):
+class ItemKind(StrEnum):
     """Who finds out."""
 
     AUTOMATIC = "automatic"
@@ -65,7 +65,7 @@ class Evidence(_Data):
     sha256: str | None = None
 
 
-class Finding(_Data):
+class ItemFinding(_Data):
     """One sentence of a verdict."""
 
     verdict: Verdict
@@ -97,7 +97,7 @@ class Item(_Data):
     """A column of Table 3, `ethernet`, or `site` for the site's own checks."""
     table3: bool
     """Whether it is part of a cell that the report marks."""
-    kind: Kind
+    kind: ItemKind
     phase: Phase
     open: bool
     """Not settled yet: not probed, or nobody has answered."""
@@ -105,7 +105,7 @@ class Item(_Data):
     """While it is open: INCONCLUSIVE."""
     message: str
     hint: str | None = None
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[ItemFinding, ...] = ()
     evidence: tuple[Evidence, ...] = ()
     at: datetime | None = None
     seconds: float | None = None
@@ -143,7 +143,7 @@ class LeftOut(_Data):
     why: str
 
 
-class Change(_Data):
+class ItemChange(_Data):
     """An item that is otherwise than when all was green."""
 
     id: str
@@ -158,7 +158,7 @@ class SinceGreen(_Data):
 
     run: str
     at: datetime
-    changes: tuple[Change, ...]
+    changes: tuple[ItemChange, ...]
 
 
 class DrawnNode(_Data):

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
-from atlantis_netcfg.checklist.runner._way_in import NotReached, WayIn, way_in
+from atlantis_netcfg.checklist.runner._way_in import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import previews
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, unanswered
 
 __all__ = [
     "Ears",
+    "GatewayAccess",
     "NotReached",
     "OnAnswer",
     "Questions",
     "RealEars",
-    "WayIn",
     "all_unanswered",
     "ask_here",
     "examine",

@@ -32,7 +32,7 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
-from atlantis_netcfg.checklist.runner._way_in import NotReached, WayIn, way_in
+from atlantis_netcfg.checklist.runner._way_in import GatewayAccess, NotReached, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
 from atlantis_netcfg.checklist.runner.remote_process import Carrier
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, unanswered
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Listener:
+class AgentProcess:
     """One turn of the program at one place."""
 
     questions: Questions
@@ -110,7 +110,7 @@ async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str]
 
     What cannot be asked answers NO_PLACE.
     """
-    return await Listener(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
+    return await AgentProcess(questions, result, _GRACE_S).hear(lambda carrier: _here(carrier, before))
 
 
 def _here(carrier: Carrier, before: Sequence[str]) -> str:
@@ -146,10 +146,10 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     if carrier.metered and not request.rehearsed:
         questions = within_budget(questions)
         refuse_unpaid(declaration, host.site, carrier, questions, request)
-    return await Listener(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
+    return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
 
 
-def _there(way: WayIn, carrier: Carrier) -> str:
+def _there(way: GatewayAccess, carrier: Carrier) -> str:
     try:
         ended = way.run("python3 -I -c %s", BOOT, carrier=carrier)
     except NotReached as why:

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, Run
+from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, RunProgram
 from atlantis_netcfg.checklist.probes.registry import allowed, refused
-from atlantis_netcfg.checklist.report import Finding, Item, Kind
+from atlantis_netcfg.checklist.report import Item, ItemFinding, ItemKind
 from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.core.crash_report import Crashed, crashed
 from atlantis_netcfg.core.events import Verdict
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.bearers.status import Query
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Place, Question
     from atlantis_netcfg.checklist.runner._real import Ears
 
@@ -36,7 +36,7 @@ PINGS: Final = frozenset({"/tool/ping"})
 _LONGEST_S: Final = 900.0
 
 
-def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
+def unfit(entry: PlanEntry, questions: Sequence[Question]) -> str | None:
     """Why these questions must not be asked; None: they may."""
     names = [question.name for question in questions]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -45,13 +45,13 @@ def unfit(entry: Entry, questions: Sequence[Question]) -> str | None:
     return next((reason for request in questions if (reason := _unfit(entry, request)) is not None), None)
 
 
-def _unfit(entry: Entry, question: Question) -> str | None:
-    if isinstance(question, Run) and not allowed(question.argv):
+def _unfit(entry: PlanEntry, question: Question) -> str | None:
+    if isinstance(question, RunProgram) and not allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
     if isinstance(question, RouterOsQuery) and not _reads(question.query):
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
-        return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is Kind.ACTIVE)
+        return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is ItemKind.ACTIVE)
     if isinstance(question, DhcpDiscoverRequest | DdsDiscoverRequest) and question.within_s > _LONGEST_S:
         return "it would take too long"
     return _foreign(entry.cell, question) if isinstance(question, DdsDiscoverRequest) else None
@@ -120,7 +120,7 @@ def utc_now() -> datetime:
 class _Open:
     """An entry, its questions, and what of them is answered."""
 
-    entry: Entry
+    entry: PlanEntry
     questions: tuple[Question, ...] = ()
     answers: dict[str, Answer] = field(default_factory=dict)
     fault: BaseException | None = None
@@ -132,7 +132,7 @@ class _Open:
 
 
 @dataclass(slots=True)
-class _Batch:
+class _PlaceBatch:
     """The questions of one place in one turn; identical ones of several items are asked once."""
 
     place: Place
@@ -155,7 +155,7 @@ class _Batch:
 
 
 async def examine(
-    entries: Sequence[Entry],
+    entries: Sequence[PlanEntry],
     ears: Ears,
     settled: Callable[[Item], None],
     *,
@@ -186,13 +186,13 @@ async def examine(
     return tuple(found.get(entry.item.id, entry.item) for entry in entries)
 
 
-def _batches(todo: Iterable[_Open]) -> list[_Batch]:
+def _batches(todo: Iterable[_Open]) -> list[_PlaceBatch]:
     """One for each place: the gateway, this computer, each router, and what all routers together tell of the links."""
-    batches: dict[tuple[Place, str | None], _Batch] = {}
+    batches: dict[tuple[Place, str | None], _PlaceBatch] = {}
     for item in todo:
         for question in item.questions if item.waits else ():
             host = question.host if isinstance(question, RouterOsQuery) else None
-            batches.setdefault((question.place, host), _Batch(question.place, host)).add(item, question)
+            batches.setdefault((question.place, host), _PlaceBatch(question.place, host)).add(item, question)
     return list(batches.values())
 
 
@@ -206,7 +206,7 @@ class _Turn:
     began: float = field(default_factory=time.monotonic)
     faults: dict[BaseException, Crashed] = field(default_factory=dict)
 
-    def opened(self, entry: Entry) -> _Open:
+    def opened(self, entry: PlanEntry) -> _Open:
         """Ask a probe for its questions, and look at them before the wire."""
         item = _Open(entry)
         assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
@@ -220,7 +220,7 @@ class _Turn:
             self.ready.put_nowait(item)
         return item
 
-    async def ask(self, batch: _Batch) -> None:
+    async def ask(self, batch: _PlaceBatch) -> None:
         """Have a place answer; at the end every question of it has an answer, or its item a fault."""
         questions = batch.questions
         try:
@@ -260,7 +260,7 @@ class _Turn:
             self.faults[fault] = crashed(fault, f"checking {name}", self.state)
         return self.faults[fault]
 
-    def _take(self, batch: _Batch, answers: Mapping[str, Answer]) -> None:
+    def _take(self, batch: _PlaceBatch, answers: Mapping[str, Answer]) -> None:
         for key, answer in answers.items():
             for item, name in batch.wait.get(key, ()):
                 if item.waits and name not in item.answers:
@@ -274,14 +274,14 @@ class _Turn:
             self.ready.put_nowait(item)
 
     def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> Item:
-        found = Finding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
+        found = ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
         return self._item(item, Verdict.ERROR, (found,))
 
     def _settled(self, item: _Open, judged: Judged) -> Item:
-        found = tuple(Finding(**each.as_dict()) for each in judged.findings)
+        found = tuple(ItemFinding(**each.as_dict()) for each in judged.findings)
         return self._item(item, judged.verdict, found).model_copy(update={"evidence": tuple(judged.evidence)})
 
-    def _item(self, item: _Open, verdict: Verdict, findings: tuple[Finding, ...]) -> Item:
+    def _item(self, item: _Open, verdict: Verdict, findings: tuple[ItemFinding, ...]) -> Item:
         """The item with its verdict; its words are those of the first of its worst findings."""
         worst = next(finding for finding in findings if finding.verdict is verdict)
         return item.entry.item.model_copy(

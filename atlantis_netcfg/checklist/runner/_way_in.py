@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # it ships no types
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
-from atlantis_netcfg.checklist.runner.remote_process import Carrier, Ended
+from atlantis_netcfg.checklist.runner.remote_process import Carrier, ProcessEnded
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble
@@ -37,13 +37,13 @@ class NotReached(NetcfgError):
     """A gateway was not asked, so that nothing is known of it."""
 
 
-class _Ssh(SshBackend):  # type: ignore[misc] # testinfra ships no types
+class _SshBackend(SshBackend):  # type: ignore[misc] # testinfra ships no types
     """Builds OpenSSH's command as testinfra does, and lets a carrier run it."""
 
     def __init__(self, carrier: Carrier, spec: str, **how: Any) -> None:  # noqa: ANN401 - as testinfra has it
         super().__init__(spec, **how)
         self.carrier = carrier
-        self.ended: Ended | None = None
+        self.ended: ProcessEnded | None = None
 
     def run_local(self, command: str, *args: str) -> Any:  # noqa: ANN401 - testinfra's result
         """Run ssh itself, not a shell that runs it."""
@@ -55,7 +55,7 @@ class _Ssh(SshBackend):  # type: ignore[misc] # testinfra ships no types
 
 
 @dataclass(frozen=True, slots=True)
-class WayIn:
+class GatewayAccess:
     """How a gateway is reached."""
 
     name: str
@@ -69,9 +69,9 @@ class WayIn:
     """What the way may take on top of what the computer itself needs."""
     sudo: bool
 
-    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> Ended:
+    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> ProcessEnded:
         """Run a command as root, in one connection; `%s` stands for a word that is quoted. Raises NotReached."""
-        backend = _Ssh(
+        backend = _SshBackend(
             carrier or Carrier(),
             self.spec,
             ssh_config=self.ssh_config,
@@ -89,7 +89,7 @@ class WayIn:
         assert backend.ended is not None  # noqa: S101 - it has just run
         return backend.ended
 
-    def _not_reached(self, text: str, ended: Ended | None) -> NotReached:
+    def _not_reached(self, text: str, ended: ProcessEnded | None) -> NotReached:
         hint = "look at its power and its cable, then type the same again"
         if "Permission denied" in text:
             hint = f"bring your key there: `ssh-copy-id {self.login}`"
@@ -99,7 +99,7 @@ class WayIn:
         return NotReached(f"{self.name} was not reached: {text.splitlines()[-1] if text else silent}", hint=hint)
 
 
-def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> WayIn:
+def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> GatewayAccess:
     """The way to a gateway. Raises NotReached where there is none: example values, a rehearsal without it.
 
     `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
@@ -114,7 +114,7 @@ def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: s
         raise NotReached(f"{host.name} is not emulated in this rehearsal")
     # ssh takes the first value of an option: what the access says comes after ours.
     options = [*(f"-o {option}" for option in _OPTIONS), access["ssh_args"]]
-    return WayIn(
+    return GatewayAccess(
         name=host.name,
         spec=host.name if ssh_config else f"{access['user']}@{access['host']}:{access['port']}",
         login=host.name if ssh_config else f"-p {access['port']} {access['user']}@{access['host']}",

@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes import (
     Place,
     Question,
     RouterOsQuery,
-    Run,
+    RunProgram,
 )
 from atlantis_netcfg.checklist.probes.agent import batch, program
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
@@ -27,10 +27,10 @@ from atlantis_netcfg.operations.request import Mode, Request
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.runner.results import Questions
     from atlantis_netcfg.declaration import Declaration
-    from atlantis_netcfg.routeros.estimate import Bearer
+    from atlantis_netcfg.routeros.estimate import BearerProfile
 
 _SSH: Final = 8_000
 """Bytes of a connection in both directions: handshake, keys, login, the frames of TCP; measured against OpenSSH 9.2."""
@@ -55,7 +55,9 @@ def within_budget(questions: Questions) -> Questions:
     ]
 
 
-def previews(declaration: Declaration, site: str, entries: Sequence[Entry], request: Request) -> tuple[Preview, ...]:
+def previews(
+    declaration: Declaration, site: str, entries: Sequence[PlanEntry], request: Request
+) -> tuple[Preview, ...]:
     """What asking these entries costs on links that are paid by the byte, one preview a link and kind of asking.
 
     For whoever has to agree before. Raises UsageError for a link that the site does not have.
@@ -102,7 +104,7 @@ def _of_proofs(
         yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
 
 
-def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Questions) -> Preview:
+def expected(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:
     """What one turn of questions costs at most over the way to a gateway."""
     made = batch(questions)
     nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(request) for _, request in questions))
@@ -110,7 +112,9 @@ def expected(declaration: Declaration, site: str, carrier: Bearer, questions: Qu
     return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
 
 
-def refuse_unpaid(declaration: Declaration, site: str, carrier: Bearer, questions: Questions, request: Request) -> None:
+def refuse_unpaid(
+    declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions, request: Request
+) -> None:
     """Raise CostRefused if nobody has agreed to pay, or if it is more than the declaration admits."""
     found = expected(declaration, site, carrier, questions)
     if found.over_cap:
@@ -127,4 +131,6 @@ def _most(listen: Listen) -> int:
 def _answer(question: object) -> int:
     if isinstance(question, Listen):
         return _most(question)
-    return _RAN if isinstance(question, Run) else _PARTICIPANTS if isinstance(question, DdsDiscoverRequest) else 500
+    return (
+        _RAN if isinstance(question, RunProgram) else _PARTICIPANTS if isinstance(question, DdsDiscoverRequest) else 500
+    )

@@ -18,7 +18,7 @@ _MOST = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class ProcessEnded:
     """How a process ended."""
 
     rc: int
@@ -43,14 +43,14 @@ class Carrier:
     _process: subprocess.Popen[bytes] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def run(self, argv: Sequence[str]) -> Ended:
+    def run(self, argv: Sequence[str]) -> ProcessEnded:
         """Run it to its end. OSError if there is no such program."""
         overdue = threading.Event()
         with tempfile.TemporaryFile() as errors, self._started(argv, errors) as process, self._watched(overdue):
             out = self._through(process)
             process.wait()
             errors.seek(0)
-            return Ended(process.returncode, out, errors.read(_MOST), overdue.is_set())
+            return ProcessEnded(process.returncode, out, errors.read(_MOST), overdue.is_set())
 
     def _started(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
         pipe = subprocess.PIPE

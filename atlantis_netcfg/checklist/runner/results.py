@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist.probes import (
     Question,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Transcript,
     Trouble,
 )
@@ -52,7 +52,7 @@ def telling(notify: Subscriber, total: int, settled: Callable[[Item], None]) -> 
 
 _ANSWERS: Mapping[type, type[Answer]] = {
     Listen: Transcript,
-    Run: CommandResult,
+    RunProgram: CommandResult,
     DhcpDiscoverRequest: DhcpOffers,
     DdsDiscoverRequest: DdsDiscoverResult,
     RouterOsQuery: Rows,

@@ -25,7 +25,7 @@ class SeenFrom(StrEnum):
     """The technician's computer, in the site's LAN."""
 
 
-class _Endpoint(Model):
+class _EndpointModel(Model):
     seen_from: SeenFrom = SeenFrom.GATEWAY
     address: Address | None = None
     """None: that of the site's DHCP reservation with the vehicle's key, for it has another one at each site."""
@@ -40,7 +40,7 @@ class WifiRole(StrEnum):
     """The vehicle is associated with an access point of the site."""
 
 
-class WifiEndpoint(_Endpoint):
+class WifiEndpoint(_EndpointModel):
     """The vehicle's own Wi-Fi."""
 
     role: WifiRole
@@ -75,7 +75,7 @@ class AcousticDriver(StrEnum):
     """Blueprint SeaTrac: framed commands over TCP (a serial server) or a serial port."""
 
 
-class _Modem(_Endpoint):
+class _ModemEndpoint(_EndpointModel):
     driver: AcousticDriver
     port: Port = 9200
     device: Text | None = None
@@ -84,7 +84,7 @@ class _Modem(_Endpoint):
     """None: 19200 for EvoLogics, 115200 for SeaTrac."""
 
 
-class AcousticEndpoint(_Modem):
+class AcousticEndpoint(_ModemEndpoint):
     """The vehicle's acoustic modem."""
 
     acoustic_address: Annotated[StrictInt, Field(ge=1, le=254)] | None = None
@@ -93,7 +93,7 @@ class AcousticEndpoint(_Modem):
     """Acoustic address to which the active check sends one message, in water and with consent; None: none is sent."""
 
 
-class UsblEndpoint(_Modem):
+class UsblEndpoint(_ModemEndpoint):
     """A modem that tells fixes: the vehicle's own, or one of the site that hears the vehicle."""
 
     hears: tuple[Annotated[StrictInt, Field(ge=1, le=254)], ...] = ()
@@ -105,7 +105,7 @@ class UsblEndpoint(_Modem):
     """SeaTrac: beacon that the active check pings, in water and with consent; None: nobody is pinged."""
 
 
-class RcRfEndpoint(_Endpoint):
+class RcRfEndpoint(_EndpointModel):
     """The remote control of a vehicle whose autopilot speaks MAVLink; for any other a person confirms it.
 
     The companion computer forwards the stream by UDP: the autopilot's own port is never opened.
@@ -128,7 +128,7 @@ class GpsDriver(StrEnum):
     """The receiver of a RouterOS device (`seen_by`)."""
 
 
-class GpsEndpoint(_Endpoint):
+class GpsEndpoint(_EndpointModel):
     """A GNSS receiver."""
 
     driver: GpsDriver
@@ -152,7 +152,7 @@ class GpsEndpoint(_Endpoint):
         return self
 
 
-class EthernetEndpoint(_Endpoint):
+class EthernetEndpoint(_EndpointModel):
     """A vehicle, or its operator's computer, on the site's cable."""
 
     seen_by: HostName | None = None

@@ -220,7 +220,7 @@ class LocationRow(Model):
     """How the pre-test checklist looks at each; the bearers speak for satellite, 4G and the Wi-Fi bridge."""
 
 
-class Checklist(Model):
+class ChecklistSettings(Model):
     """What the pre-test checklist of a site needs to know besides the devices."""
 
     vehicles: tuple[Name, ...] | None = None
@@ -240,4 +240,4 @@ class Site(Model):
     served_links: tuple[ServedLink, ...] = ()
     failover: Failover = Failover()
     location: LocationRow = LocationRow()
-    checklist: Checklist = Checklist()
+    checklist: ChecklistSettings = ChecklistSettings()

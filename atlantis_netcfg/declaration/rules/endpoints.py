@@ -28,7 +28,7 @@ from atlantis_netcfg.declaration.model import (
     UsblEndpoint,
     Vehicle,
 )
-from atlantis_netcfg.declaration.rules.networks import Index, claims
+from atlantis_netcfg.declaration.rules.networks import NetworkIndex, claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -38,7 +38,7 @@ _Path = tuple[str | int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class _Row:
+class _EndpointRow:
     """A row of the checklist that has endpoints."""
 
     part: Part
@@ -52,13 +52,13 @@ class _Row:
         return [name for name in Endpoints.model_fields if getattr(self.endpoints, name) is not None]
 
 
-def _rows(draft: Draft) -> Iterator[_Row]:
+def _rows(draft: Draft) -> Iterator[_EndpointRow]:
     for key, vehicle in draft.vehicles.items():
         marked = {str(column) for column in vehicle.table3} | ({ETHERNET} if vehicle.ethernet else set())
-        yield _Row(Part("vehicle", key), (), vehicle.endpoints, frozenset(marked))
+        yield _EndpointRow(Part("vehicle", key), (), vehicle.endpoints, frozenset(marked))
     for name, site in draft.sites.items():
         marked = {str(column) for column in site.location.table3} | _carried(site)
-        yield _Row(Part("site", name), ("location",), site.location.endpoints, frozenset(marked))
+        yield _EndpointRow(Part("site", name), ("location",), site.location.endpoints, frozenset(marked))
 
 
 def _carried(site: Site) -> set[str]:
@@ -249,7 +249,7 @@ def own_to_each_link(draft: Draft) -> Iterator[Finding]:
 
 def used_for_nothing_else(draft: Draft) -> Iterator[Finding]:
     """A canary is unreachable while its link is down: nothing that is needed may stand at its address."""
-    networks = Index(claims(draft))
+    networks = NetworkIndex(claims(draft))
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             for place, canary in enumerate(bearer.canaries):
@@ -259,7 +259,7 @@ def used_for_nothing_else(draft: Draft) -> Iterator[Finding]:
                     yield draft.wrong(Part("site", name), ("bearers", index, "canaries", place), message, hint)
 
 
-def _other_use(draft: Draft, networks: Index, address: IPv4Address) -> str | None:
+def _other_use(draft: Draft, networks: NetworkIndex, address: IPv4Address) -> str | None:
     if draft.pilot is not None:
         if address == draft.pilot.vpn.endpoint:
             return "the VPN's endpoint"

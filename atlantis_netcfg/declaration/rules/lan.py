@@ -148,7 +148,7 @@ RULES: tuple[Rule, ...] = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Use:
+class _AddressUse:
     """A value, and whose it is. One owner may use it in more than one place."""
 
     value: str
@@ -167,8 +167,8 @@ def macs(draft: Draft) -> Iterator[Finding]:
     yield from _twice(draft, _macs(draft), "MAC address")
 
 
-def _twice(draft: Draft, uses: Iterator[_Use], what: str) -> Iterator[Finding]:
-    first: dict[str, _Use] = {}
+def _twice(draft: Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
+    first: dict[str, _AddressUse] = {}
     result: set[tuple[str, str]] = set()
     for use in uses:
         known = first.setdefault(use.value, use)
@@ -179,23 +179,25 @@ def _twice(draft: Draft, uses: Iterator[_Use], what: str) -> Iterator[Finding]:
             yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
 
 
-def _addresses(draft: Draft) -> Iterator[_Use]:
+def _addresses(draft: Draft) -> Iterator[_AddressUse]:
     for host, device in draft.devices.items():
         part = Part("device", host)
-        yield from (_Use(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
+        yield from (_AddressUse(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
     for name, site in draft.sites.items():
         yield from _of_site(draft, name, site)
 
 
-def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_Use]:
+def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
     part, router = Part("site", name), _router(draft, name)
-    yield _Use(str(site.lan.gateway), router, part, ("lan", "gateway"))
+    yield _AddressUse(str(site.lan.gateway), router, part, ("lan", "gateway"))
     for index, bearer in enumerate(site.bearers):
-        yield _Use(str(bearer.address), router, part, ("bearers", index, "address"))
-        yield _Use(str(bearer.gateway), _far_end(draft, name, bearer), part, ("bearers", index, "gateway"))
+        yield _AddressUse(str(bearer.address), router, part, ("bearers", index, "address"))
+        yield _AddressUse(str(bearer.gateway), _far_end(draft, name, bearer), part, ("bearers", index, "gateway"))
     for index, link in enumerate(site.served_links):
-        yield _Use(str(link.address), router, part, ("served_links", index, "address"))
-    yield _Use(str(site.management.technician), f"the technician at `{name}`", part, ("management", "technician"))
+        yield _AddressUse(str(link.address), router, part, ("served_links", index, "address"))
+    yield _AddressUse(
+        str(site.management.technician), f"the technician at `{name}`", part, ("management", "technician")
+    )
     for index, reservation in enumerate(site.lan.reservations):
         here = draft.layout.hosts.get(reservation.name) == name
         owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
@@ -205,7 +207,7 @@ def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_Use]:
             here and isinstance(device, Gateway | VpnServer | ControlCentre) and device.address != reservation.address
         )
         if not is_reported:  # what contradicts its own host is told by the rules of the LAN
-            yield _Use(str(reservation.address), owner, part, path)
+            yield _AddressUse(str(reservation.address), owner, part, path)
 
 
 def _router(draft: Draft, site: str) -> str:
@@ -243,17 +245,17 @@ def _of_device(device: Device) -> Iterator[tuple[object, tuple[str, ...]]]:
         yield device.vpn_address, ("vpn_address",)
 
 
-def _macs(draft: Draft) -> Iterator[_Use]:
+def _macs(draft: Draft) -> Iterator[_AddressUse]:
     for host, device in draft.devices.items():
         if device.mac is not None:
-            yield _Use(device.mac, f"`{host}`", Part("device", host), ("mac",))
+            yield _AddressUse(device.mac, f"`{host}`", Part("device", host), ("mac",))
     for name, site in draft.sites.items():
         for index, reservation in enumerate(site.lan.reservations):
             device_here = (
                 draft.devices.get(reservation.name) if draft.layout.hosts.get(reservation.name) == name else None
             )
             if device_here is None or device_here.mac in {None, reservation.mac}:  # else told by the rules of the LAN
-                yield _Use(
+                yield _AddressUse(
                     reservation.mac, f"`{reservation.name}`", Part("site", name), ("lan", "reservations", index, "mac")
                 )
 

@@ -22,7 +22,7 @@ _RESERVED = "lan"
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class BridgeEnd:
     """A link as its own site sees it."""
 
     site: str
@@ -36,13 +36,13 @@ class End:
         return Part("site", self.site)
 
 
-def ends(draft: Draft) -> Iterator[End]:
+def ends(draft: Draft) -> Iterator[BridgeEnd]:
     """Every link of every site."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            yield End(name, ("bearers", index), bearer, bearer.kind)
+            yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
         for index, served in enumerate(site.served_links):
-            yield End(name, ("served_links", index), served, BearerKind.WIFI_PTP)
+            yield BridgeEnd(name, ("served_links", index), served, BearerKind.WIFI_PTP)
 
 
 def addresses(draft: Draft) -> Iterator[Finding]:
@@ -55,7 +55,7 @@ def addresses(draft: Draft) -> Iterator[Finding]:
             yield from _in_network(draft, end, "gateway", gateway)
 
 
-def _in_network(draft: Draft, end: End, key: str, address: IPv4Address) -> Iterator[Finding]:
+def _in_network(draft: Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
     if why := why_unusable(address, end.link.network):
         message = f"the {key} {address} of link `{end.link.name}` {why}"
         yield draft.wrong(end.part, (*end.path, key), message, example_in(end.link.network))
@@ -63,7 +63,7 @@ def _in_network(draft: Draft, end: End, key: str, address: IPv4Address) -> Itera
 
 def names(draft: Draft) -> Iterator[Finding]:
     """A link's name stands once at its site, and is not the word for the management port."""
-    seen: dict[tuple[str, str], End] = {}
+    seen: dict[tuple[str, str], BridgeEnd] = {}
     for end in ends(draft):
         first = seen.setdefault((end.site, end.link.name), end)
         path = (*end.path, "name")
@@ -94,7 +94,7 @@ def _candidates(draft: Draft, site: str, kind: str) -> str:
     return f"`{here[0]}`" if here else f"a {kind} of the site"
 
 
-def _wrong_device(draft: Draft, end: End, host: str, kind: str | None) -> tuple[str, str] | None:
+def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
     if host not in draft.layout.hosts:
         here = [name for name, site in draft.layout.hosts.items() if site == end.site]
         return f"there is no host `{host}`", meant(host, here, none="add it to hosts.yml")
@@ -118,8 +118,8 @@ def each_box_once(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
 
 
-def _shared(draft: Draft) -> Iterator[tuple[End, End]]:
-    seen: dict[str, End] = {}
+def _shared(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
+    seen: dict[str, BridgeEnd] = {}
     for end in ends(draft):
         if end.link.device is None or _wrong_device(draft, end, end.link.device, end.kind.traits.box) is not None:
             continue
@@ -189,11 +189,11 @@ def bridges(draft: Draft) -> Iterator[Finding]:
             yield from _agree(draft, end, far[0])
 
 
-def _carries(end: End) -> str:
+def _carries(end: BridgeEnd) -> str:
     return str(getattr(end.link, "carries", ""))
 
 
-def _carried(draft: Draft, end: End, bearers: list[End]) -> Iterator[Finding]:
+def _carried(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
     carried, path = _carries(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
     if carried == end.site:
@@ -206,7 +206,7 @@ def _carried(draft: Draft, end: End, bearers: list[End]) -> Iterator[Finding]:
         yield draft.wrong(end.part, path, message, f"add the bearer to `{carried}`, or remove this link")
 
 
-def _agree(draft: Draft, near: End, far: End) -> Iterator[Finding]:
+def _agree(draft: Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
     where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
     if near.link.network != far.link.network:
         message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"

@@ -31,7 +31,7 @@ _ROUTEROS, _RUTOS, _MODEMMANAGER, _AT = (
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class LteField:
     """A part of the declaration that not every driver can use."""
 
     path: tuple[str, ...]
@@ -43,21 +43,21 @@ class Field:
     """What to write where it is missing."""
 
 
-FIELDS: tuple[Field, ...] = (
-    Field(
+FIELDS: tuple[LteField, ...] = (
+    LteField(
         ("access",),
         of=(_ROUTEROS, _RUTOS),
         needed_by=(_ROUTEROS, _RUTOS),
         hint="add `access: {user: …, password: …}`",
     ),
-    Field(("access", "admin_user"), of=(_RUTOS,)),
-    Field(("access", "admin_password"), of=(_RUTOS,)),
-    Field(("host",), of=(_MODEMMANAGER, _AT)),
-    Field(("serial",), of=(_AT,), needed_by=(_AT,), hint="add `serial:` with the modem's port, like /dev/ttyUSB2"),
-    Field(("sim", "user"), of=(_ROUTEROS, _RUTOS)),
-    Field(("sim", "password"), of=(_ROUTEROS, _RUTOS)),
-    Field(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
-    Field(("sim", "bands"), of=(_ROUTEROS, _RUTOS)),
+    LteField(("access", "admin_user"), of=(_RUTOS,)),
+    LteField(("access", "admin_password"), of=(_RUTOS,)),
+    LteField(("host",), of=(_MODEMMANAGER, _AT)),
+    LteField(("serial",), of=(_AT,), needed_by=(_AT,), hint="add `serial:` with the modem's port, like /dev/ttyUSB2"),
+    LteField(("sim", "user"), of=(_ROUTEROS, _RUTOS)),
+    LteField(("sim", "password"), of=(_ROUTEROS, _RUTOS)),
+    LteField(("sim", "pin"), of=(_ROUTEROS, _RUTOS)),
+    LteField(("sim", "bands"), of=(_ROUTEROS, _RUTOS)),
 )
 """The drivers' fields, in the order in which a declaration has them."""
 

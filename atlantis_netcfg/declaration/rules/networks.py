@@ -57,7 +57,7 @@ def claims(draft: Draft) -> Iterator[Claim]:
         yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 
 
-class Index:
+class NetworkIndex:
     """Claims by place, for pilots of hundreds of sites: of two networks that overlap, one contains the other."""
 
     def __init__(self, found: Iterable[Claim] = ()) -> None:
@@ -88,7 +88,7 @@ class Index:
 
 def disjoint(draft: Draft) -> Iterator[Finding]:
     """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
-    seen = Index()
+    seen = NetworkIndex()
     for claim in claims(draft):
         others = [other for other in seen.over(claim.network) if not _one_bridge(claim, other)]
         if others:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
-class Row(Model):
+class VehicleRow(Model):
     """A row of the report's Table 3: its X cells."""
 
     name: str
@@ -26,10 +26,10 @@ class Row(Model):
     table3: frozenset[Column]
 
 
-def table3() -> dict[str, Row]:
+def table3() -> dict[str, VehicleRow]:
     """The report's table by its names, in its order."""
     text = resources.files("atlantis_netcfg.declaration").joinpath("data", "table3.yml").read_text(encoding="utf-8")
-    rows = TypeAdapter(list[Row]).validate_python(yaml.safe_load(text))
+    rows = TypeAdapter(list[VehicleRow]).validate_python(yaml.safe_load(text))
     return {row.name: row for row in rows}
 
 
@@ -105,7 +105,7 @@ def report_rows(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
 
 
-def _differences(vehicle: Vehicle, row: Row) -> Iterator[str]:
+def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
     if vehicle.kind is not row.kind:
         yield f"kind is {row.kind}"
     if more := _listed(set(vehicle.table3) - row.table3):
@@ -119,7 +119,7 @@ def _listed(some: Iterable[Column]) -> str:
     return ", ".join(column for column in Column if column in desired)
 
 
-def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, Row]) -> Iterator[Finding]:
+def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, VehicleRow]) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
         hint = f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`"

@@ -7,7 +7,7 @@ import time
 
 from pydantic import Field
 
-from atlantis_netcfg.emulator.acoustic._line import Line, LineSpec
+from atlantis_netcfg.emulator.acoustic._line import LineSpec, ModemLine
 
 _WATER_MPS = 1500.0
 _READS = re.compile(rb"AT\?(?:S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)|ATI[0-9]|AT&V")
@@ -141,7 +141,7 @@ def _frame(command: str, body: bytes) -> bytes:
     return b"+++%b:%d:%b\r\n" % (command.encode(), len(body), body)
 
 
-class _Talk:
+class _EvologicsTalk:
     """One client's connection, in data mode."""
 
     def __init__(self, modem: RunningEvologics) -> None:
@@ -209,7 +209,7 @@ class _Talk:
         return data, (self.rounds + 1) * spec.fix_every_s
 
 
-class RunningEvologics(Line):
+class RunningEvologics(ModemLine):
     """The modem in a thread."""
 
     def __init__(self, spec: EvologicsSpec) -> None:
@@ -224,6 +224,6 @@ class RunningEvologics(Line):
         self.transmitted_in_air: list[tuple[int, bytes]] = []
         """Those that were damage: the modem was not in the water."""
 
-    def talker(self) -> _Talk:
+    def talker(self) -> _EvologicsTalk:
         """Talk AT in data mode."""
-        return _Talk(self)
+        return _EvologicsTalk(self)

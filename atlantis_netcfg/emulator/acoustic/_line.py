@@ -53,14 +53,14 @@ class Talker(Protocol):
         ...
 
 
-class _Client:
+class _LineClient:
     def __init__(self, talker: Talker, sock: socket.socket | None) -> None:
         self.talker, self.sock, self.waiting, self.said = talker, sock, b"", 0
         self.since: float | None = None if sock is None else time.monotonic()
         """When it came; nobody can tell who sits at a serial port before it has said something."""
 
 
-class Line:
+class ModemLine:
     """A twin's end in a thread, while the context lasts; `host` and `port`, or `path`, say where."""
 
     def __init__(self, spec: LineSpec) -> None:
@@ -70,7 +70,7 @@ class Line:
         self.path = ""
         self.met = 0
         """Clients that came, those that were hung up on as well."""
-        self._clients: dict[int, _Client] = {}
+        self._clients: dict[int, _LineClient] = {}
         self._thread = threading.Thread(target=self._run, name=f"twin: {type(self).__name__}", daemon=True)
 
     def talker(self) -> Talker:
@@ -107,7 +107,7 @@ class Line:
         # Our own hold on the far end would look like somebody who has the port; the near end survives without it.
         os.close(theirs)
         os.set_blocking(ours, False)
-        self._clients[ours] = _Client(self.talker(), None)
+        self._clients[ours] = _LineClient(self.talker(), None)
         self._selector.register(ours, selectors.EVENT_READ)
 
     def _open_tcp(self) -> None:
@@ -145,7 +145,7 @@ class Line:
         # Who does not read is hung up on: a twin waits for nobody.
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._clients[sock.fileno()] = _Client(self.talker(), sock)
+        self._clients[sock.fileno()] = _LineClient(self.talker(), sock)
         self._selector.register(sock.fileno(), selectors.EVENT_READ)
 
     def _read(self, handle: int) -> None:

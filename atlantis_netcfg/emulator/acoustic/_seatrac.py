@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from atlantis_netcfg.emulator.acoustic._line import Line, LineSpec
+from atlantis_netcfg.emulator.acoustic._line import LineSpec, ModemLine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -215,7 +215,7 @@ def _payload(line: bytes) -> bytes | None:
     return raw[:-2] if whole and _sum(raw[:-2]) == raw[-2:] else None
 
 
-class RunningSeatrac(Line):
+class RunningSeatrac(ModemLine):
     """The beacon in a thread."""
 
     def __init__(self, spec: SeatracSpec) -> None:

@@ -15,7 +15,7 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 
 from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineFailed
 from atlantis_netcfg.emulator.lab.lab import Lab, open_lab, provide, why_not
-from atlantis_netcfg.emulator.lab.relay import Traffic
+from atlantis_netcfg.emulator.lab.relay import RelayTraffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
 
 __all__ = [
@@ -23,7 +23,7 @@ __all__ = [
     "Lab",
     "Machine",
     "MachineFailed",
-    "Traffic",
+    "RelayTraffic",
     "TreeSpec",
     "build_rootfs",
     "open_lab",

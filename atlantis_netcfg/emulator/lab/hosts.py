@@ -33,7 +33,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
-from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
+from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -311,7 +311,7 @@ class Machine:
         return self._relay.port
 
     @property
-    def traffic(self) -> Traffic:
+    def traffic(self) -> RelayTraffic:
         """What has passed through `port` since the start; connections from inside the yard do not."""
         return self._relay.traffic
 
@@ -328,8 +328,8 @@ class Machine:
         rate_down_bps: float | None = None,
         up: bool = True,
     ) -> None:
-        """Make the way through `port` such; what is left out is as good as can be. See `Way`."""
-        self._relay.set(Way(delay_s, rate_up_bps, rate_down_bps, up))
+        """Make the way through `port` such; what is left out is as good as can be. See `RelayWay`."""
+        self._relay.set(RelayWay(delay_s, rate_up_bps, rate_down_bps, up))
 
     def power_on(self, *, configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot it and wait for its sshd.

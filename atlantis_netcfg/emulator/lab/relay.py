@@ -22,7 +22,7 @@ _RESET = b"\1\0\0\0\0\0\0\0"
 
 
 @dataclass(frozen=True)
-class Way:
+class RelayWay:
     """What the bearer does to every byte from now on; the default does nothing."""
 
     delay_s: float = 0.0
@@ -36,7 +36,7 @@ class Way:
 
 
 @dataclass
-class Traffic:
+class RelayTraffic:
     """What has been handed to the bearer since the machine was started; headers are not counted."""
 
     connections: int = 0
@@ -57,7 +57,7 @@ class Relay:
     """Listens on 127.0.0.1, and leads every connection to an address inside a namespace, in a thread of its own."""
 
     def __init__(self, make: Callable[[], socket.socket], target: tuple[str, int]) -> None:
-        self._bearer = _Bearer()
+        self._bearer = _RelayBearer()
         self._make = make
         self._target = target
         self._door = socket.create_server(("127.0.0.1", 0))
@@ -69,11 +69,11 @@ class Relay:
         self._thread.start()
 
     @property
-    def traffic(self) -> Traffic:
+    def traffic(self) -> RelayTraffic:
         """What has passed up to now."""
         return self._bearer.traffic
 
-    def set(self, way: Way) -> None:
+    def set(self, way: RelayWay) -> None:
         """Change the bearer; bytes that are already under way arrive when they would have."""
         asyncio.run_coroutine_threadsafe(self._bearer.set(way), self._loop).result()
 
@@ -116,17 +116,17 @@ class Relay:
                         end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
 
 
-class _Bearer:
+class _RelayBearer:
     """The state that all connections share: when each direction is free again, and whether anything arrives."""
 
     def __init__(self) -> None:
-        self._way = Way()
+        self._way = RelayWay()
         self._air = asyncio.Event()
         self._air.set()
         self._free_at = dict.fromkeys(_Direction, 0.0)
-        self.traffic = Traffic()
+        self.traffic = RelayTraffic()
 
-    async def set(self, way: Way) -> None:
+    async def set(self, way: RelayWay) -> None:
         self._way = way
         if way.up:
             self._air.set()
@@ -154,7 +154,7 @@ class _Bearer:
         await self._air.wait()
 
 
-async def _join(bearer: _Bearer, client: socket.socket, machine: socket.socket) -> None:
+async def _join(bearer: _RelayBearer, client: socket.socket, machine: socket.socket) -> None:
     async with asyncio.TaskGroup() as tasks:
         for direction, source, sink in ((_Direction.UP, client, machine), (_Direction.DOWN, machine, client)):
             source.setblocking(False)
@@ -164,7 +164,7 @@ async def _join(bearer: _Bearer, client: socket.socket, machine: socket.socket) 
             tasks.create_task(_deliver(bearer, sink, line))
 
 
-async def _take(bearer: _Bearer, direction: _Direction, source: socket.socket, line: _Line) -> None:
+async def _take(bearer: _RelayBearer, direction: _Direction, source: socket.socket, line: _Line) -> None:
     """Hand over at this end whatever comes, the end of the connection too."""
     loop = asyncio.get_running_loop()
     data: bytes | None = b"more"
@@ -176,7 +176,7 @@ async def _take(bearer: _Bearer, direction: _Direction, source: socket.socket, l
         await line.put((bearer.arrival(direction, len(data or b"")), data))
 
 
-async def _deliver(bearer: _Bearer, sink: socket.socket, line: _Line) -> None:
+async def _deliver(bearer: _RelayBearer, sink: socket.socket, line: _Line) -> None:
     """Give out at the other end, first in, first out, each piece when it is due."""
     loop = asyncio.get_running_loop()
     last = 0.0

@@ -1,6 +1,6 @@
 """Emulated devices that speak the real protocol on real sockets, as strict as the devices they stand for.
 
-Asyncio programs use `Router` or `Site`; others `RunningSite` (a thread) or `spawn` (a process).
+Asyncio programs use `EmulatedRouter` or `EmulatedSite`; others `RunningSite` (a thread) or `spawn` (a process).
 
 A name is imported when it is asked for: who only describes a twin does not load the whole of an emulated router.
 """
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.radio import Air, RadioLink, RadioPair
-    from atlantis_netcfg.emulator.routeros.router import Router
+    from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
     from atlantis_netcfg.emulator.routeros.running import RunningSite, SpawnedSite, TwinsFailed, spawn
-    from atlantis_netcfg.emulator.routeros.site import Site
+    from atlantis_netcfg.emulator.routeros.site import EmulatedSite
     from atlantis_netcfg.emulator.routeros.spec import (
         Called,
         CellSpec,
         Deviation,
         DeviceMode,
+        DeviceModeName,
         Environment,
         Execute,
         Load,
-        Management,
-        Mode,
+        ManagementSpec,
         ModemSpec,
         Radio,
         RouterSpec,
@@ -40,12 +40,12 @@ if TYPE_CHECKING:
         Validity,
     )
     from atlantis_netcfg.emulator.routeros.wire.link import (
-        Counters,
-        Fault,
         FaultKind,
-        Link,
+        LinkFault,
+        RouterLink,
         TrafficCounters,
         WireBehaviour,
+        WireCounters,
     )
 
 __all__ = [
@@ -54,28 +54,27 @@ __all__ = [
     "Air",
     "Called",
     "CellSpec",
-    "Counters",
     "Deviation",
     "Device",
     "DeviceMode",
+    "DeviceModeName",
+    "EmulatedRouter",
+    "EmulatedSite",
     "Environment",
     "Execute",
-    "Fault",
     "FaultKind",
-    "Link",
+    "LinkFault",
     "Load",
-    "Management",
-    "Mode",
+    "ManagementSpec",
     "ModemSpec",
     "Radio",
     "RadioLink",
     "RadioPair",
-    "Router",
+    "RouterLink",
     "RouterSpec",
     "RunningSite",
     "Service",
     "SimSpec",
-    "Site",
     "SiteSpec",
     "SpawnedSite",
     "TrafficCounters",
@@ -85,6 +84,7 @@ __all__ = [
     "User",
     "Validity",
     "WireBehaviour",
+    "WireCounters",
     "spawn",
 ]
 
@@ -96,19 +96,19 @@ __getattr__ = homes(
         "core": ("Service",),
         "device": ("Device",),
         "radio": ("Air", "RadioLink", "RadioPair"),
-        "router": ("Router",),
+        "router": ("EmulatedRouter",),
         "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
-        "site": ("Site",),
+        "site": ("EmulatedSite",),
         "spec": (
             "Called",
             "CellSpec",
             "Deviation",
             "DeviceMode",
+            "DeviceModeName",
             "Environment",
             "Execute",
             "Load",
-            "Management",
-            "Mode",
+            "ManagementSpec",
             "ModemSpec",
             "Radio",
             "RouterSpec",
@@ -118,6 +118,6 @@ __getattr__ = homes(
             "User",
             "Validity",
         ),
-        "wire.link": ("Counters", "Fault", "FaultKind", "Link", "TrafficCounters", "WireBehaviour"),
+        "wire.link": ("FaultKind", "LinkFault", "RouterLink", "TrafficCounters", "WireBehaviour", "WireCounters"),
     },
 )

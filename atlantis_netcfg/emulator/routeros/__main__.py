@@ -23,7 +23,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros.control import TwinRefused, obey
-from atlantis_netcfg.emulator.routeros.site import Site
+from atlantis_netcfg.emulator.routeros.site import EmulatedSite
 from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
 _STDIN = 0
@@ -57,7 +57,7 @@ async def _serve(spec: SiteSpec, state_dir: Path, owner: int | None) -> ExitCode
         loop.add_signal_handler(number, lines.put_nowait, None)
     if owner is not None:
         _end_with(owner, loop, lines)
-    site = Site(spec, state_dir)
+    site = EmulatedSite(spec, state_dir)
     try:
         await site.start()
     except (OSError, ValueError) as refused:
@@ -100,7 +100,7 @@ def _listen(loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[str | None]) -
     loop.call_soon_threadsafe(lines.put_nowait, None)
 
 
-async def _answer(site: Site, line: str) -> dict[str, Any]:
+async def _answer(site: EmulatedSite, line: str) -> dict[str, Any]:
     try:
         command = dict(json.loads(line))
         twin, do = command.pop("twin"), command.pop("do")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.schema import version_key
-from atlantis_netcfg.emulator.routeros.spec import Mode, RouterSpec
+from atlantis_netcfg.emulator.routeros.spec import DeviceModeName, RouterSpec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -50,7 +50,7 @@ def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address
 
 
 @dataclass(frozen=True, slots=True)
-class PublicKey:
+class SshPublicKey:
     """A key in the text form of OpenSSH: `ssh-ed25519 AAAA... comment`."""
 
     algorithm: str
@@ -64,7 +64,7 @@ class PublicKey:
         return "SHA256:" + base64.b64encode(hashlib.sha256(self.blob).digest()).decode().rstrip("=")
 
 
-def public_key(core: Core, text: str) -> PublicKey | None:
+def public_key(core: Core, text: str) -> SshPublicKey | None:
     """Read a key that this version takes: RSA, and Ed25519 from 7.12 (tikoci/quickchr, test/lab/ssh-keys)."""
     kind, encoded, comment = [*text.split(maxsplit=2), "", "", ""][:3]
     if kind not in _FIELDS or (kind == "ssh-ed25519" and not core.schema.at_least("7.12")):
@@ -77,7 +77,7 @@ def public_key(core: Core, text: str) -> PublicKey | None:
     if len(fields) != _FIELDS[kind] or fields[0] != kind.encode():
         return None
     bits = _ED25519_BITS if kind == "ssh-ed25519" else int.from_bytes(fields[-1], "big").bit_length()
-    return PublicKey(kind.removeprefix("ssh-"), bits, blob, comment)
+    return SshPublicKey(kind.removeprefix("ssh-"), bits, blob, comment)
 
 
 def _fields(blob: bytes) -> Iterator[bytes]:
@@ -91,7 +91,7 @@ def _fields(blob: bytes) -> Iterator[bytes]:
         at = end
 
 
-def _keys(core: Core, user: str) -> Iterator[PublicKey]:
+def _keys(core: Core, user: str) -> Iterator[SshPublicKey]:
     table = core.store.table("/user/ssh-keys")
     for item in table.items if core.schema.has_menu("/user/ssh-keys") else ():
         key = public_key(core, core.store.text(table, item, "key") or "")
@@ -134,12 +134,12 @@ FLAGGED = (
 SUSPICIOUS = ("scheduler", "pptp", "l2tp", "ipsec", "socks", "proxy", "smb")
 """Features of which a flagged router refuses new or enabled entries."""
 
-_EVERY = frozenset(Mode)
-_NOT_HOME = _EVERY - {Mode.HOME}
-_UPPER = frozenset({Mode.ADVANCED, Mode.ROSE})
-_NOBODY: frozenset[Mode] = frozenset()
+_EVERY = frozenset(DeviceModeName)
+_NOT_HOME = _EVERY - {DeviceModeName.HOME}
+_UPPER = frozenset({DeviceModeName.ADVANCED, DeviceModeName.ROSE})
+_NOBODY: frozenset[DeviceModeName] = frozenset()
 
-FEATURES: dict[str, frozenset[Mode]] = {
+FEATURES: dict[str, frozenset[DeviceModeName]] = {
     "scheduler": _NOT_HOME,
     "socks": _UPPER,
     "fetch": _NOT_HOME,
@@ -155,7 +155,7 @@ FEATURES: dict[str, frozenset[Mode]] = {
     "smb": _EVERY,
     "email": _NOT_HOME,
     "zerotier": _UPPER,
-    "container": frozenset({Mode.ROSE}),
+    "container": frozenset({DeviceModeName.ROSE}),
     "install-any-version": _NOBODY,
     "partitions": _NOBODY,
     "routerboard": _NOBODY,

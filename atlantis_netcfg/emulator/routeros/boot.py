@@ -26,8 +26,8 @@ from atlantis_netcfg.emulator.routeros.access import allowed
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.commands._checks import mac_of
 from atlantis_netcfg.emulator.routeros.console.run import run_file, run_script
-from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, Menu, Shape
-from atlantis_netcfg.emulator.routeros.store import Item
+from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, EmulatedMenu, Shape
+from atlantis_netcfg.emulator.routeros.store import StoredItem
 from atlantis_netcfg.emulator.routeros.values import reference, seconds, spell
 from atlantis_netcfg.rsc import quote
 
@@ -191,19 +191,19 @@ def boot(core: Core) -> None:
     core.log.clear()
 
 
-def _factory(core: Core, menu: Menu) -> None:
+def _factory(core: Core, menu: EmulatedMenu) -> None:
     table = core.store.table(menu.path)
     if menu.shape is Shape.SETTINGS:
-        table.items.append(Item(menu.first_id, {}, dict(menu.factory[0]) if menu.factory else {}))
+        table.items.append(StoredItem(menu.first_id, {}, dict(menu.factory[0]) if menu.factory else {}))
     for row in menu.factory if menu.shape is not Shape.SETTINGS else ():
-        table.items.append(Item(core.store.new_id(menu.path), {}, dict(row), dynamic=menu.factory_dynamic))
+        table.items.append(StoredItem(core.store.new_id(menu.path), {}, dict(row), dynamic=menu.factory_dynamic))
     for item in table.items:
         known = {name: value for name, value in (item.factory or {}).items() if name in {*table.args, "name"}}
         item.values = {name: _parse(core, menu, name, value) for name, value in known.items()}
         item.factory = {name: spell(value, core.store) for name, value in item.values.items()}
 
 
-def _parse(core: Core, menu: Menu, name: str, value: str) -> str:
+def _parse(core: Core, menu: EmulatedMenu, name: str, value: str) -> str:
     return menu.by_name[name].kind.parse(value, core.store)
 
 
@@ -213,7 +213,7 @@ def _ports(core: Core) -> None:
     for number, port in enumerate(core.spec.ports, start=1):
         mac = mac_of(core.spec.name, number)
         factory = {"name": port, "mac-address": mac, "orig-mac-address": mac}
-        table.items.append(Item(core.store.new_id(menu.path), dict(factory), factory))
+        table.items.append(StoredItem(core.store.new_id(menu.path), dict(factory), factory))
 
 
 def _radios(core: Core) -> None:
@@ -228,7 +228,7 @@ def _radios(core: Core) -> None:
         factory = {"name": radio.name, "mac-address": mac}
         if not newer:
             factory |= {"radio-name": mac.replace(":", ""), "ssid": "MikroTik", "band": "5ghz-a/n", "frequency": "5180"}
-        table.items.append(Item(core.store.new_id(path), dict(factory), factory))
+        table.items.append(StoredItem(core.store.new_id(path), dict(factory), factory))
 
 
 def _modem(core: Core) -> None:
@@ -236,14 +236,16 @@ def _modem(core: Core) -> None:
     if core.spec.modem is None or not core.schema.has_menu("/interface/lte"):
         return
     factory = {"name": core.spec.modem.name, "allow-roaming": "no"}
-    core.store.table("/interface/lte").items.append(Item(core.store.new_id("/interface/lte"), dict(factory), factory))
+    core.store.table("/interface/lte").items.append(
+        StoredItem(core.store.new_id("/interface/lte"), dict(factory), factory)
+    )
 
 
 def _loopback(core: Core) -> None:
     """The interface `lo`: exports of 7.16 are the oldest that name it."""
     if core.schema.at_least("7.16"):
         row = {"name": "lo"}
-        core.store.table("/interface").items.append(Item(_LOOPBACK_ID, dict(row), row, dynamic=True))
+        core.store.table("/interface").items.append(StoredItem(_LOOPBACK_ID, dict(row), row, dynamic=True))
 
 
 def _people(core: Core) -> None:
@@ -310,7 +312,7 @@ def run_due(core: Core) -> None:
             core.note("script,error", error)
 
 
-def _jobs(core: Core) -> Iterator[tuple[Item, float]]:
+def _jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
     if not allowed(core.spec, "scheduler"):
         return
     table = core.store.table(_PATH)
@@ -322,7 +324,7 @@ def _jobs(core: Core) -> Iterator[tuple[Item, float]]:
             yield item, when
 
 
-def _when(core: Core, item: Item) -> float | None:
+def _when(core: Core, item: StoredItem) -> float | None:
     """An `interval` of 0 means once; `start-time=startup` is 3 s after boot, and with an interval from then on."""
     period = seconds(item.values.get("interval", "0s")) or 0.0
     first = _first(core, item)
@@ -337,7 +339,7 @@ def _when(core: Core, item: Item) -> float | None:
     return _later(first, period, ran) if period else None
 
 
-def _first(core: Core, item: Item) -> float:
+def _first(core: Core, item: StoredItem) -> float:
     if item.values.get("start-time") == "startup":
         return core.started + _AFTER_BOOT_S
     date = item.values.get("start-date", "1970-01-01")

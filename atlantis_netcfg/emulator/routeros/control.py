@@ -15,13 +15,13 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.modem import refit
-from atlantis_netcfg.emulator.routeros.site import Site, describe
-from atlantis_netcfg.emulator.routeros.wire.link import Fault, Link, WireBehaviour
+from atlantis_netcfg.emulator.routeros.site import EmulatedSite, describe
+from atlantis_netcfg.emulator.routeros.wire.link import LinkFault, RouterLink, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.router import Router
+    from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
 
 _AIR = "air"
 """The one command that is about two twins."""
@@ -31,7 +31,7 @@ class TwinRefused(UsageError, ValueError):
     """A command that twins do not know, or that makes no sense to them."""
 
 
-async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
+async def obey(site: EmulatedSite, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
     """Carry out one command; the result is JSON-able. Raises TwinRefused."""
     if twin not in site.routers:
         raise TwinRefused(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
@@ -46,7 +46,7 @@ async def obey(site: Site, twin: str, do: str, arguments: Mapping[str, Any]) -> 
         raise TwinRefused(f"{do}: {refused}") from refused
 
 
-def _air(site: Site, twin: str, changes: Mapping[str, Any]) -> None:
+def _air(site: EmulatedSite, twin: str, changes: Mapping[str, Any]) -> None:
     """Change what lies between an end of a radio link and the other one; what is not named stays."""
     link = next(
         (
@@ -61,94 +61,94 @@ def _air(site: Site, twin: str, changes: Mapping[str, Any]) -> None:
     link.change(type(link.air).model_validate({**link.air.model_dump(), **changes}))
 
 
-async def _info(router: Router) -> dict[str, Any]:
+async def _info(router: EmulatedRouter) -> dict[str, Any]:
     return describe(router)
 
 
-async def _export(router: Router, **options: Any) -> str:  # noqa: ANN401 (passed on to export)
+async def _export(router: EmulatedRouter, **options: Any) -> str:  # noqa: ANN401 (passed on to export)
     return router.export(**options)
 
 
-async def _counters(router: Router) -> dict[str, int]:
+async def _counters(router: EmulatedRouter) -> dict[str, int]:
     return asdict(router.counters())
 
 
-async def _connections(router: Router) -> list[dict[str, Any]]:
+async def _connections(router: EmulatedRouter) -> list[dict[str, Any]]:
     return [asdict(tally) for tally in router.connections()]
 
 
-async def _reset(router: Router) -> None:
+async def _reset(router: EmulatedRouter) -> None:
     router.reset_counters()
 
 
-async def _gap(router: Router, seconds: float) -> None:
+async def _gap(router: EmulatedRouter, seconds: float) -> None:
     router.gap(seconds)
 
 
-async def _silence(router: Router, addresses: list[str]) -> None:
+async def _silence(router: EmulatedRouter, addresses: list[str]) -> None:
     router.silence(addresses)
 
 
-async def _modem(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
+async def _modem(router: EmulatedRouter, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by ModemSpec)
     values = refit(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
     return values
 
 
-async def _around(router: Router, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
+async def _around(router: EmulatedRouter, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 (validated by Around)
     values = move(router.device.core, changes)
     router.spec = router.device.spec = router.device.core.spec
     return values
 
 
-async def _drop(router: Router) -> None:
+async def _drop(router: EmulatedRouter) -> None:
     router.drop()
 
 
-async def _vanish(router: Router) -> None:
+async def _vanish(router: EmulatedRouter) -> None:
     router.vanish()
 
 
-async def _reboot(router: Router, *, clean: bool = True) -> None:
+async def _reboot(router: EmulatedRouter, *, clean: bool = True) -> None:
     router.reboot(clean=clean)
 
 
-async def _restart(router: Router) -> dict[str, Any]:
+async def _restart(router: EmulatedRouter) -> dict[str, Any]:
     await router.restart()
     return describe(router)
 
 
-async def _arm(router: Router, fault: dict[str, Any]) -> None:
-    router.arm(Fault.model_validate(fault))
+async def _arm(router: EmulatedRouter, fault: dict[str, Any]) -> None:
+    router.arm(LinkFault.model_validate(fault))
 
 
-async def _disarm(router: Router) -> None:
+async def _disarm(router: EmulatedRouter) -> None:
     router.disarm()
 
 
-async def _link(router: Router, **link: Any) -> None:  # noqa: ANN401 (validated by Link)
-    router.relink(Link.model_validate(link))
+async def _link(router: EmulatedRouter, **link: Any) -> None:  # noqa: ANN401 (validated by Link)
+    router.relink(RouterLink.model_validate(link))
 
 
-async def _knobs(router: Router, **knobs: Any) -> None:  # noqa: ANN401 (validated by Knobs)
+async def _knobs(router: EmulatedRouter, **knobs: Any) -> None:  # noqa: ANN401 (validated by Knobs)
     router.turn(WireBehaviour.model_validate(knobs))
 
 
-async def _console(router: Router, words: list[str], user: str | None = None) -> list[list[str]]:
+async def _console(router: EmulatedRouter, words: list[str], user: str | None = None) -> list[list[str]]:
     return [[answer.kind, *answer.words] for answer in await router.console(words, user=user)]
 
 
-async def _recertify(router: Router) -> str | None:
+async def _recertify(router: EmulatedRouter) -> str | None:
     router.recertify()
     return router.pin
 
 
-async def _rekey(router: Router) -> str:
+async def _rekey(router: EmulatedRouter) -> str:
     router.rekey()
     return router.host_key
 
 
-async def _wrapped(router: Router, interface: str) -> bool:
+async def _wrapped(router: EmulatedRouter, interface: str) -> bool:
     return router.device.wrapped(interface)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
-from atlantis_netcfg.emulator.routeros.store import History, Store
+from atlantis_netcfg.emulator.routeros.store import ActionHistory, RowStore
 from atlantis_netcfg.emulator.routeros.topology import Topology
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ GREETINGS = ("licence", "default-configuration", "password")
 
 
 @dataclass(frozen=True, slots=True)
-class File:
+class FlashFile:
     """A file on the flash; contents are text. A folder holds nothing itself: it is part of other files' names."""
 
     number: int
@@ -72,7 +72,7 @@ class Listener:
 
 
 @dataclass(slots=True)
-class Watch:
+class NetwatchState:
     """A row of `/tool/netwatch` at work: the test under way, and what the last ones have shown."""
 
     values: dict[str, str]
@@ -94,7 +94,7 @@ class Watch:
 
 
 @dataclass(slots=True)
-class Gateway:
+class NextHop:
     """A next hop that `check-gateway` watches."""
 
     at: float
@@ -103,11 +103,11 @@ class Gateway:
 
 
 @dataclass(slots=True)
-class Watched:
+class WatchedHost:
     """What the router watches by itself."""
 
-    rows: dict[int, Watch] = field(default_factory=dict)
-    gateways: dict[IPv4Address, Gateway] = field(default_factory=dict)
+    rows: dict[int, NetwatchState] = field(default_factory=dict)
+    gateways: dict[IPv4Address, NextHop] = field(default_factory=dict)
     revision: int | None = None
     """Of the configuration when this was brought into line with it; None: the router has just started."""
 
@@ -120,18 +120,18 @@ class Core:
         self.now = now
         self.started = now()
         self.schema = Schema(spec.version, spec.packages, features_of(spec.board, poe=bool(spec.poe_ports)))
-        self.store = Store(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
+        self.store = RowStore(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
         self.octets: dict[str, tuple[int, int]] = {}
         """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
         self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
-        self.history = History(spec.history_limit)
+        self.history = ActionHistory(spec.history_limit)
         self.first_names: dict[str, str] = {}
         """New names of interfaces to earlier ones, as long as routes show these (`Deviation.NAMES`)."""
         self.sessions: dict[int, Caller] = {}
         self.listeners: list[Listener] = []
         self.outbox: list[tuple[int, str, Answer]] = []
         """Later answers: session, tag, answer."""
-        self.files: dict[str, File] = {}
+        self.files: dict[str, FlashFile] = {}
         self.log: list[Record] = []
         self.wants_reboot = False
         self.ended: set[int] = set()
@@ -166,7 +166,7 @@ class Core:
         """Addresses from which no answer comes, whatever way a packet takes; whoever emulates the world says so."""
         self.dead: frozenset[IPv4Address] = frozenset()
         """Gateways that `check-gateway` has given up."""
-        self.watched = Watched()
+        self.watched = WatchedHost()
         self.boot_clock = spec.clock
         self._topology: Topology | None = None
         self._numbers = 0
@@ -311,7 +311,7 @@ class Call:
 
 
 @dataclass(slots=True)
-class Result:
+class CallResult:
     """Rows for `!re`, a value for `=ret=`, text for a console."""
 
     rows: list[dict[str, str]] = field(default_factory=list)
@@ -321,7 +321,7 @@ class Result:
     """A print: without rows the API answers `!empty` from 7.18."""
 
 
-Handler = Callable[["Core", Call], Result]
+Handler = Callable[["Core", Call], CallResult]
 
 
 _ROBBED = "[Safe mode released by another user]"

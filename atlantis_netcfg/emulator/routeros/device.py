@@ -21,13 +21,13 @@ from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
 from atlantis_netcfg.emulator.routeros.commands.read import _rows, emit
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
 from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, Printed
-from atlantis_netcfg.emulator.routeros.core import Call, Core, File, Listener, Result, Service, services_of
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile, Listener, Service, services_of
 from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
 from atlantis_netcfg.emulator.routeros.path import path_open
 from atlantis_netcfg.emulator.routeros.software import boot_with
 from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.storage import FileSide
-from atlantis_netcfg.emulator.routeros.store import Store
+from atlantis_netcfg.emulator.routeros.store import RowStore
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -227,7 +227,7 @@ class Device(ConsoleBackend, FileSide):
             return listen(self._core, call, sentence.tag)
         return self._spoken(dispatch(self._core, call), call)
 
-    def _spoken(self, result: Result, call: Call) -> list[Answer]:
+    def _spoken(self, result: CallResult, call: Call) -> list[Answer]:
         rows = [Answer.row(row) for row in result.rows]
         if call.path in ("/ping", "/tool/ping") and "count" not in call.arguments:
             return rows
@@ -360,7 +360,7 @@ class Device(ConsoleBackend, FileSide):
         store = core.store
         floating = [entry for entry in core.history.entries if entry.floating and not entry.undone]
         if floating and Deviation.POWER_LOSS not in self.spec.deviations:
-            store = Store(core.schema)
+            store = RowStore(core.schema)
             store.load(core.store.dump())
             for entry in reversed(floating):
                 for change in reversed(entry.changes):
@@ -376,7 +376,7 @@ class Device(ConsoleBackend, FileSide):
     def restore(self, flash: Mapping[str, Any]) -> None:
         """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
         revision = self._core.store.revision
-        files = {name: File(*parts) for name, parts in flash["files"].items()}
+        files = {name: FlashFile(*parts) for name, parts in flash["files"].items()}
         found = boot_with(self.spec.model_copy(update=_software(flash)), files)
         upgraded = found.spec.version != flash.get("software", {}).get("version", self.spec.version)
         before, self._core = self._core, Core(found.spec, self._now)

@@ -20,7 +20,7 @@ from atlantis_netcfg.emulator.routeros.values import id_text
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.emulator.routeros.store import Item
+    from atlantis_netcfg.emulator.routeros.store import StoredItem
 
 
 __all__ = []
@@ -61,7 +61,7 @@ def _tunnel_address(core: Core, number: int) -> _Row:
     }
 
 
-def alert(core: Core, item: Item) -> _Row:
+def alert(core: Core, item: StoredItem) -> _Row:
     """Of a row of `/ip/dhcp-server/alert`: the servers on its interface that it does not know as valid."""
     table = core.store.table("/ip/dhcp-server/alert")
     place = core.store.text(table, item, "interface") or ""
@@ -71,7 +71,7 @@ def alert(core: Core, item: Item) -> _Row:
     return {"unknown-server": ",".join(strangers)} if strangers else {}
 
 
-def lease(core: Core, item: Item) -> _Row:
+def lease(core: Core, item: StoredItem) -> _Row:
     """Of a static lease: whether its device holds it now."""
     table = core.store.table("/ip/dhcp-server/lease")
     address, mac, server = (core.store.text(table, item, name) or "" for name in ("address", "mac-address", "server"))
@@ -84,7 +84,7 @@ def lease(core: Core, item: Item) -> _Row:
     return {"status": "bound", "expires-after": "45m", "last-seen": "15m", **bound}
 
 
-def ntp(core: Core, _item: Item) -> _Row:
+def ntp(core: Core, _item: StoredItem) -> _Row:
     """Of `/system/ntp/client`: whether a declared server has set the clock."""
     server = core.spec.around.time_server
     client, servers = core.store.table("/system/ntp/client"), core.store.table("/system/ntp/client/servers")
@@ -119,7 +119,7 @@ def heard_names(core: Core) -> list[_Row]:
     return found
 
 
-def _listens(core: Core, settings: Item, interface: int) -> bool:
+def _listens(core: Core, settings: StoredItem, interface: int) -> bool:
     """`discover-interface-list` is a list, or `!` and a list."""
     table = core.store.table("/ip/neighbor/discovery-settings")
     number = core.store.target(table, settings, "discover-interface-list")

@@ -27,12 +27,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.console.run import run_script
-from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Core, Gateway, Watch
+from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Core, NetwatchState, NextHop
 from atlantis_netcfg.emulator.routeros.path import receives
 from atlantis_netcfg.emulator.routeros.values import seconds
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _ROWS, _ROUTES, _SETTINGS = "/tool/netwatch", "/ip/route", "/routing/settings"
 _NETWATCH = Caller(0, "*sys", NETWATCH_GROUP, "local", "", 0.0)
@@ -76,20 +76,20 @@ def _align(core: Core, at: float) -> None:
         if table is not None and (known is None or known.values != item.values):
             begin = _span(core, table, item, "start-delay")
             begin += core.started + _span(core, table, item, "startup-delay") if started else at
-            watched.rows[number] = Watch(dict(item.values), begin, begin, since=at)
+            watched.rows[number] = NetwatchState(dict(item.values), begin, begin, since=at)
     hops = _checked(core)
     for hop in [hop for hop in watched.gateways if hop not in hops]:
         del watched.gateways[hop]
     _bury(core, core.dead & hops)
     for hop in hops - set(watched.gateways):
-        watched.gateways[hop] = Gateway(at + _check(core, "interval"))
+        watched.gateways[hop] = NextHop(at + _check(core, "interval"))
 
 
-def _watches(core: Core, table: Table, item: Item) -> bool:
+def _watches(core: Core, table: Table, item: StoredItem) -> bool:
     return core.store.text(table, item, "disabled") != "yes" and core.store.text(table, item, "type") in _TYPES
 
 
-def _span(core: Core, table: Table, item: Item, name: str) -> float:
+def _span(core: Core, table: Table, item: StoredItem, name: str) -> float:
     return seconds(core.store.text(table, item, name) or "0s") or 0.0
 
 
@@ -121,7 +121,7 @@ def _check(core: Core, what: str) -> float:
     return seconds(core.store.text(table, table.items[0], name) or "") or fixed[what]
 
 
-def _ask(core: Core, hop: IPv4Address, gateway: Gateway) -> None:
+def _ask(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
     interval, timeout = _check(core, "interval"), _check(core, "timeout")
     if gateway.waiting:
         gateway.waiting = False
@@ -149,7 +149,7 @@ def _bury(core: Core, dead: frozenset[IPv4Address]) -> None:
 # --- netwatch ------------------------------------------------------------------------------------------------------
 
 
-def _test(core: Core, number: int, row: Watch) -> None:
+def _test(core: Core, number: int, row: NetwatchState) -> None:
     """Send the next packet, or see that the last ones are not answered any more."""
     table = core.store.table(_ROWS)
     item = table.find(number)
@@ -171,7 +171,7 @@ def _test(core: Core, number: int, row: Watch) -> None:
     _finish(core, table, item, row)
 
 
-def _answered(core: Core, table: Table, item: Item) -> bool:
+def _answered(core: Core, table: Table, item: StoredItem) -> bool:
     try:
         host = IPv4Address(core.store.text(table, item, "host") or "")
     except AddressValueError:
@@ -179,7 +179,7 @@ def _answered(core: Core, table: Table, item: Item) -> bool:
     return core.topology.is_local(host) or receives(core, host, core.store.text(table, item, "src-address"))
 
 
-def _finish(core: Core, table: Table, item: Item, row: Watch) -> None:
+def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> None:
     """End a test: tell what it has shown, run what hangs on it, and wait for the next one."""
     ended = row.at
     lost = 100 * (row.sent - row.answered) / row.sent
@@ -196,12 +196,12 @@ def _finish(core: Core, table: Table, item: Item, row: Watch) -> None:
             _run(core, script, row)
 
 
-def _ignored(core: Core, table: Table, item: Item, row: Watch, status: str) -> bool:
+def _ignored(core: Core, table: Table, item: StoredItem, row: NetwatchState, status: str) -> bool:
     """From 7.17 the first status may be told not to run its script."""
     return row.done == 1 and core.store.text(table, item, f"ignore-initial-{status}") == "yes"
 
 
-def _run(core: Core, script: str, row: Watch) -> None:
+def _run(core: Core, script: str, row: NetwatchState) -> None:
     sent, answered = row.last
     variables = {"sent-count": str(sent), "response-count": str(answered), "status": row.status}
     error = run_script(core, _NETWATCH, script, variables).error

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.values import references, spell
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
     from atlantis_netcfg.emulator.routeros.topology import Topology
 
 _DEEPEST = 16
@@ -24,7 +24,7 @@ _PASSING = ("accept", "fasttrack-connection")
 _NUMBERS = {"icmp": "1", "tcp": "6", "udp": "17"}
 
 
-class Verdict(Enum):
+class PacketVerdict(Enum):
     """What a chain says of a packet; FALL: nothing, it reached the end."""
 
     ACCEPT = "accept"
@@ -50,7 +50,7 @@ class Packet:
 
 def walk(  # noqa: PLR0913 - one packet, and where it is
     topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0, *, met: list[int] | None = None
-) -> Verdict:
+) -> PacketVerdict:
     """Follow a chain and the chains that it jumps to; the ids of the rules that matched are added to `met`."""
     table = topology.store.table(path)
     for item in table.items:
@@ -60,25 +60,25 @@ def walk(  # noqa: PLR0913 - one packet, and where it is
             met.append(item.id)
         action = topology.store.text(table, item, "action")
         if action in _CLOSING:
-            return Verdict.DROP
+            return PacketVerdict.DROP
         if action in _PASSING:
-            return Verdict.ACCEPT
+            return PacketVerdict.ACCEPT
         if action == "return":
-            return Verdict.FALL
+            return PacketVerdict.FALL
         if action == "jump" and depth < _DEEPEST:
             target = topology.store.text(table, item, "jump-target") or ""
             verdict = walk(topology, path, target, packet, depth + 1, met=met)
-            if verdict is not Verdict.FALL:
+            if verdict is not PacketVerdict.FALL:
                 return verdict
-    return Verdict.FALL
+    return PacketVerdict.FALL
 
 
-def _in_force(topology: Topology, table: Table, item: Item, chain: str) -> bool:
+def _in_force(topology: Topology, table: Table, item: StoredItem, chain: str) -> bool:
     store = topology.store
     return store.text(table, item, "chain") == chain and store.text(table, item, "disabled") != "yes"
 
 
-def _matches(topology: Topology, table: Table, item: Item, packet: Packet) -> bool:
+def _matches(topology: Topology, table: Table, item: StoredItem, packet: Packet) -> bool:
     closing = topology.store.text(table, item, "action") in _CLOSING
     for name, stored in item.values.items():
         if name not in _MATCHERS:

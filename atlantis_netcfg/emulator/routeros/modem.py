@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.spec import ModemSpec, SimSpec
-    from atlantis_netcfg.emulator.routeros.store import Item
+    from atlantis_netcfg.emulator.routeros.store import StoredItem
 
 
 __all__ = []
@@ -35,7 +35,7 @@ __all__ = []
 LTE, APN = "/interface/lte", "/interface/lte/apn"
 
 
-class Phase(Enum):
+class ModemPhase(Enum):
     """How far the modem has come."""
 
     OFF = auto()
@@ -50,10 +50,10 @@ class Phase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class ModemSettings:
     """The interface's row, and the APN profile that it uses."""
 
-    item: Item
+    item: StoredItem
     name: str
     enabled: bool
     pin: str
@@ -67,7 +67,7 @@ class Settings:
     distance: str
 
 
-def settings_of(core: Core) -> Settings | None:
+def settings_of(core: Core) -> ModemSettings | None:
     """Read what the modem is set to; None: the board has none."""
     if core.spec.modem is None or not core.schema.has_menu(LTE):
         return None
@@ -77,7 +77,7 @@ def settings_of(core: Core) -> Settings | None:
         return None
     given = {name: core.store.text(table, item, name) or "" for name in table.args}
     profile = _profile(core, given.get("apn-profiles", "").split(",")[0])
-    return Settings(
+    return ModemSettings(
         item=item,
         name=given["name"],
         enabled=given.get("disabled") != "yes",
@@ -101,30 +101,30 @@ def _profile(core: Core, name: str) -> dict[str, str]:
     return {}
 
 
-def phase_of(core: Core, mine: Settings) -> Phase:
+def phase_of(core: Core, mine: ModemSettings) -> ModemPhase:
     """Tell how far the modem comes with these settings."""
     modem, state = core.spec.modem, core.sim
     if modem is None or not mine.enabled:
-        return Phase.OFF
+        return ModemPhase.OFF
     if modem.sim is None:
-        return Phase.NO_SIM
+        return ModemPhase.NO_SIM
     if modem.sim.pin and not state.unlocked:
-        return Phase.PUK if state.tries_left == 0 else Phase.PIN
+        return ModemPhase.PUK if state.tries_left == 0 else ModemPhase.PIN
     return _on_air(modem, modem.sim, mine)
 
 
-def _on_air(modem: ModemSpec, sim: SimSpec, mine: Settings) -> Phase:
+def _on_air(modem: ModemSpec, sim: SimSpec, mine: ModemSettings) -> ModemPhase:
     cell = modem.cell
     desired = mine.bands or frozenset(modem.bands)
     deaf = cell is None or not desired & set(cell.bands) & set(modem.bands)
     if cell is None or deaf or (mine.modes and "lte" not in mine.modes) or mine.operator not in {"", cell.plmn}:
-        return Phase.SEARCHING
+        return ModemPhase.SEARCHING
     if cell.denies:
-        return Phase.DENIED
+        return ModemPhase.DENIED
     if sim.home != cell.plmn and not mine.allow_roaming:
-        return Phase.REGISTERED
+        return ModemPhase.REGISTERED
     apn = cell.own_apn if modem.mbim and mine.network_apn else mine.apn
-    return Phase.CONNECTED if not cell.apns or apn in cell.apns else Phase.REGISTERED
+    return ModemPhase.CONNECTED if not cell.apns or apn in cell.apns else ModemPhase.REGISTERED
 
 
 def settle(core: Core) -> None:
@@ -141,10 +141,14 @@ def settle(core: Core) -> None:
         state.enter(mine.pin, sim.pin)
         _tell(core, f"{mine.name}: rcvd +CME ERROR: 16" if state.refused else "")
     phase = phase_of(core, mine)
-    answer = {Phase.NO_SIM: "+CME ERROR: 10", Phase.PIN: "+CPIN: SIM PIN", Phase.PUK: "+CPIN: SIM PUK"}.get(phase)
+    answer = {
+        ModemPhase.NO_SIM: "+CME ERROR: 10",
+        ModemPhase.PIN: "+CPIN: SIM PIN",
+        ModemPhase.PUK: "+CPIN: SIM PUK",
+    }.get(phase)
     if answer is not None:
         _tell(core, f"{mine.name}: rcvd {answer}", requested=f"{mine.name}: sent AT+CPIN?")
-    _connect(core, mine, up=phase is Phase.CONNECTED)
+    _connect(core, mine, up=phase is ModemPhase.CONNECTED)
 
 
 def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -162,7 +166,7 @@ def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
         core.sim.swap(changed.sim.tries if changed.sim is not None else 0)
     settle(core)
     mine = settings_of(core)
-    phase = Phase.OFF if mine is None else phase_of(core, mine)
+    phase = ModemPhase.OFF if mine is None else phase_of(core, mine)
     return {"phase": phase.name.lower(), "tries_left": core.sim.tries_left, "pins_entered": core.sim.pins_entered}
 
 
@@ -182,7 +186,7 @@ def _tell(core: Core, line: str, *, requested: str | None = None) -> None:
             core.note("lte,async", text)
 
 
-def _connect(core: Core, mine: Settings, *, up: bool) -> None:
+def _connect(core: Core, mine: ModemSettings, *, up: bool) -> None:
     number = mine.item.id
     if up is (number in core.linked):
         return
@@ -196,7 +200,7 @@ def made(core: Core, path: str) -> list[dict[str, str]]:
     """The address and the default route that the device makes by itself while the modem is connected."""
     mine = settings_of(core) if path in {"/ip/address", "/ip/route"} else None
     modem = core.spec.modem
-    if mine is None or modem is None or modem.cell is None or phase_of(core, mine) is not Phase.CONNECTED:
+    if mine is None or modem is None or modem.cell is None or phase_of(core, mine) is not ModemPhase.CONNECTED:
         return []
     number = id_text(core.store.dynamic_id(path, "lte", mine.item.id))
     flags = {"dynamic": "true", "disabled": "false"}

@@ -10,14 +10,14 @@ from __future__ import annotations
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
+from atlantis_netcfg.emulator.routeros.firewall import Packet, PacketVerdict, walk
 from atlantis_netcfg.emulator.routeros.topology import MAIN, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"
@@ -100,11 +100,11 @@ def _bridged(core: Core, entry: int, bridge: int) -> bool:
 
 
 def _round_trip(topology: Topology, packet: Packet) -> bool:
-    if walk(topology, _RAW, "prerouting", packet) is Verdict.DROP:
+    if walk(topology, _RAW, "prerouting", packet) is PacketVerdict.DROP:
         return False
     if packet.state == "new" and _hijacked(topology, packet):
         return False
-    if walk(topology, _FILTER, "input", packet) is Verdict.DROP:
+    if walk(topology, _FILTER, "input", packet) is PacketVerdict.DROP:
         return False
     way = route_to(topology, packet.src, packet.dst)
     if way != packet.in_interface:
@@ -118,12 +118,12 @@ def _round_trip(topology: Topology, packet: Packet) -> bool:
         out_interface=way,
         out_port=packet.in_port,
     )
-    return all(walk(topology, table, "output", answer) is not Verdict.DROP for table in (_RAW, _FILTER))
+    return all(walk(topology, table, "output", answer) is not PacketVerdict.DROP for table in (_RAW, _FILTER))
 
 
 def _hijacked(topology: Topology, packet: Packet) -> bool:
     """Tell whether dstnat would send the first packet somewhere else."""
-    return walk(topology, _NAT, "dstnat", packet) is Verdict.DROP
+    return walk(topology, _NAT, "dstnat", packet) is PacketVerdict.DROP
 
 
 def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> int | None:
@@ -148,7 +148,7 @@ def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> i
     return None
 
 
-def _in_order(topology: Topology, rules: Table) -> Iterator[Item | None]:
+def _in_order(topology: Topology, rules: Table) -> Iterator[StoredItem | None]:
     """Yield rules chain by chain, as `policy-rules` has them from 7.22 on; None stands for table main."""
     # Table main has its turn, too. Assumption: routing-rule-chains
     store = topology.store
@@ -162,7 +162,9 @@ def _in_order(topology: Topology, rules: Table) -> Iterator[Item | None]:
             yield None
 
 
-def _rule_applies(topology: Topology, rules: Table, item: Item, dst: IPv4Address, src: IPv4Address | None) -> bool:
+def _rule_applies(
+    topology: Topology, rules: Table, item: StoredItem, dst: IPv4Address, src: IPv4Address | None
+) -> bool:
     store = topology.store
     if store.text(rules, item, "disabled") == "yes" or "interface" in item.values or "routing-mark" in item.values:
         return False
@@ -197,5 +199,5 @@ def receives(core: Core, target: IPv4Address, source: str | None) -> bool:
     )
     request = Packet(address, target, "new", "icmp", out_interface=way)
     reply = Packet(target, address, "established", "icmp", in_interface=way)
-    out = walk(topology, _FILTER, "output", request) is not Verdict.DROP
-    return out and walk(topology, _FILTER, "input", reply) is not Verdict.DROP
+    out = walk(topology, _FILTER, "output", request) is not PacketVerdict.DROP
+    return out and walk(topology, _FILTER, "input", reply) is not PacketVerdict.DROP

@@ -15,8 +15,14 @@ from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
 from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection, fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.storage import Flash
-from atlantis_netcfg.emulator.routeros.wire.host import HOST, Host, Listeners, Member, Pipe
-from atlantis_netcfg.emulator.routeros.wire.link import Counters, Fault, Link, TrafficCounters, WireBehaviour
+from atlantis_netcfg.emulator.routeros.wire.host import HOST, LinkMember, Listeners, Pipe, RouterHost
+from atlantis_netcfg.emulator.routeros.wire.link import (
+    LinkFault,
+    RouterLink,
+    TrafficCounters,
+    WireBehaviour,
+    WireCounters,
+)
 from atlantis_netcfg.emulator.routeros.wire.switchboard import Switchboard
 
 if TYPE_CHECKING:
@@ -28,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 
-class Router:
+class EmulatedRouter:
     """A twin between `start()` and `stop()`, or inside `async with`; all methods belong to its event loop.
 
     `ports` wishes loopback ports by service port, e.g. `{8729: 18729}`.
@@ -42,12 +48,12 @@ class Router:
         spec: RouterSpec,
         *,
         state_dir: Path,
-        link: Link | None = None,
+        link: RouterLink | None = None,
         knobs: WireBehaviour | None = None,
         ports: Mapping[int, int] | None = None,
     ) -> None:
         self.spec = spec
-        self._link = link or Link()
+        self._link = link or RouterLink()
         self._knobs = knobs or WireBehaviour()
         self._flash = Flash(state_dir)
         self._doors = Listeners(self._visitor, ports or {})
@@ -163,9 +169,9 @@ class Router:
         """What `/export` prints, read beside all sessions; without `header` (it has the clock) for comparisons."""
         return self.device.export(verbose=verbose, terse=terse, show_sensitive=show_sensitive, menu=menu, header=header)
 
-    def counters(self) -> Counters:
+    def counters(self) -> WireCounters:
         """Totals over all connections since the last reset."""
-        total = Counters()
+        total = WireCounters()
         for tally in self._tallies:
             total = total.plus(tally.counters)
         return total
@@ -178,7 +184,7 @@ class Router:
         """Count from zero; connections that are open go on counting."""
         self._tallies[:] = [connection.tally for connection in self._board.connections]
         for tally in self._tallies:
-            tally.counters = Counters()
+            tally.counters = WireCounters()
             tally.sentences = []
 
     # What it does to the router.
@@ -200,7 +206,7 @@ class Router:
         self._board.tell()
         return answers
 
-    def relink(self, link: Link) -> None:
+    def relink(self, link: RouterLink) -> None:
         """Another bearer for everything that is sent from now on."""
         self._link = self._board.bearer.link = link
 
@@ -209,7 +215,7 @@ class Router:
         self._knobs = knobs
         self._board.turn(knobs)
 
-    def arm(self, fault: Fault) -> None:
+    def arm(self, fault: LinkFault) -> None:
         """Let a fault strike at a sentence to come."""
         self._board.faults.arm(fault)
 
@@ -282,7 +288,7 @@ class Router:
     def _side_visitor(self, service: str) -> Pipe:
         return self._board.visitor(service, self.spec.first_contact)
 
-    def _shell(self, host: Host, address: str) -> Member:
+    def _shell(self, host: RouterHost, address: str) -> LinkMember:
         return SshConnection(host, self.device, address=address, key=lambda: host_key(self._flash.host_key))
 
     async def _changed(self) -> None:

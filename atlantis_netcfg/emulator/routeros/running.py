@@ -35,9 +35,9 @@ class RunningSite:
     """The twins of `spec` in a thread with its own event loop."""
 
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
-        from atlantis_netcfg.emulator.routeros.site import Site  # noqa: PLC0415 - see above
+        from atlantis_netcfg.emulator.routeros.site import EmulatedSite  # noqa: PLC0415 - see above
 
-        self.site = Site(spec, state_dir)
+        self.site = EmulatedSite(spec, state_dir)
         self.ready: dict[str, Any] = {}
         self._started: Future[dict[str, Any]] = Future()
         self._thread = threading.Thread(target=self._run, name=f"twins of {spec.name}", daemon=True)

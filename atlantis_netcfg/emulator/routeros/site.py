@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg.emulator.routeros.radio import RadioLink
-from atlantis_netcfg.emulator.routeros.router import Router
+from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
 
-class Site:
+class EmulatedSite:
     """The twins of `spec`, each with its own folder below `state_dir`; `async with` starts and stops them."""
 
     def __init__(self, spec: SiteSpec, state_dir: Path) -> None:
         self.spec = spec
         self.routers = {
-            twin.router.name: Router(
+            twin.router.name: EmulatedRouter(
                 twin.router,
                 state_dir=state_dir / twin.router.name,
                 link=twin.link,
@@ -30,7 +30,7 @@ class Site:
             for twin in spec.twins
         }
         self.links = tuple(RadioLink(pair, self.routers[pair.near], self.routers[pair.far]) for pair in spec.pairs)
-        self._running: list[Router] = []
+        self._running: list[EmulatedRouter] = []
 
     async def start(self) -> None:
         """Start all twins, or none."""
@@ -71,7 +71,7 @@ class Site:
         return {name: describe(router) for name, router in self.routers.items()}
 
 
-def describe(router: Router) -> dict[str, Any]:
+def describe(router: EmulatedRouter) -> dict[str, Any]:
     """Where one twin is to be found; a service that does not listen is null."""
     return {
         "host": router.host,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.emulator.routeros.core import File
+    from atlantis_netcfg.emulator.routeros.core import FlashFile
     from atlantis_netcfg.emulator.routeros.spec import RouterSpec
 
 _MAGIC = b"\x1e\xf1\xd0\xba"
@@ -68,12 +68,12 @@ class Boot:
     """What the router is after a boot: its spec, the files that are left, and what it wrote to its log."""
 
     spec: RouterSpec
-    files: Mapping[str, File]
+    files: Mapping[str, FlashFile]
     log: tuple[tuple[str, str], ...] = ()
     """Topics and message."""
 
 
-def boot_with(spec: RouterSpec, files: Mapping[str, File]) -> Boot:
+def boot_with(spec: RouterSpec, files: Mapping[str, FlashFile]) -> Boot:
     """Install the packages in the root folder: all of the new system's version, or those that are installed already."""
     found = {
         name: package

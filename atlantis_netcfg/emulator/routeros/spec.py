@@ -14,7 +14,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from atlantis_netcfg.emulator.routeros.radio._settings import RadioPair
-from atlantis_netcfg.emulator.routeros.wire.link import Link, WireBehaviour
+from atlantis_netcfg.emulator.routeros.wire.link import RouterLink, WireBehaviour
 
 ETHERNETS = tuple(f"ether{number}" for number in range(1, 9))
 
@@ -33,7 +33,7 @@ class User(_Spec):
     address: str = ""
 
 
-class Management(_Spec):
+class ManagementSpec(_Spec):
     """The path by which the technician reaches the router: `technician` sends packets into `port` to `address`.
 
     The port is a radio where the technician stands at the other end of a radio link.
@@ -60,7 +60,7 @@ class Management(_Spec):
         return self
 
 
-class Mode(StrEnum):
+class DeviceModeName(StrEnum):
     """Modes of `/system/device-mode` (Manual, Device-mode)."""
 
     HOME = "home"
@@ -72,7 +72,7 @@ class Mode(StrEnum):
 class DeviceMode(_Spec):
     """`/system/device-mode`: a mode, features that were switched one by one (`{"scheduler": False}`), and the flag."""
 
-    mode: Mode = Mode.ADVANCED
+    mode: DeviceModeName = DeviceModeName.ADVANCED
     features: dict[str, bool] = Field(default_factory=dict)
     flagged: bool = False
 
@@ -269,7 +269,7 @@ class RouterSpec(_Spec):
     device_mode: DeviceMode = DeviceMode()
     packages: tuple[str, ...] = ("routeros",)
     users: tuple[User, ...] = (User(name="provision"),)
-    management: Management = Management()
+    management: ManagementSpec = ManagementSpec()
     history_limit: int = Field(default=100, ge=1)
     """Actions that `/system/history` keeps; one more in safe mode and the session leaves it without a word."""
     unroll_delay_s: float = Field(default=2.15, ge=0)
@@ -300,7 +300,7 @@ class RouterSpec(_Spec):
 
     It has the default configuration and the users of the spec (name `admin`), no certificate and no management address.
     """
-    first_contact: Management | None = None
+    first_contact: ManagementSpec | None = None
     """A second way in, beside `management`: a laptop on a port of the factory's network."""
 
     @property
@@ -309,7 +309,7 @@ class RouterSpec(_Spec):
         return tuple(dict.fromkeys((*self.neighbours, *self.around.cards)))
 
     @property
-    def paths(self) -> tuple[Management, ...]:
+    def paths(self) -> tuple[ManagementSpec, ...]:
         """Every place from which the router is managed, the declared one first."""
         return (self.management,) if self.first_contact is None else (self.management, self.first_contact)
 
@@ -326,7 +326,7 @@ class TwinSpec(_Spec):
     """A router, the bearer that leads to it, and its moods."""
 
     router: RouterSpec
-    link: Link = Link()
+    link: RouterLink = RouterLink()
     knobs: WireBehaviour = WireBehaviour()
     ports: dict[int, int] = Field(default_factory=dict)
     """Loopback ports wished for, by service port; the kernel chooses the others."""

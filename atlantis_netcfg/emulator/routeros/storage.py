@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Caller, Trap
 from atlantis_netcfg.emulator.routeros.console.run import run_file
-from atlantis_netcfg.emulator.routeros.core import Core, File
+from atlantis_netcfg.emulator.routeros.core import Core, FlashFile
 from atlantis_netcfg.emulator.routeros.wire.tls import certificate
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class FileSide:
         """Make an empty folder. Raises Trap."""
         if not {"ftp", "write"} <= self._core.policies(caller):
             raise Trap("not enough permissions (9)")
-        self._core.files[name] = File(self._core.number(), "", self._core.stamp(), folder=True)
+        self._core.files[name] = FlashFile(self._core.number(), "", self._core.stamp(), folder=True)
 
     def free_space(self, *, besides: str = "") -> int:
         """Bytes that a file could take which replaces the one called `besides`."""
@@ -62,7 +62,7 @@ class FileSide:
         if len(data) > self.free_space(besides=name):
             raise Trap(DISK_FULL)
         number = core.files[name].number if name in core.files else core.number()
-        core.files[name] = File(number, data.decode(errors="surrogateescape"), core.stamp())
+        core.files[name] = FlashFile(number, data.decode(errors="surrogateescape"), core.stamp())
 
     def drop_file(self, name: str) -> bool:
         """Delete a file; False if there is none."""

@@ -6,7 +6,7 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Arg, Menu, Shape, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Arg, EmulatedMenu, Shape, generic, unmodelled
 from atlantis_netcfg.emulator.routeros.values import reference, references, spell
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Entry:
+class HistoryEntry:
     """One action, one row changed; `undo` and `redo` are its console commands."""
 
     number: int
@@ -27,23 +27,23 @@ class Entry:
     time: str
     undo: str
     redo: str
-    changes: tuple[Change, ...]
+    changes: tuple[StoreChange, ...]
     floating: bool = False
     """Safe mode would undo it."""
     undone: bool = False
 
 
 @dataclass(slots=True)
-class History:
+class ActionHistory:
     """The latest actions, oldest first, and who holds safe mode."""
 
     limit: int
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[HistoryEntry] = field(default_factory=list)
     holder: Caller | None = None
     """The session that holds safe mode; it stays the holder after it has closed, until its changes are undone."""
     _count: int = 0
 
-    def record(self, store: Store, action: str, *, by: str, time: str, commands: tuple[str, str]) -> None:
+    def record(self, store: RowStore, action: str, *, by: str, time: str, commands: tuple[str, str]) -> None:
         """Close an action: take the changes that the store has collected; `commands` undo and redo it.
 
         In safe mode the action that no longer fits ends it without a word, and nothing will be undone.
@@ -55,7 +55,7 @@ class History:
         self.entries = [entry for entry in self.entries if not entry.undone]
         policy = "write,policy" if changes[0].menu.startswith("/user") else "write"
         self.entries.append(
-            Entry(self._count, action, by, policy, time, *commands, changes, floating=self.holder is not None)
+            HistoryEntry(self._count, action, by, policy, time, *commands, changes, floating=self.holder is not None)
         )
         if sum(entry.floating for entry in self.entries) > self.limit:
             self.release()
@@ -83,14 +83,14 @@ class History:
         for entry in self.entries:
             entry.floating = False
 
-    def unroll(self, store: Store) -> None:
+    def unroll(self, store: RowStore) -> None:
         """Undo everything since safe mode was taken, whoever did it, newest first, and leave safe mode."""
         for entry in reversed([entry for entry in self.entries if entry.floating and not entry.undone]):
             _put_back(store, entry)
         self.entries = [entry for entry in self.entries if not entry.floating]
         self.holder = None
 
-    def undo(self, store: Store) -> bool:
+    def undo(self, store: RowStore) -> bool:
         """Undo the newest action that is not undone."""
         for entry in reversed(self.entries):
             if not entry.undone:
@@ -99,7 +99,7 @@ class History:
                 return True
         return False
 
-    def redo(self, store: Store) -> bool:
+    def redo(self, store: RowStore) -> bool:
         """Do the oldest undone action again."""
         for entry in self.entries:
             if entry.undone:
@@ -115,7 +115,7 @@ class History:
         self.holder = None
 
 
-def _put_back(store: Store, entry: Entry) -> None:
+def _put_back(store: RowStore, entry: HistoryEntry) -> None:
     for change in reversed(entry.changes):
         store.put_back(change)
 
@@ -129,7 +129,7 @@ _SPACE_MENUS = {
 
 
 @dataclass(slots=True, eq=False)
-class Item:
+class StoredItem:
     """One row, equal to itself alone: lists of thousands are searched for it.
 
     `values` holds what was given, in stored form; what is missing has its default.
@@ -150,7 +150,7 @@ class Placed(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class StoreChange:
     """One row before and after; None is "not there"."""
 
     menu: str
@@ -163,17 +163,17 @@ class Change:
 class Table:
     """The rows of one menu in their order."""
 
-    menu: Menu
+    menu: EmulatedMenu
     args: dict[str, Arg]
     """Arguments that the router's version and board have."""
-    items: list[Item] = field(default_factory=list)
+    items: list[StoredItem] = field(default_factory=list)
 
-    def find(self, number: int) -> Item | None:
+    def find(self, number: int) -> StoredItem | None:
         """Return the row with this id."""
         return next((item for item in self.items if item.id == number), None)
 
 
-class Store:
+class RowStore:
     """All tables of a router; the name space of references."""
 
     def __init__(self, schema: Schema, *, reuses_ids: bool = False) -> None:
@@ -182,7 +182,7 @@ class Store:
         self.tables: dict[str, Table] = {}
         self.counters: dict[str, int] = {}
         self.revision = 0
-        self.changes: list[Change] = []
+        self.changes: list[StoreChange] = []
         """Changes that no history entry holds yet."""
         self._dynamic_ids: dict[tuple[str, str, int], int] = {}
 
@@ -222,14 +222,14 @@ class Store:
                 return self.text(table, item, "name")
         return None
 
-    def text(self, table: Table, item: Item, name: str) -> str | None:
+    def text(self, table: Table, item: StoredItem, name: str) -> str | None:
         """Return a property as an export spells it; None: it is not set and has no default."""
         if name in item.values:
             return spell(item.values[name], self)
         arg = table.args.get(name)
         return arg.default if arg is not None else None
 
-    def target(self, table: Table, item: Item, name: str) -> int | None:
+    def target(self, table: Table, item: StoredItem, name: str) -> int | None:
         """Return the id of the row that a property refers to, also by its default."""
         stored = item.values.get(name)
         if stored is None and (arg := table.args.get(name)) is not None and arg.default is not None:
@@ -270,40 +270,40 @@ class Store:
         items = self.table(path).items
         return next((Placed(dict(item.values), at) for at, item in enumerate(items) if item.id == number), None)
 
-    def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> Item:
+    def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> StoredItem:
         """Add a row, at the end if no index is given."""
         items = self.table(path).items
-        item = Item(self.new_id(path), dict(values))
+        item = StoredItem(self.new_id(path), dict(values))
         position = len(items) if index is None else index
         items.insert(position, item)
-        self._note(Change(path, item.id, None, Placed(dict(item.values), position)))
+        self._note(StoreChange(path, item.id, None, Placed(dict(item.values), position)))
         return item
 
-    def update(self, path: str, item: Item, values: Mapping[str, str]) -> None:
+    def update(self, path: str, item: StoredItem, values: Mapping[str, str]) -> None:
         """Give a row new content."""
         before = self.place(path, item.id)
         item.values = dict(values)
-        self._note(Change(path, item.id, before, self.place(path, item.id)))
+        self._note(StoreChange(path, item.id, before, self.place(path, item.id)))
 
-    def move(self, path: str, item: Item, index: int) -> None:
+    def move(self, path: str, item: StoredItem, index: int) -> None:
         """Put a row at a position, counted without itself."""
         before = self.place(path, item.id)
         items = self.table(path).items
         items.remove(item)
         items.insert(index, item)
-        self._note(Change(path, item.id, before, self.place(path, item.id)))
+        self._note(StoreChange(path, item.id, before, self.place(path, item.id)))
 
-    def remove(self, path: str, item: Item) -> None:
+    def remove(self, path: str, item: StoredItem) -> None:
         """Take a row away."""
         before = self.place(path, item.id)
         self.table(path).items.remove(item)
-        self._note(Change(path, item.id, before, None))
+        self._note(StoreChange(path, item.id, before, None))
 
-    def _note(self, change: Change) -> None:
+    def _note(self, change: StoreChange) -> None:
         self.revision += 1
         self.changes.append(change)
 
-    def put_back(self, change: Change, *, forward: bool = False) -> None:
+    def put_back(self, change: StoreChange, *, forward: bool = False) -> None:
         """Undo (or redo) one change: content, position and id."""
         self.revision += 1
         table = self.table(change.menu)
@@ -312,7 +312,7 @@ class Store:
         if item is not None:
             table.items.remove(item)
         if desired is not None:
-            item = item or Item(change.id, {})
+            item = item or StoredItem(change.id, {})
             item.values = dict(desired.values)
             table.items.insert(desired.position, item)
 
@@ -345,7 +345,9 @@ class Store:
             if upgraded and not self.schema.has_menu(path):
                 continue
             table = self.table(path)
-            table.items = [Item(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows]
+            table.items = [
+                StoredItem(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows
+            ]
             for item in table.items if upgraded else ():
                 item.values = {name: value for name, value in item.values.items() if name in {*table.args, "name"}}
         self.changes.clear()

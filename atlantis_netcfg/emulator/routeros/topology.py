@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.values import references
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.store import Item, Store
+    from atlantis_netcfg.emulator.routeros.store import RowStore, StoredItem
 
 MAIN = 0
 """The id of routing table `main`."""
@@ -77,7 +77,7 @@ class Topology:
     """Computed once per revision of the store."""
 
     def __init__(
-        self, store: Store, linked: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
+        self, store: RowStore, linked: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
     ) -> None:
         """`linked`: radios that are connected to another one; `dead`: gateways that `check-gateway` has given up."""
         self.store = store
@@ -114,7 +114,7 @@ class Topology:
                 if bridge in self.interfaces and port in self.interfaces and port != bridge:
                     self.interfaces[port].master = bridge
 
-    def port_members(self, item: Item) -> list[int]:
+    def port_members(self, item: StoredItem) -> list[int]:
         """Return the interfaces that a bridge port row stands for: one, or those of a list."""
         pointed = list(references(item.values.get("interface", "")))
         return [

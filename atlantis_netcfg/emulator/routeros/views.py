@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed, public_key
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
-from atlantis_netcfg.emulator.routeros.firewall import Packet, Verdict, walk
+from atlantis_netcfg.emulator.routeros.firewall import Packet, PacketVerdict, walk
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
 from atlantis_netcfg.emulator.routeros.path import route_to
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
+    from atlantis_netcfg.emulator.routeros.store import RowStore, StoredItem, Table
     from atlantis_netcfg.emulator.routeros.topology import Interface, Route, Topology
 
 
@@ -54,26 +54,26 @@ def type_of(interface: Interface) -> str:
     return _TYPES.get(interface.menu, interface.menu.rpartition("/")[2])
 
 
-def _interface(topology: Topology, item: Item) -> Properties:
+def _interface(topology: Topology, item: StoredItem) -> Properties:
     interface = topology.interfaces[item.id]
     return {"running": _truth(interface.running), "slave": _truth(interface.master)}
 
 
-def _ethernet(topology: Topology, item: Item) -> Properties:
+def _ethernet(topology: Topology, item: StoredItem) -> Properties:
     return {"default-name": (item.factory or {})["name"], **_interface(topology, item), "loop-protect-status": "off"}
 
 
-def _radio(topology: Topology, item: Item) -> Properties:
+def _radio(topology: Topology, item: StoredItem) -> Properties:
     return {**_default_name(item), "running": _truth(topology.interfaces[item.id].running)}
 
 
-def _wifi(topology: Topology, item: Item) -> Properties:
+def _wifi(topology: Topology, item: StoredItem) -> Properties:
     running = topology.interfaces[item.id].running
     flags = {"bound": "true", "master": _truth(item.factory is not None), "inactive": _truth(not running)}
     return {**_default_name(item), **flags, "running": _truth(running)}
 
 
-def _modem(topology: Topology, item: Item) -> Properties:
+def _modem(topology: Topology, item: StoredItem) -> Properties:
     interface = topology.interfaces[item.id]
     return {
         **_default_name(item),
@@ -82,21 +82,21 @@ def _modem(topology: Topology, item: Item) -> Properties:
     }
 
 
-def _default_name(item: Item) -> Properties:
+def _default_name(item: StoredItem) -> Properties:
     return {} if item.factory is None else {"default-name": item.factory["name"]}
 
 
-def _bridge(topology: Topology, item: Item) -> Properties:
+def _bridge(topology: Topology, item: StoredItem) -> Properties:
     mtu = item.values.get("mtu", "auto")
     shown = {"actual-mtu": "1500" if mtu == "auto" else mtu, "l2mtu": "1598"}
     return {**shown, "dynamic": "false", "running": _truth(topology.interfaces[item.id].running)}
 
 
-def _tunnel(topology: Topology, item: Item) -> Properties:
+def _tunnel(topology: Topology, item: StoredItem) -> Properties:
     return {"running": _truth(topology.interfaces[item.id].running), "hw-crypto": "false"}
 
 
-def _port(topology: Topology, item: Item) -> Properties:
+def _port(topology: Topology, item: StoredItem) -> Properties:
     table = topology.store.table("/interface/bridge/port")
     bridge = topology.store.target(table, item, "bridge")
     members = topology.port_members(item)
@@ -110,7 +110,7 @@ def _port(topology: Topology, item: Item) -> Properties:
     return {"dynamic": "false", "inactive": _truth(not works), "status": status}
 
 
-def _address(topology: Topology, item: Item) -> Properties:
+def _address(topology: Topology, item: StoredItem) -> Properties:
     local = next(local for local in topology.locals if local.item == item.id)
     address = IPv4Interface(topology.store.text(topology.store.table("/ip/address"), item, "address") or "")
     shown = {"network": item.values.get("network", str(address.network.network_address))}
@@ -123,25 +123,25 @@ def _address(topology: Topology, item: Item) -> Properties:
     }
 
 
-def _on_interface(topology: Topology, item: Item, path: str) -> bool:
+def _on_interface(topology: Topology, item: StoredItem, path: str) -> bool:
     table = topology.store.table(path)
     number = topology.store.target(table, item, "interface")
     interface = topology.interfaces.get(number or 0)
     return interface is not None and interface.master is None
 
 
-def _dhcp_server(topology: Topology, item: Item) -> Properties:
+def _dhcp_server(topology: Topology, item: StoredItem) -> Properties:
     return {"dynamic": "false", "invalid": _truth(not _on_interface(topology, item, "/ip/dhcp-server"))}
 
 
-def _dhcp_client(topology: Topology, item: Item) -> Properties:
+def _dhcp_client(topology: Topology, item: StoredItem) -> Properties:
     disabled = topology.store.text(topology.store.table("/ip/dhcp-client"), item, "disabled") == "yes"
     fine = _on_interface(topology, item, "/ip/dhcp-client")
     status = "stopped" if disabled or not fine else "searching..."
     return {"dynamic": "false", "invalid": _truth(not fine), "status": status}
 
 
-def _lease(_topology: Topology, _item: Item) -> Properties:
+def _lease(_topology: Topology, _item: StoredItem) -> Properties:
     return {"status": "waiting", "last-seen": "never", "radius": "false", "dynamic": "false", "blocked": "false"}
 
 
@@ -156,17 +156,17 @@ def _route_row(topology: Topology, route: Route) -> Properties:
     return {**shown, **flags, "connect" if route.connected else "static": "true"}
 
 
-def _route(topology: Topology, item: Item) -> Properties:
+def _route(topology: Topology, item: StoredItem) -> Properties:
     route = next(route for route in topology.routes if route.item == item.id)
     return _route_row(topology, route)
 
 
-def _table(topology: Topology, item: Item) -> Properties:
+def _table(topology: Topology, item: StoredItem) -> Properties:
     used = any(route.table == item.id for route in topology.routes)
     return {"dynamic": _truth(item.dynamic), "invalid": "false", "used": _truth(used)}
 
 
-def _rule(topology: Topology, item: Item) -> Properties:
+def _rule(topology: Topology, item: StoredItem) -> Properties:
     """A lookup in a table that has gone, or an interface that has gone, makes the rule inactive."""
     table = topology.store.table("/routing/rule")
     target = topology.store.target(table, item, "table")
@@ -175,23 +175,23 @@ def _rule(topology: Topology, item: Item) -> Properties:
     return {"inactive": _truth(gone)}
 
 
-def _firewall(topology: Topology, item: Item) -> Properties:
+def _firewall(topology: Topology, item: StoredItem) -> Properties:
     """A rule that names an interface or list that has gone is invalid."""
     spelled = [value for name, value in item.values.items() if name.startswith(("in-", "out-"))]
     gone = any("*" in spell(value, topology.store) for value in spelled)
     return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(gone)}
 
 
-def _ntp(topology: Topology, item: Item) -> Properties:
+def _ntp(topology: Topology, item: StoredItem) -> Properties:
     enabled = topology.store.text(topology.store.table("/system/ntp/client"), item, "enabled") == "yes"
     return {"freq-drift": "0", "status": "waiting" if enabled else "stopped"}
 
 
-def _dns(_topology: Topology, _item: Item) -> Properties:
+def _dns(_topology: Topology, _item: StoredItem) -> Properties:
     return {"dynamic-servers": "", "cache-used": "25"}
 
 
-def _fast_path(family: str) -> Callable[[Topology, Item], Properties]:
+def _fast_path(family: str) -> Callable[[Topology, StoredItem], Properties]:
     """Nothing takes it here. Assumption: settings-computed."""
     shown = {
         f"{family}-{path}-{name}": value
@@ -201,18 +201,18 @@ def _fast_path(family: str) -> Callable[[Topology, Item], Properties]:
     return lambda _topology, _item: shown
 
 
-def _snmp(_topology: Topology, _item: Item) -> Properties:
+def _snmp(_topology: Topology, _item: StoredItem) -> Properties:
     """MikroTik's enterprise number is 14988 (IANA), 3a8c; the form of RFC 3411 with a text of the router's own."""
     return {"engine-id": "80003a8c04"}
 
 
-def _romon(topology: Topology, item: Item) -> Properties:
+def _romon(topology: Topology, item: StoredItem) -> Properties:
     """The `id`, or the address of a port (manual, RoMON). Assumption: settings-computed."""
     local = topology.store.text(topology.store.table("/tool/romon"), item, "id")
     return {"current-id": local or ""}
 
 
-_COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
+_COMPUTED: dict[str, Callable[[Topology, StoredItem], Properties]] = {
     "/interface/bridge": _bridge,
     "/interface/bridge/port": _port,
     "/interface/ethernet": _ethernet,
@@ -240,7 +240,7 @@ _COMPUTED: dict[str, Callable[[Topology, Item], Properties]] = {
 }
 
 
-def properties(topology: Topology, path: str, item: Item) -> Properties:
+def properties(topology: Topology, path: str, item: StoredItem) -> Properties:
     """Return what the router computes for a row."""
     compute = _COMPUTED.get(path)
     return compute(topology, item) if compute is not None else {}
@@ -275,13 +275,13 @@ def _connected_row(topology: Topology, route: Route) -> Properties:
     }
 
 
-def _uses_fasttrack(store: Store) -> bool:
+def _uses_fasttrack(store: RowStore) -> bool:
     table = store.table("/ip/firewall/filter")
     rules = (item for item in table.items if store.text(table, item, "disabled") != "yes")
     return any(store.text(table, item, "action") == "fasttrack-connection" for item in rules)
 
 
-def _dummy(store: Store, path: str, chain: str) -> Properties:
+def _dummy(store: RowStore, path: str, chain: str) -> Properties:
     number = store.dynamic_id(path, f"fasttrack {chain}", 0)
     flags = {"dynamic": "true", "invalid": "false", "disabled": "false"}
     return {
@@ -309,7 +309,7 @@ def count_echoes(core: Core, target: IPv4Address, source: str | None, number: in
         return
     address = src or target
     port = topology.interfaces[way].name
-    if _met(core, "output", Packet(address, target, "new", "icmp", out_interface=way), number) is Verdict.DROP:
+    if _met(core, "output", Packet(address, target, "new", "icmp", out_interface=way), number) is PacketVerdict.DROP:
         return
     core.count(port, received=False, size=number * ECHO_BYTES)
     if answered:
@@ -317,7 +317,7 @@ def count_echoes(core: Core, target: IPv4Address, source: str | None, number: in
         _met(core, "input", Packet(target, address, "established", "icmp", in_interface=way), number)
 
 
-def _met(core: Core, chain: str, packet: Packet, number: int) -> Verdict:
+def _met(core: Core, chain: str, packet: Packet, number: int) -> PacketVerdict:
     rules: list[int] = []
     verdict = walk(core.topology, _FILTER, chain, packet, met=rules)
     for rule in rules:
@@ -333,7 +333,7 @@ that they come in by; nothing else passes through a twin."""
 _COUNTERS = ("bytes", "packets", *TRAFFIC)
 
 
-def applies(store: Store, table: Table, item: Item, arg: Arg) -> bool:
+def applies(store: RowStore, table: Table, item: StoredItem, arg: Arg) -> bool:
     """Tell whether an argument is part of a row now (`pvid` of a bridge without VLAN filtering is not)."""
     if arg.shown_if is None:
         return True
@@ -341,12 +341,12 @@ def applies(store: Store, table: Table, item: Item, arg: Arg) -> bool:
     return store.text(table, item, name) in desired.split("|")
 
 
-def factory_value(item: Item, arg: Arg) -> str | None:
+def factory_value(item: StoredItem, arg: Arg) -> str | None:
     """Return what a row held when the router left the factory, or what a new row holds."""
     return (item.factory or {}).get(arg.name, arg.default)
 
 
-def configured(store: Store, table: Table, item: Item) -> Iterator[tuple[Arg, str]]:
+def configured(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[Arg, str]]:
     """Yield every argument that a row has, with its value as exports spell it."""
     for arg in table.args.values():
         if arg.never or not applies(store, table, item, arg):
@@ -357,7 +357,7 @@ def configured(store: Store, table: Table, item: Item) -> Iterator[tuple[Arg, st
             yield arg, value
 
 
-def item_row(core: Core, path: str, table: Table, item: Item, *, sensitive: bool) -> dict[str, str]:
+def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive: bool) -> dict[str, str]:
     """Return one row as the API prints it, counters included."""
     row = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
     for arg, value in configured(core.store, table, item):
@@ -375,13 +375,13 @@ def item_row(core: Core, path: str, table: Table, item: Item, *, sensitive: bool
     return row
 
 
-def _schedule(core: Core, item: Item) -> dict[str, str]:
+def _schedule(core: Core, item: StoredItem) -> dict[str, str]:
     """A job that device-mode blocks says so, and nothing else tells it from one that runs."""
     row = {"owner": "*sys", "run-count": str(core.run_counts.get(item.id, 0))}
     return row if allowed(core.spec, "scheduler") else {**row, ".about": INACTIVE}
 
 
-def _clock(core: Core, _item: Item) -> dict[str, str]:
+def _clock(core: Core, _item: StoredItem) -> dict[str, str]:
     now = core.time()
     return {
         "time": now.strftime("%H:%M:%S"),
@@ -391,11 +391,11 @@ def _clock(core: Core, _item: Item) -> dict[str, str]:
     }
 
 
-def _service(core: Core, _item: Item) -> dict[str, str]:
+def _service(core: Core, _item: StoredItem) -> dict[str, str]:
     return {"dynamic": "false"} if core.schema.at_least("7.19") else {}
 
 
-def _certificate(core: Core, item: Item) -> dict[str, str]:
+def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
     """A template says nothing of these before it is signed."""
     pem = core.keys.get(item.id)
     if pem is None:
@@ -416,7 +416,7 @@ def _certificate(core: Core, item: Item) -> dict[str, str]:
     }
 
 
-def _ssh_key(core: Core, item: Item) -> dict[str, str]:
+def _ssh_key(core: Core, item: StoredItem) -> dict[str, str]:
     """Fields of a key, as they came and went (tikoci/quickchr, test/lab/ssh-keys: 7.12, 7.15, 7.20.8, 7.23.1)."""
     key, since = public_key(core, item.values.get("key", "")), core.schema.at_least
     if key is None:
@@ -426,12 +426,12 @@ def _ssh_key(core: Core, item: Item) -> dict[str, str]:
     return row | {"info" if since("7.21") else "key-owner": key.comment}
 
 
-def _expiring(core: Core, item: Item) -> dict[str, str]:
+def _expiring(core: Core, item: StoredItem) -> dict[str, str]:
     when = core.expires.get(item.id)
     return {} if when is None else {"timeout": interval(max(0, round(when - core.now())))}
 
 
-def _netwatch(core: Core, item: Item) -> dict[str, str]:
+def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
     """A row that is disabled, or has not begun, knows nothing (Manual, Netwatch: status)."""
     row = core.watched.rows.get(item.id)
     if row is None:
@@ -443,12 +443,12 @@ def _netwatch(core: Core, item: Item) -> dict[str, str]:
     return shown | {name: str(count) for name, count in (tests | counts).items()}
 
 
-def _filter(core: Core, item: Item) -> dict[str, str]:
+def _filter(core: Core, item: StoredItem) -> dict[str, str]:
     packets = core.met.get(item.id, 0)
     return {"packets": str(packets), "bytes": str(packets * ECHO_BYTES)}
 
 
-_OF_CORE: dict[str, Callable[[Core, Item], dict[str, str]]] = {
+_OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
     "/ip/dhcp-server/alert": alert,

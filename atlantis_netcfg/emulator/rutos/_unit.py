@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.shell.ssh import fingerprint, host_key
-from atlantis_netcfg.emulator.rutos._web import Modem, RutosSpec, Uci, UciRefused, Web, factory
+from atlantis_netcfg.emulator.rutos._web import RutosModem, RutosSpec, Uci, UciRefused, Web, factory
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,7 +58,7 @@ class Gate(asyncssh.SSHServer):
 class Shell:
     """Runs `uci show …`, `uci batch`, `uci export …` and `reload_config`, joined by `&&`."""
 
-    def __init__(self, uci: Uci, modem: Modem) -> None:
+    def __init__(self, uci: Uci, modem: RutosModem) -> None:
         self._uci = uci
         self._modem = modem
         self.commands: list[str] = []
@@ -115,7 +115,7 @@ class Rutos:
     def __init__(self, spec: RutosSpec, *, state_dir: Path) -> None:
         self.spec = spec
         self.uci = factory(mobile=spec.mobile_section)
-        self.modem = Modem(spec, self.uci)
+        self.modem = RutosModem(spec, self.uci)
         self.web = Web(spec, self.modem)
         self.shell = Shell(self.uci, self.modem)
         self._flash = state_dir

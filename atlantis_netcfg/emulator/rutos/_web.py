@@ -33,7 +33,7 @@ _Reply = tuple[int, Any]
 class Web:
     """Answers requests; `requests` is what was asked for, in order."""
 
-    def __init__(self, spec: RutosSpec, modem: Modem) -> None:
+    def __init__(self, spec: RutosSpec, modem: RutosModem) -> None:
         self._spec = spec
         self._modem = modem
         self._tokens: dict[str, float] = {}
@@ -313,7 +313,7 @@ _NEW = {"state": "data_conn_state", "netstate": "operator_state", "oper": "opera
 """Field names of the record in devices.md to those of newer firmware."""
 
 
-class Modem:
+class RutosModem:
     """Card, network, and the settings that the unit has read last."""
 
     def __init__(self, spec: RutosSpec, uci: Uci) -> None:

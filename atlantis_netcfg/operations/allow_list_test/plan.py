@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
-from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, Probe
+from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, SatelliteProbe
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
@@ -25,9 +25,9 @@ BUDGET_BYTES = 20_000
 """What a proof may send and receive over the satellite, counted by the router's own port counters."""
 ECHO_BYTES = 84
 """One echo request as an IP packet with RouterOS' 56 bytes of data; its answer is as long."""
-_ROUND_BYTES = {Probe.ICMP: 2 * ECHO_BYTES, Probe.TCP: 180, Probe.TIME: 2 * 76}
+_ROUND_BYTES = {SatelliteProbe.ICMP: 2 * ECHO_BYTES, SatelliteProbe.TCP: 180, SatelliteProbe.TIME: 2 * 76}
 """A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
-TEMPORARY_ROWS = (Probe.TCP, Probe.TIME)
+TEMPORARY_ROWS = (SatelliteProbe.TCP, SatelliteProbe.TIME)
 """What can only be tried with rows on the router for a moment."""
 _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 """Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
@@ -53,7 +53,7 @@ class Task:
     port: int | None
     transport: str
     expected: Expected
-    probe: Probe
+    probe: SatelliteProbe
     why_not: str = ""
     """Why there is no way; of probe `none` only."""
 
@@ -99,12 +99,12 @@ def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_fi
     """
     reached = [task for task in planned if task.expected is Expected.REACHED]
     read = _READ + _READ_TARGET * len(reached) + _READ_LINK * links
-    turns = {task.probe for task in reached if task.probe not in (Probe.NONE, *TEMPORARY_ROWS)}
-    refused = sum(task.expected is Expected.REFUSED and task.probe is Probe.ICMP for task in planned)
+    turns = {task.probe for task in reached if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)}
+    refused = sum(task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP for task in planned)
     temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
     opened = refused if open_filter else 0
     always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + temporary) * (read + _PING) + (opened + temporary) * _ROWS
-    by_turns = rounds * ((1 + (turns != {Probe.ICMP})) * bool(turns) + opened + temporary) * (read + _PING)
+    by_turns = rounds * ((1 + (turns != {SatelliteProbe.ICMP})) * bool(turns) + opened + temporary) * (read + _PING)
     return always, by_turns
 
 
@@ -114,26 +114,26 @@ def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
     return Task(target.name, words, str(target.address), target.port, target.transport.value, expected, probe, why_not)
 
 
-def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[Probe, str]:
+def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[SatelliteProbe, str]:
     if target.port is None:
-        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.ICMP, "")
+        return (SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (SatelliteProbe.ICMP, "")
     if target.transport is Transport.TCP:
         if not how.try_all:
-            return Probe.NONE, _NO_TCP
-        return (Probe.NONE, _FOLLOWS) if how.elsewhere(target) else (Probe.TCP, "")
+            return SatelliteProbe.NONE, _NO_TCP
+        return (SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (SatelliteProbe.TCP, "")
     if expected is Expected.REFUSED:
-        return Probe.NONE, _NO_UDP
+        return SatelliteProbe.NONE, _NO_UDP
     return _answering(target, how)
 
 
-def _answering(target: AllowedTarget, how: _How) -> tuple[Probe, str]:
+def _answering(target: AllowedTarget, how: _How) -> tuple[SatelliteProbe, str]:
     """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
     if how.tells_time(target) and (how.try_all or not how.active):
-        return (Probe.TIME, "") if how.try_all else (Probe.NONE, _NO_TIME)
+        return (SatelliteProbe.TIME, "") if how.try_all else (SatelliteProbe.NONE, _NO_TIME)
     if not how.active:
-        return Probe.NONE, _QUIET
+        return SatelliteProbe.NONE, _QUIET
     tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
-    return (Probe.TUNNEL if tunnel else Probe.UDP_COUNTER), ""
+    return (SatelliteProbe.TUNNEL if tunnel else SatelliteProbe.UDP_COUNTER), ""
 
 
 _TRUE = frozenset({"true", "yes"})
@@ -141,7 +141,7 @@ _RULE = ".id,chain,action,comment,packets,src-address,src-port,dst-address,dst-p
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class NameReading:
     """The counters at one moment; packets and bytes since they were made or reset."""
 
     port_bytes: int
@@ -194,7 +194,7 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
     )
 
 
-def read(port: str, replies: Sequence[Reply]) -> Reading:
+def read(port: str, replies: Sequence[Reply]) -> NameReading:
     """Understand the answers to `reads`. Raises DeviceFailed if the port is not there, Refused."""
     interfaces, rules, routes, tunnels = (reply.checked().rows for reply in replies)
     found = next((row for row in interfaces if row.get("default-name") == port), None)
@@ -203,7 +203,7 @@ def read(port: str, replies: Sequence[Reply]) -> Reading:
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
             hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         )
-    return Reading(
+    return NameReading(
         port_name=found.get("name", port),
         port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),
         rules=tuple(rules),

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.policy import Route, active_bearer
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.bearers.satellite import (
     FACTORY_ADDRESSES,
     WINDOW_S,
     Attempt,
     Expected,
-    Outcome,
-    Probe,
+    ProbeOutcome,
+    SatelliteProbe,
     judge_attempt,
     judge_factory_address,
 )
@@ -25,7 +25,7 @@ from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     TEMPORARY_ROWS,
-    Reading,
+    NameReading,
     Task,
     answered,
     expected_bytes,
@@ -68,7 +68,7 @@ async def temporarily(session: Session, rows: Sequence[Command]) -> AsyncIterato
         await _close(session, rows, added)
 
 
-def filter_rows(reading: Reading, chains: tuple[str, str], address: str) -> tuple[Command, ...]:
+def filter_rows(reading: NameReading, chains: tuple[str, str], address: str) -> tuple[Command, ...]:
     """Rows that let ICMP to and from one host pass both chains, ahead of all others. Raises DeviceFailed."""
     words = (("action", "return"), ("comment", MARK), ("protocol", "icmp"))
     out = (("chain", chains[0]), ("dst-address", address), ("place-before", _first(reading, chains[0])))
@@ -90,7 +90,7 @@ async def _take(session: Session) -> None:
         )
 
 
-def _first(reading: Reading, chain: str) -> str:
+def _first(reading: NameReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
         raise DeviceFailed(f"the router has no chain {chain}: provision the site first")
@@ -136,7 +136,7 @@ def rows(todo: Sequence[Task], bearer: Bearer, rules: Reply, *, active: bool) ->
 
 def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
     for task in todo:
-        if task.probe is Probe.TCP:
+        if task.probe is SatelliteProbe.TCP:
             where = (("host", task.address), ("port", str(task.port)), ("src-address", str(bearer.address)))
             pace = (("interval", _INTERVAL), ("timeout", _PATIENCE), ("thr-tcp-conn-time", _PATIENCE))
             yield Command("/tool/netwatch/add", (("type", "tcp-conn"), ("comment", MARK), *where, *pace))
@@ -145,7 +145,7 @@ def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
 def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Command]:
     first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
     for task in todo:
-        if task.probe is Probe.TIME:
+        if task.probe is SatelliteProbe.TIME:
             where = (("dst-address", f"{task.address}/32"), ("table", f"via-{bearer.name}"))
             words = (("action", "lookup-only-in-table"), ("comment", MARK), *where)
             yield Command("/routing/rule/add", (*words, first) if first is not None else words)
@@ -160,18 +160,20 @@ async def ask_now(session: Session) -> None:
 def connected(todo: Sequence[Task], status: Reply) -> set[Task]:
     """The TCP targets to which a connection came up."""
     up = {(row.get("host"), row.get("port")) for row in status.checked().rows if row.get("status") == "up"}
-    return {task for task in todo if task.probe is Probe.TCP and (task.address, str(task.port)) in up}
+    return {task for task in todo if task.probe is SatelliteProbe.TCP and (task.address, str(task.port)) in up}
 
 
-def outcome(task: Task, answered: Collection[Task], before: Reading, now: Reading, out: str) -> tuple[Outcome, str]:
+def outcome(
+    task: Task, answered: Collection[Task], before: NameReading, now: NameReading, out: str
+) -> tuple[ProbeOutcome, str]:
     """What was seen of one of these targets; `out` is the chain of what goes out."""
     if task in answered:
-        return Outcome.ANSWERED, ""
-    if task.probe is Probe.TIME and now.questions(out, task) <= before.questions(out, task):
-        return Outcome.NOT_TRIED, "the time client did not ask it, although it was switched off and on"
+        return ProbeOutcome.ANSWERED, ""
+    if task.probe is SatelliteProbe.TIME and now.questions(out, task) <= before.questions(out, task):
+        return ProbeOutcome.NOT_TRIED, "the time client did not ask it, although it was switched off and on"
     if task.expected is Expected.REFUSED and now.dropped(out) > before.dropped(out):
-        return Outcome.REFUSED_HERE, ""
-    return Outcome.SILENT, ""
+        return ProbeOutcome.REFUSED_HERE, ""
+    return ProbeOutcome.SILENT, ""
 
 
 _BAD = (Verdict.FAIL, Verdict.ERROR)
@@ -186,8 +188,8 @@ class Proof:
     bearer: str
     active: bool
     """Whether the satellite carried the site's traffic meanwhile."""
-    judged: tuple[tuple[Attempt, Finding], ...]
-    findings: tuple[Finding, ...]
+    judged: tuple[tuple[Attempt, BearerFinding], ...]
+    findings: tuple[BearerFinding, ...]
     """Of the terminal and of names, which no probe has shown."""
     bytes_counted: int
     """By the router, on the satellite's port, both directions, whoever caused them."""
@@ -211,7 +213,7 @@ class Proof:
         verdicts = [item.verdict for item in (*(finding for _, finding in self.judged), *self.findings)]
         if any(verdict in _BAD for verdict in verdicts):
             return ExitCode.CHECKS_FAILED
-        if all(attempt.outcome is Outcome.NOT_TRIED for attempt, _ in self.judged):
+        if all(attempt.outcome is ProbeOutcome.NOT_TRIED for attempt, _ in self.judged):
             return ExitCode.NOTHING
         proved = all(verdict in _PROVED for verdict in verdicts)
         return ExitCode.DONE if proved else ExitCode.CHECKS_FAILED
@@ -242,14 +244,14 @@ class Proof:
             yield f"  {finding.verdict.value:<12} {finding.message}"
             if finding.hint:
                 yield f"  {'':<12} {finding.hint}"
-        tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not Outcome.NOT_TRIED]
+        tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not ProbeOutcome.NOT_TRIED]
         proved = sum(verdict in _PROVED for verdict in tried)
         yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
         counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
         yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
 
 
-def _result(attempt: Attempt, finding: Finding) -> dict[str, Any]:
+def _result(attempt: Attempt, finding: BearerFinding) -> dict[str, Any]:
     return {
         "name": attempt.name,
         "target": attempt.target,
@@ -263,13 +265,13 @@ def _result(attempt: Attempt, finding: Finding) -> dict[str, Any]:
     }
 
 
-_COUNTED = (Probe.UDP_COUNTER, Probe.TUNNEL)
+_COUNTED = (SatelliteProbe.UDP_COUNTER, SatelliteProbe.TUNNEL)
 _REFUSALS = 3
 """Echo requests to a target that the router's own filter should stop: each has to show in its drop counter."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class ProofPace:
     """How often and how long silence is asked again, in seconds; a window below 90 s proves nothing about silence."""
 
     window_s: float = WINDOW_S
@@ -292,14 +294,14 @@ class Proving:
     router: str
     """Name of the router, for progress."""
     port: str
-    ways: Sequence[Route]
+    ways: Sequence[BearerRoute]
     terminal: str
     """Name of the terminal, for findings."""
     carrier: str
     """The link that the session to the router goes over."""
     open_filter: bool = False
     try_all: bool = False
-    pace: Pace = Pace()
+    pace: ProofPace = ProofPace()
     notify: Subscriber = lambda _event: None
     _attempts: list[Attempt] = field(default_factory=list)
     _start_bytes: int = 0
@@ -328,7 +330,9 @@ class Proving:
     def seconds(self) -> float:
         """How long it lasts at most, about."""
         planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        opened_for = sum(1 for task in planned if task.expected is Expected.REFUSED and task.probe is Probe.ICMP)
+        opened_for = sum(
+            1 for task in planned if task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP
+        )
         temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
         return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + temporary)
 
@@ -341,13 +345,13 @@ class Proving:
         terminal = await self._terminal(session, before.port_name)
         planned = tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
         for task in planned:
-            if task.probe is Probe.NONE:
-                self._attempts.append(_attempt(task, Outcome.NOT_TRIED, note=task.why_not))
-        alone = [task for task in planned if task.probe not in (Probe.NONE, *TEMPORARY_ROWS)]
+            if task.probe is SatelliteProbe.NONE:
+                self._attempts.append(_attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not))
+        alone = [task for task in planned if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)]
         reached = [task for task in alone if task.expected is Expected.REACHED]
         self._attempts += await self._reach(session, reached, before)
         for task in planned:
-            if task.expected is Expected.REFUSED and task.probe is Probe.ICMP:
+            if task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
@@ -358,9 +362,12 @@ class Proving:
         proof = self._proof(before, after, terminal, active=active)
         return replace(proof, session_bytes=session.traffic.bytes)
 
-    def _proof(self, before: Reading, after: Reading, terminal: Sequence[Finding], *, active: bool) -> Proof:
+    def _proof(
+        self, before: NameReading, after: NameReading, terminal: Sequence[BearerFinding], *, active: bool
+    ) -> Proof:
         seen = any(
-            attempt.expected is Expected.REACHED and attempt.outcome is Outcome.ANSWERED for attempt in self._attempts
+            attempt.expected is Expected.REACHED and attempt.outcome is ProbeOutcome.ANSWERED
+            for attempt in self._attempts
         )
         return Proof(
             site=self.site,
@@ -376,7 +383,7 @@ class Proving:
             opening_bytes=self._opening_bytes,
         )
 
-    def _judged(self, attempt: Attempt, *, link_seen: bool) -> Finding:
+    def _judged(self, attempt: Attempt, *, link_seen: bool) -> BearerFinding:
         finding = judge_attempt(attempt, link_seen=link_seen)
         return replace(finding, hint=finding.hint and complete(finding.hint, site=self.site))
 
@@ -384,10 +391,10 @@ class Proving:
     def _chains(self) -> tuple[str, str]:
         return f"to-{self.bearer.name}", f"from-{self.bearer.name}"
 
-    async def _read(self, session: Session) -> Reading:
+    async def _read(self, session: Session) -> NameReading:
         return read(self.port, await session.flight(reads(self.port, self._chains)))
 
-    async def _terminal(self, session: Session, port: str) -> tuple[Finding, ...]:
+    async def _terminal(self, session: Session, port: str) -> tuple[BearerFinding, ...]:
         """Who answers on the port, on this side of the satellite: no airtime."""
         self._say("who answers on the terminal's port")
         there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
@@ -395,7 +402,7 @@ class Proving:
         gateway, *factory = await session.flight(commands)
         if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
             message = f"the router would not ask who is on {port}: {refused.message}"
-            return (Finding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
+            return (BearerFinding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
         strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if answered(reply)]
         return judge_factory_address(
             self.terminal,
@@ -405,7 +412,7 @@ class Proving:
             answers_at_factory=strangers[0] if strangers else None,
         )
 
-    async def _reach(self, session: Session, todo: Sequence[Task], before: Reading) -> list[Attempt]:
+    async def _reach(self, session: Session, todo: Sequence[Task], before: NameReading) -> list[Attempt]:
         """Ask all of them in each round until each has answered, the window is over, or the budget is used up."""
         answers: dict[Task, float] = {}
         waited_s, now = 0.0, before
@@ -414,7 +421,7 @@ class Proving:
             if not left or (turn and await self._spent(session)):
                 break
             self._say(f"{len(left)} allowed targets have not answered yet", turn, self.pace.rounds)
-            pings = [task for task in left if task.probe is Probe.ICMP]
+            pings = [task for task in left if task.probe is SatelliteProbe.ICMP]
             replies = await session.flight([ping(task.address, str(self.bearer.address)) for task in pings])
             answers.update({task: waited_s for task, reply in zip(pings, replies, strict=True) if answered(reply)})
             now = await self._read(session) if len(pings) < len(left) else now
@@ -424,21 +431,25 @@ class Proving:
                 waited_s += self.pace.every_s
         return [self._reached(task, answers.get(task), waited_s, before, now) for task in todo]
 
-    def _more(self, before: Reading, now: Reading, task: Task) -> bool:
+    def _more(self, before: NameReading, now: NameReading, task: Task) -> bool:
         chain = self._chains[1]
-        return task.probe in (*_COUNTED, Probe.TIME) and now.answers(chain, task) > before.answers(chain, task)
+        return task.probe in (*_COUNTED, SatelliteProbe.TIME) and now.answers(chain, task) > before.answers(chain, task)
 
-    def _reached(self, task: Task, after_s: float | None, waited_s: float, before: Reading, now: Reading) -> Attempt:
+    def _reached(
+        self, task: Task, after_s: float | None, waited_s: float, before: NameReading, now: NameReading
+    ) -> Attempt:
         if after_s is not None:
-            return replace(_attempt(task, Outcome.ANSWERED, window_s=waited_s), after_s=after_s)
+            return replace(_attempt(task, ProbeOutcome.ANSWERED, window_s=waited_s), after_s=after_s)
         if task.probe not in _COUNTED:
-            return _attempt(task, Outcome.SILENT, window_s=waited_s)
+            return _attempt(task, ProbeOutcome.SILENT, window_s=waited_s)
         earlier = before.answers(self._chains[1], task)
         note = f"no answer of it was counted in {waited_s:.0f} s, {earlier} before that"
-        if task.probe is Probe.TUNNEL and now.tunnel_up is not False:
+        if task.probe is SatelliteProbe.TUNNEL and now.tunnel_up is not False:
             # A tunnel that is up, or that hangs on another box, need not say anything for so long.
-            return replace(_attempt(task, Outcome.SILENT, window_s=waited_s, note=note), probe=Probe.UDP_COUNTER)
-        return _attempt(task, Outcome.SILENT, window_s=waited_s, note=note)
+            return replace(
+                _attempt(task, ProbeOutcome.SILENT, window_s=waited_s, note=note), probe=SatelliteProbe.UDP_COUNTER
+            )
+        return _attempt(task, ProbeOutcome.SILENT, window_s=waited_s, note=note)
 
     async def _refuse(self, session: Session, task: Task) -> Attempt:
         """Ask with the filter closed: the router's own drop counter says that nothing was sent."""
@@ -447,11 +458,11 @@ class Proving:
         reply = await session.command(ping(task.address, str(self.bearer.address), count=_REFUSALS))
         after = await self._read(session)
         if answered(reply):
-            return _attempt(task, Outcome.ANSWERED)
+            return _attempt(task, ProbeOutcome.ANSWERED)
         chain = self._chains[0]
         if after.dropped(chain) - before.dropped(chain) >= _REFUSALS:
-            return _attempt(task, Outcome.REFUSED_HERE)
-        return _attempt(task, Outcome.SILENT, note="the router's drop counter did not count it")
+            return _attempt(task, ProbeOutcome.REFUSED_HERE)
+        return _attempt(task, ProbeOutcome.SILENT, note="the router's drop counter did not count it")
 
     async def _beyond(self, session: Session, task: Task) -> Attempt:
         """Ask with the filter open for this one host: does the terminal, or the network behind it, enforce anything."""
@@ -467,7 +478,7 @@ class Proving:
                     break
                 await self.pace.sleep(self.pace.every_s)
                 waited_s += self.pace.every_s
-        outcome = Outcome.ANSWERED if found else Outcome.SILENT
+        outcome = ProbeOutcome.ANSWERED if found else ProbeOutcome.SILENT
         attempt = _attempt(task, outcome, window_s=waited_s)
         return replace(attempt, filter_open=True, after_s=waited_s if found else None)
 
@@ -478,7 +489,7 @@ class Proving:
         waited_s = 0.0
         added = rows(todo, self.bearer, await session.command(RULES), active=active)
         async with temporarily(session, added):
-            if any(task.probe is Probe.TIME for task in todo):
+            if any(task.probe is SatelliteProbe.TIME for task in todo):
                 await ask_now(session)
             for turn in range(self.pace.rounds):
                 self._say(f"{len(todo) - len(answers)} targets by rows of a moment", turn, self.pace.rounds)
@@ -493,7 +504,7 @@ class Proving:
         return [self._requested(task, answers, waited_s, before, now) for task in todo]
 
     def _requested(
-        self, task: Task, answers: Mapping[Task, float], waited_s: float, before: Reading, now: Reading
+        self, task: Task, answers: Mapping[Task, float], waited_s: float, before: NameReading, now: NameReading
     ) -> Attempt:
         found, note = outcome(task, answers, before, now, self._chains[0])
         return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
@@ -506,5 +517,5 @@ class Proving:
         self.notify(Event(self.router, Stage.VERIFYING, message, done, total))
 
 
-def _attempt(task: Task, outcome: Outcome, *, window_s: float = 0.0, note: str = "") -> Attempt:
+def _attempt(task: Task, outcome: ProbeOutcome, *, window_s: float = 0.0, note: str = "") -> Attempt:
     return Attempt(task.name, task.target, task.expected, task.probe, outcome, window_s=window_s, note=note)

@@ -11,7 +11,7 @@ from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.declaration.model import Bearer, Router
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
-from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proof, Proving
+from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import links_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
@@ -21,7 +21,7 @@ from atlantis_netcfg.routeros.estimate import on_the_wire
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
@@ -60,7 +60,7 @@ class Satellite:
             carrier=bearer_of(declaration, self.router, via).name,
             open_filter=open_filter,
             try_all=try_all,
-            pace=Pace(sleep=_no_wait) if rehearsed else Pace(),
+            pace=ProofPace(sleep=_no_wait) if rehearsed else ProofPace(),
         )
 
 
@@ -92,7 +92,7 @@ def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
     return found[0]
 
 
-def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[Finding, ...]:
+def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[BearerFinding, ...]:
     """Ask this computer for every name of the allow-list, and say which have moved."""
     targets = named_targets(declaration, site, _bearer(declaration, site, name))
     resolved = asyncio.run(resolve(target.dns_name for target in targets))

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.cost import Bill, bill
-from atlantis_netcfg.bearers.policy import Route, active_bearers, probe_commands
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearers, probe_commands
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
@@ -22,7 +22,7 @@ from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
 from atlantis_netcfg.operations.links.status import (
     BoxesStatus,
-    Seen,
+    SeenLinks,
     Silent,
     UnitLook,
     bearer_status,
@@ -36,15 +36,15 @@ from atlantis_netcfg.operations.links.status import (
     read_routeros,
     twice,
 )
-from atlantis_netcfg.operations.lte import Unit
+from atlantis_netcfg.operations.lte import LteUnit
 from atlantis_netcfg.report.links import LinksReport
-from atlantis_netcfg.routeros.estimate import Bearer as Carrier
+from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers import BearerStatus, Finding
+    from atlantis_netcfg.bearers import BearerFinding, BearerStatus
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
@@ -66,7 +66,7 @@ class LinkQueries:
     doors: dict[str, ReadOnlySession] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
 
-    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], routes: Sequence[Route]) -> None:
+    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], routes: Sequence[BearerRoute]) -> None:
         """Ask every host that is `chosen` and can be asked, all at the same time."""
         names = {host.name for host in chosen}
         work = []
@@ -95,7 +95,7 @@ class LinkQueries:
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _read_host(self, host: Host, routes: Sequence[Route]) -> None:
+    async def _read_host(self, host: Host, routes: Sequence[BearerRoute]) -> None:
         self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
         try:
             self.answers[host.name] = await self._reading(host, routes)
@@ -107,7 +107,7 @@ class LinkQueries:
         else:
             self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
 
-    def _reading(self, host: Host, routes: Sequence[Route]) -> Awaitable[Any]:
+    def _reading(self, host: Host, routes: Sequence[BearerRoute]) -> Awaitable[Any]:
         if isinstance(host.device, Router):
             return read_router(self._door(host), routes)
         if isinstance(host.device, Cpe):
@@ -125,11 +125,11 @@ class LinkQueries:
         """
         return _carrier(self.declaration, self.router, host, self.request)
 
-    def unit(self, host: Host, device: LteRouter) -> Unit:
+    def unit(self, host: Host, device: LteRouter) -> LteUnit:
         """A 4G unit as its driver wants it."""
         store = Store(self.request.state, rehearsed=self.request.rehearsed)
         target = self.request.targets.get(host.name)
-        return Unit(host, device, store, self.notify, self.request.rehearsed, target)
+        return LteUnit(host, device, store, self.notify, self.request.rehearsed, target)
 
     def _door(self, host: Host) -> ReadOnlySession:
         """Raises UsageError for a link that its site does not have."""
@@ -180,7 +180,7 @@ def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
                 yield host
 
 
-def ping_bytes(routes: Sequence[Route]) -> Mapping[str, int]:
+def ping_bytes(routes: Sequence[BearerRoute]) -> Mapping[str, int]:
     """Bearer to what its pings come to on the wire if all are answered."""
     costs: dict[str, int] = {}
     for probe in probe_commands(routes, count=PINGS):
@@ -189,7 +189,7 @@ def ping_bytes(routes: Sequence[Route]) -> Mapping[str, int]:
 
 
 def months(
-    usage: Usage, device: str, reading: RouterReading | None, routes: Sequence[Route], now: datetime
+    usage: Usage, device: str, reading: RouterReading | None, routes: Sequence[BearerRoute], now: datetime
 ) -> dict[str, MonthBytes]:
     """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
     for name, counters in _counters(device, reading, routes, now):
@@ -198,7 +198,7 @@ def months(
 
 
 def _counters(
-    device: str, reading: RouterReading | None, routes: Sequence[Route], now: datetime
+    device: str, reading: RouterReading | None, routes: Sequence[BearerRoute], now: datetime
 ) -> Iterator[tuple[str, Counters]]:
     if reading is None or reading.ports is None:
         return
@@ -318,10 +318,10 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     queries = LinkQueries(declaration, router, request, notify, patience_s)
     await queries.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), routes)
     moved = {} if request.rehearsed else await _names(declaration, site)
-    return _Site(declaration, router, routes, queries, request, began, datetime.now(UTC), moved).put_together()
+    return _LinkSite(declaration, router, routes, queries, request, began, datetime.now(UTC), moved).put_together()
 
 
-async def _names(declaration: Declaration, site: str) -> dict[str, tuple[Finding, ...]]:
+async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerFinding, ...]]:
     """Ask this computer whether the names of each satellite's allow-list are still where it says."""
     found = {}
     for bearer in declaration.sites[site].bearers:
@@ -336,27 +336,27 @@ def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Hos
     return [*chosen, *(peer for peer in peers if peer is not None)]
 
 
-def _statuses(seen: Sequence[Seen]) -> list[BearerStatus]:
+def _statuses(seen: Sequence[SeenLinks]) -> list[BearerStatus]:
     shared = twice(seen)
     return [
         _with(bearer_status(item), [finding for name, finding in shared if name == item.route.name]) for item in seen
     ]
 
 
-def _with(status: BearerStatus, more: list[Finding]) -> BearerStatus:
+def _with(status: BearerStatus, more: list[BearerFinding]) -> BearerStatus:
     return replace(status, findings=(*status.findings, *more))
 
 
 @dataclass(slots=True)
-class _Site:
+class _LinkSite:
     declaration: Declaration
     router: Host
-    ways: tuple[Route, ...]
+    ways: tuple[BearerRoute, ...]
     turn: LinkQueries
     request: Request
     began: datetime
     now: datetime
-    moved: Mapping[str, tuple[Finding, ...]]
+    moved: Mapping[str, tuple[BearerFinding, ...]]
     """Bearer to what is to be said of the names in its allow-list."""
     notes: list[str] = field(default_factory=list)
 
@@ -366,7 +366,7 @@ class _Site:
         month = self._months()
         active = self._active()
         seen = [
-            Seen(
+            SeenLinks(
                 route=route,
                 router=self._answer(self.router),
                 boxes_status=self._boxes_status(route, bearer),
@@ -404,7 +404,7 @@ class _Site:
         reading = self._reading
         return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
 
-    def _boxes_status(self, route: Route, bearer: Bearer) -> BoxesStatus:
+    def _boxes_status(self, route: BearerRoute, bearer: Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind.traits.box == "satellite_terminal":
             status = self._terminal(box)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Probe, Route, probe_commands
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, BearerRoute, PolicyProbe, probe_commands
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 from atlantis_netcfg.routeros.observe import seconds
 
@@ -75,7 +75,7 @@ _TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class SessionPort:
     """An interface of the router; None: not said."""
 
     running: bool | None
@@ -97,7 +97,7 @@ class Echo:
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbour:
+class SeenNeighbour:
     """Who has answered ARP on a port."""
 
     address: str
@@ -111,7 +111,7 @@ class RouterReading:
     at: datetime | None = None
     """When it had answered, by this computer's clock."""
     uptime_s: float | None = None
-    ports: Mapping[str, Port] | None = None
+    ports: Mapping[str, SessionPort] | None = None
     """By factory name."""
     renamed: Mapping[str, str] = field(default_factory=dict)
     """Factory names of ports that are called otherwise on the router, and how."""
@@ -119,13 +119,13 @@ class RouterReading:
     """The default routes of all tables."""
     echoes: Mapping[str, tuple[Echo, ...]] | None = None
     """By bearer; only the canaries whose pings were carried out."""
-    neighbours: Mapping[str, tuple[Neighbour, ...]] | None = None
+    neighbours: Mapping[str, tuple[SeenNeighbour, ...]] | None = None
     """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
     dropped: Mapping[str, tuple[int, int]] | None = None
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
 
-def questions(routes: Sequence[Route]) -> tuple[tuple[Command, ...], tuple[Probe, ...]]:
+def questions(routes: Sequence[BearerRoute]) -> tuple[tuple[Command, ...], tuple[PolicyProbe, ...]]:
     """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
     probes = probe_commands(routes, count=PINGS)
     ports = [route.port for route in routes if route.port is not None]
@@ -146,7 +146,7 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-async def read_router(device: ReadOnlySession, routes: Sequence[Route]) -> RouterReading:
+async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
     queries, probes = questions(routes)
     async with device.opened() as session:
@@ -154,7 +154,7 @@ async def read_router(device: ReadOnlySession, routes: Sequence[Route]) -> Route
         return replace(read(replies, probes), at=datetime.now(UTC))
 
 
-def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:
+def read(replies: Sequence[Reply], probes: Sequence[PolicyProbe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
     resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[:_MENUS])
     called = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
@@ -170,8 +170,8 @@ def read(replies: Sequence[Reply], probes: Sequence[Probe]) -> RouterReading:
     )
 
 
-def _port(row: Row) -> Port:
-    return Port(
+def _port(row: Row) -> SessionPort:
+    return SessionPort(
         _truth(row.get("running")), _truth(row.get("disabled")), _whole(row.get("rx-byte")), _whole(row.get("tx-byte"))
     )
 
@@ -184,7 +184,7 @@ def _whole(text: str | None) -> int | None:
     return int(text) if text is not None and text.isdecimal() else None
 
 
-def _echoes(probes: Sequence[Probe], replies: Sequence[Reply]) -> dict[str, tuple[Echo, ...]]:
+def _echoes(probes: Sequence[PolicyProbe], replies: Sequence[Reply]) -> dict[str, tuple[Echo, ...]]:
     found: dict[str, tuple[Echo, ...]] = {}
     for probe, reply in zip(probes, replies, strict=True):
         echo = _echo(probe.target, rows(reply))
@@ -212,15 +212,15 @@ def _milliseconds(text: str | None) -> float | None:
     return whole * 1000 + thousandths + millionths / 1000
 
 
-def _by_port(answers: Sequence[Row]) -> dict[str, tuple[Neighbour, ...]]:
+def _by_port(answers: Sequence[Row]) -> dict[str, tuple[SeenNeighbour, ...]]:
     """Who is there: an entry without a MAC address is only a question that nobody has answered."""
-    found: dict[str, tuple[Neighbour, ...]] = {}
+    found: dict[str, tuple[SeenNeighbour, ...]] = {}
     for row in answers:
         dead = any(row.get(flag) in _TRUE for flag in ("disabled", "invalid")) or row.get("complete") in {"false", "no"}
         if dead or not row.get("mac-address") or not _is_address(row.get("address", "")):
             continue
         port = row.get("interface", "")
-        found[port] = (*found.get(port, ()), Neighbour(row["address"], row["mac-address"]))
+        found[port] = (*found.get(port, ()), SeenNeighbour(row["address"], row["mac-address"]))
     return found
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState, Quality
+from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState, Quality
 from atlantis_netcfg.bearers import wifi as radios
 from atlantis_netcfg.bearers.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.bearers.satellite import judge_carrier_nat, judge_factory_address
@@ -15,7 +15,7 @@ from atlantis_netcfg.bearers.wifi import Family, WifiExpected, WifiReading, quer
 from atlantis_netcfg.bearers.wifi import read as read_wifi
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, PtpMode
-from atlantis_netcfg.operations.links.session import Echo, Port, ReadOnlySession, RouterReading, command, rows
+from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
 from atlantis_netcfg.operations.terminals import is_terminal, look
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from datetime import date
 
-    from atlantis_netcfg.bearers.policy import Route
+    from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.operations.lte import Unit
+    from atlantis_netcfg.operations.lte import LteUnit
     from atlantis_netcfg.routeros._types import Row
 
 
@@ -97,7 +97,7 @@ class BoxesStatus:
     state: LinkState | None = None
     """None: they say nothing of it, or there is no box that could."""
     quality: Quality = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[BearerFinding, ...] = ()
     silent: tuple[Silent, ...] = ()
 
 
@@ -124,7 +124,7 @@ def _expected(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
         return boxes
     message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
     hint = "repair the bridge first; if it stays away after that, look at its power"
-    found = Finding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
+    found = BearerFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
     rest = tuple(item for item in boxes.silent if item is not far)
     return replace(boxes, findings=(*boxes.findings, found), silent=rest)
 
@@ -133,7 +133,7 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
     if look.reading is None:
         message = f"{host.name}: its menus show no radio"
         hint = "RouterOS 7.13 and later need the package `wireless` or `wifi-qcom` for it: see docs/wifi-link.md"
-        return BoxesStatus(LinkState.DOWN, {}, (Finding(Verdict.FAIL, "no-radio", message, hint),))
+        return BoxesStatus(LinkState.DOWN, {}, (BearerFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
         return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))
     expected = expected_of(host, others[0], macs.get(others[0].name))
@@ -141,7 +141,7 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
     return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected), tuple(found))
 
 
-def _said_by(host: Host, finding: Finding) -> Finding:
+def _said_by(host: Host, finding: BearerFinding) -> BearerFinding:
     return replace(finding, message=f"{host.name}: {finding.message}")
 
 
@@ -164,12 +164,12 @@ def _joined(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
 _WORSE = (LinkState.UP, LinkState.UNKNOWN, LinkState.SEARCHING, LinkState.DOWN)
 
 
-def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[Finding, ...]:
+def unheard(silent: Iterable[Silent], *, answers: bool | None) -> tuple[BearerFinding, ...]:
     """What follows from a box that does not answer: little where its link answers, much where nothing does."""
     verdict = Verdict.INCONCLUSIVE if answers is not False else Verdict.FAIL
     suffix = {True: ", but its link works", None: "", False: ", and nobody answers over its link"}[answers]
     return tuple(
-        Finding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
+        BearerFinding(verdict, "device-unreachable", f"{item.device} cannot be read{suffix}: {item.message}", item.hint)
         for item in silent
     )
 
@@ -212,12 +212,12 @@ class UnitLook:
     """What a unit said, and what its driver says of it."""
 
     reading: LteReading
-    findings: tuple[Finding, ...]
+    findings: tuple[BearerFinding, ...]
     requests: int | None = None
     """Sent to it by a driver that counts requests."""
 
 
-async def read_routeros(device: ReadOnlySession, unit: Unit) -> UnitLook:
+async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
     """Read in one session. Raises DeviceFailed.
 
     Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
@@ -246,7 +246,7 @@ def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteRea
     return routeros.read(monitor[0] if monitor else None, interfaces, profiles, addresses, log, _INTERFACE)
 
 
-async def read_by_driver(unit: Unit) -> UnitLook:
+async def read_by_driver(unit: LteUnit) -> UnitLook:
     """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError."""
     found = await asyncio.to_thread(unit.look)
     return UnitLook(found.reading, found.findings, found.requests)
@@ -265,10 +265,10 @@ def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class SeenLinks:
     """Everything that one look has brought of one bearer."""
 
-    route: Route
+    route: BearerRoute
     router: RouterReading | Silent | None
     """None: it was not to be asked."""
     boxes_status: BoxesStatus
@@ -288,7 +288,7 @@ class Seen:
         return self.router if not isinstance(self.router, Silent) else None
 
     @property
-    def port(self) -> Port | None:
+    def port(self) -> SessionPort | None:
         """The interface that the bearer is on."""
         reading = self.reading
         return None if reading is None or self.route.port is None else (reading.ports or {}).get(self.route.port)
@@ -319,7 +319,7 @@ class Seen:
         return self.port is not None and (self.port.running is False or self.port.disabled is True)
 
 
-def bearer_status(seen: Seen) -> BearerStatus:
+def bearer_status(seen: SeenLinks) -> BearerStatus:
     """Reduce it to a status."""
     return BearerStatus(
         name=seen.route.name,
@@ -333,7 +333,7 @@ def bearer_status(seen: Seen) -> BearerStatus:
     )
 
 
-def _state(seen: Seen) -> LinkState:
+def _state(seen: SeenLinks) -> LinkState:
     if seen.dark:
         return LinkState.DOWN
     if seen.answers is not None:
@@ -342,7 +342,7 @@ def _state(seen: Seen) -> LinkState:
     return seen.boxes_status.state or LinkState.UNKNOWN
 
 
-def _quality(seen: Seen) -> Quality:
+def _quality(seen: SeenLinks) -> Quality:
     port, echoes = seen.port, seen.echoes
     sent = sum(echo.sent for echo in echoes)
     times = [echo.rtt_ms for echo in echoes if echo.rtt_ms is not None]
@@ -356,10 +356,10 @@ def _quality(seen: Seen) -> Quality:
     return found | seen.boxes_status.quality
 
 
-def _findings(seen: Seen) -> Iterator[Finding]:
+def _findings(seen: SeenLinks) -> Iterator[BearerFinding]:
     if isinstance(seen.router, Silent):
         message = f"the router cannot be read, so nobody knows whether this link works: {seen.router.message}"
-        yield Finding(Verdict.INCONCLUSIVE, "router-unreachable", message, seen.router.hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, seen.router.hint)
     yield from _of_port(seen)
     yield from _of_strangers(seen)
     boxes = tuple(_believed(seen))
@@ -369,33 +369,33 @@ def _findings(seen: Seen) -> Iterator[Finding]:
         yield from _of_canaries(seen, explained=any(item.verdict is Verdict.FAIL for item in boxes))
 
 
-def _believed(seen: Seen) -> Iterator[Finding]:
+def _believed(seen: SeenLinks) -> Iterator[BearerFinding]:
     """A unit that shows no address has one all the same if canaries answer over it."""
     for finding in seen.boxes_status.findings:
         if finding.code != "no-address" or not seen.answers:
             yield finding
 
 
-def _of_port(seen: Seen) -> Iterator[Finding]:
+def _of_port(seen: SeenLinks) -> Iterator[BearerFinding]:
     name, port = seen.route.port, seen.port
     reading = seen.reading
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the box"
-        yield Finding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
+        yield BearerFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
     elif reading is not None and (called := reading.renamed.get(name or "")) is not None:
         hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
         message = f"port {name} of the router is called {called} there: what the router does by names is elsewhere"
-        yield Finding(Verdict.FAIL, "port-renamed", message, hint)
+        yield BearerFinding(Verdict.FAIL, "port-renamed", message, hint)
     elif port is not None and port.disabled:
         hint = "run the site to enable it, or look who has disabled it"
-        yield Finding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
+        yield BearerFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
     elif port is not None and port.running is False:
         fed = f" from PoE of {seen.powered}" if seen.powered else ""
         hint = f"is the cable plugged in at both ends, and has the box power{fed}?"
-        yield Finding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
+        yield BearerFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
 
 
-def _of_strangers(seen: Seen) -> Iterator[Finding]:
+def _of_strangers(seen: SeenLinks) -> Iterator[BearerFinding]:
     """A box that answers on its port from another network is one as its factory made it (devices.md, section 3)."""
     reading = seen.reading
     if seen.box is None or seen.next_hop is None or reading is None or reading.neighbours is None:
@@ -407,7 +407,7 @@ def _of_strangers(seen: Seen) -> Iterator[Finding]:
         )
 
 
-def _of_canaries(seen: Seen, *, explained: bool) -> Iterator[Finding]:
+def _of_canaries(seen: SeenLinks, *, explained: bool) -> Iterator[BearerFinding]:
     """Say which canaries are silent; a link that is down is told once, by whoever knows why."""
     silent = [echo.target for echo in seen.echoes if not echo.received]
     if seen.answers is False and not explained:
@@ -418,20 +418,22 @@ def _of_canaries(seen: Seen, *, explained: bool) -> Iterator[Finding]:
             if waits
             else "look at the box of this link, then at what is beyond it"
         )
-        yield Finding(Verdict.FAIL, "canaries-silent", message, hint)
+        yield BearerFinding(Verdict.FAIL, "canaries-silent", message, hint)
     elif seen.answers and silent:
         message = f"{', '.join(silent)} does not answer over this link, the others do"
         hint = "one canary alone proves the link; if it stays silent, declare another one in `canaries`"
-        yield Finding(Verdict.WARN, "canary-silent", message, hint)
+        yield BearerFinding(Verdict.WARN, "canary-silent", message, hint)
     elif seen.answers and any(echo.received < echo.sent for echo in seen.echoes):
         sent, received = sum(echo.sent for echo in seen.echoes), sum(echo.received for echo in seen.echoes)
         message = f"{sent - received} of {sent} pings were lost"
-        yield Finding(Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail")
+        yield BearerFinding(
+            Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail"
+        )
 
 
-def twice(seen: Sequence[Seen]) -> tuple[tuple[str, Finding], ...]:
+def twice(seen: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding], ...]:
     """Name boxes that have one address on two ports, most often the factory's, by bearer."""
-    ports: dict[str, list[Seen]] = {}
+    ports: dict[str, list[SeenLinks]] = {}
     for item in seen:
         for stranger in item.strangers:
             ports.setdefault(stranger, []).append(item)
@@ -440,10 +442,10 @@ def twice(seen: Sequence[Seen]) -> tuple[tuple[str, Finding], ...]:
     )
 
 
-def _twice(address: str, many: Sequence[Seen]) -> Finding:
+def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
     where = " and ".join(f"{item.route.port} ({item.route.name})" for item in many)
     message = f"{address} answers on {where}: two boxes with one address, of which the router can reach one only"
-    return Finding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
+    return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
 def ranked(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
@@ -455,7 +457,7 @@ def ranked(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerSt
         first, *others = statuses
         message = "no default route leads over any link: nothing leaves the site"
         hint = "a router that was never configured has none: run the site; else see what is said of each link"
-        return (_with(first, Finding(Verdict.FAIL, "no-way-out", message, hint)), *others)
+        return (_with(first, BearerFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
     place = min(number for number, status in enumerate(statuses) if status.active)
     return tuple(_ranked(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
 
@@ -466,13 +468,15 @@ def _ranked(
     if number < place and status.state is LinkState.UP:
         message = f"it answers, but {statuses[place].name} carries the traffic"
         hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
-        return _with(status, Finding(Verdict.WARN, "not-taken-yet", message, hint))
+        return _with(status, BearerFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
         paid = ", and every byte is paid" if status.metered else ""
         message = f"it carries the traffic in place of {statuses[0].name}{paid}"
-        return _with(status, Finding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}"))
+        return _with(
+            status, BearerFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
+        )
     return status
 
 
-def _with(status: BearerStatus, finding: Finding) -> BearerStatus:
+def _with(status: BearerStatus, finding: BearerFinding) -> BearerStatus:
     return replace(status, findings=(*status.findings, finding))

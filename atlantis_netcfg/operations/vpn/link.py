@@ -138,7 +138,7 @@ class ServerLink(Protocol):
         """End it; what the server was told before is done."""
 
 
-class _Link:
+class _RemoteLink:
     """One process, lines to it and lines from it."""
 
     def __init__(self, name: str) -> None:
@@ -298,7 +298,7 @@ class _Link:
         return self._stderr.read()[-4000:].decode(errors="replace")
 
 
-class SshLink(_Link):
+class SshLink(_RemoteLink):
     """Over SSH, with the account, the port and the options of Ansible's connection to that computer."""
 
     def __init__(self, name: str, access: Mapping[str, Any]) -> None:
@@ -315,7 +315,7 @@ class SshLink(_Link):
         return ssh_error(self.name, self._access, code, text)
 
 
-class LocalLink(_Link):
+class LocalLink(_RemoteLink):
     """On this computer, as its root. `enter` is a program that goes where the server is, like `nsenter -t PID -n`."""
 
     def __init__(self, name: str = "this computer", enter: Sequence[str] = ()) -> None:

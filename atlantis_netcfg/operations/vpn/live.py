@@ -17,7 +17,7 @@ from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
     Crl,
     ServerState,
-    Session,
+    VpnSession,
     drift,
     observe,
     sessions_of,
@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Crl",
-    "Evidence",
     "Pushed",
     "RecordOlder",
+    "RevocationEvidence",
     "ServerState",
-    "Session",
+    "VpnSession",
     "check_record",
     "desired_files",
     "drift",
@@ -64,7 +64,7 @@ class Pushed:
 
     changes: tuple[str, ...]
     """In the words of a run of the role."""
-    ended: tuple[Session, ...] = ()
+    ended: tuple[VpnSession, ...] = ()
     """Sessions of those who are admitted no longer."""
     notes: tuple[str, ...] = ()
     """What was not done."""
@@ -76,7 +76,7 @@ class Pushed:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class RevocationEvidence:
     """What the server has confirmed about members that must be disconnected."""
 
     common_names: tuple[str, ...]
@@ -94,7 +94,7 @@ class Evidence:
     """What could not be done or read."""
     steps: tuple[tuple[str, float], ...] = ()
     """What was done, and how many milliseconds after the server had the request."""
-    ended: tuple[Session, ...] = ()
+    ended: tuple[VpnSession, ...] = ()
     seconds: float = 0.0
     """From the request to the answer, at this end of the link."""
     looks: int = 1
@@ -154,7 +154,7 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
 
 def revoke_live(
     declaration: Declaration, authority: Authority, link: ServerLink, common_names: Sequence[str]
-) -> Evidence:
+) -> RevocationEvidence:
     """Throw out those whose certificates are revoked in the record, in one round trip; nobody is settled by this.
 
     Raises ServerAway, AnswerLost, ServerRefused.
@@ -175,7 +175,7 @@ def revoke_live(
     seconds = time.monotonic() - began
     hashes = {file.path: _sha256(file) for file in files}
     with understood("revoke"):
-        return Evidence(
+        return RevocationEvidence(
             names,
             addresses,
             hashes,
@@ -187,7 +187,7 @@ def revoke_live(
         )
 
 
-def verify(link: ServerLink, evidence: Evidence) -> Evidence:
+def verify(link: ServerLink, evidence: RevocationEvidence) -> RevocationEvidence:
     """Look once more, as after a second and after `hand-window`: a handshake may have read the list of before."""
     values = link.ask(
         "verify",
@@ -213,7 +213,7 @@ def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tupl
 
 def finish_revocations(
     declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
-) -> Evidence | None:
+) -> RevocationEvidence | None:
     """Disconnect queued members, and settle those that the server confirms. None: the queue is empty."""
     queued = authority.membership().queued
     if not queued:
@@ -224,7 +224,7 @@ def finish_revocations(
     return evidence
 
 
-def sessions(link: ServerLink) -> tuple[Session, ...]:
+def sessions(link: ServerLink) -> tuple[VpnSession, ...]:
     """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
     values = link.ask("sessions", place=dict(PLACE))
     with understood("sessions"):

@@ -19,7 +19,7 @@ from atlantis_netcfg.vpn.ledger import LedgerDamaged
 if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.check import Agreement
-    from atlantis_netcfg.vpn.ledger.file import Entry
+    from atlantis_netcfg.vpn.ledger.file import LedgerEntry
 
 _PERIODS = {"d": 1, "w": 7}
 
@@ -121,7 +121,7 @@ def period(text: str, word: str) -> timedelta:
 class Audit:
     """Entries that were asked for, and what is wrong with the record."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LedgerEntry, ...]
     agreement: Agreement | None
     """None: the ledger is damaged, and none of its entries is told as true."""
     broken: tuple[NetcfgError, ...]

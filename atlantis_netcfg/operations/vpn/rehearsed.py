@@ -11,7 +11,7 @@ from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Member, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Member, MemberKind, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -46,7 +46,7 @@ def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
     )
     member = Member(
         name=host.name,
-        kind=Kind.ROUTER if router else Kind.HOST,
+        kind=MemberKind.ROUTER if router else MemberKind.HOST,
         partner=None,
         device=host.name,
         address=address,

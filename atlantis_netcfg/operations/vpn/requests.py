@@ -19,7 +19,7 @@ from atlantis_netcfg.declaration.model import Gateway, Router
 from atlantis_netcfg.vpn import names
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.pki import check_recipient
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ _MOST_DAYS = 1825
 """Of a member's certificate: it must end well before the authority does."""
 
 
-class Refused(UsageError):
+class RequestRefused(UsageError):
     """Several errors in a request; `errors` has them all. Nothing was opened and nothing was written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
@@ -41,7 +41,7 @@ class Refused(UsageError):
         self.errors = tuple(errors)
 
 
-class Check:
+class RequestCheck:
     """Checks the words of one request and collects the errors; `words` are as typed."""
 
     def __init__(self, words: Mapping[str, str | None]) -> None:
@@ -51,7 +51,7 @@ class Check:
     def close(self) -> None:
         """Raise what is wrong: UsageError, Refused where it is more than one thing."""
         if len(self.errors) > 1:
-            raise Refused(self.errors)
+            raise RequestRefused(self.errors)
         if self.errors:
             raise self.errors[0]
 
@@ -97,20 +97,20 @@ def shown(typed: str) -> str:
     return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
 
 
-def request_of_host(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
+def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
     """The request; None if something is wrong: `check` has the errors."""
     for word in ("partner", "device", "kind", "vehicle", "address"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
     host = _declared(declaration, check)
-    link, wrap = check.choice("link", list(Link)), check.choice("wrap", list(Wrap))
+    link, wrap = check.choice("link", list(MemberLink)), check.choice("wrap", list(Wrap))
     key, days = check.choice("key", list(KeyType)), check.days()
     if host is None or check.checked(lambda: names.check_name(host.name, "host")) is None:
         return None
     router = isinstance(host.device, Router)
     return EnrolmentRequest(
         name=host.name,
-        kind=Kind.ROUTER if router else Kind.HOST,
+        kind=MemberKind.ROUTER if router else MemberKind.HOST,
         partner=None,
         device=host.name,
         address=computers(declaration)[host.name],
@@ -126,7 +126,7 @@ def _usual_wrap(host: Host) -> Wrap:
     return Wrap.TLS_CRYPT if isinstance(host.device, Gateway) else Wrap.TLS_CRYPT_V2
 
 
-def _declared(declaration: Declaration, check: Check) -> Host | None:
+def _declared(declaration: Declaration, check: RequestCheck) -> Host | None:
     typed, inside = str(check.words["host"]), computers(declaration)
     if typed in inside:
         return declaration.hosts[typed]
@@ -152,13 +152,13 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
     return getattr(host.device, "vpn_address", None)
 
 
-_KINDS = tuple(kind for kind in Kind if kind is not Kind.HOST)
+_KINDS = tuple(kind for kind in MemberKind if kind is not MemberKind.HOST)
 
 
-def request_of_device(declaration: Declaration, check: Check) -> EnrolmentRequest | None:
+def request_of_device(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
     """The request; None if something is wrong: `check` has the errors."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
-    link, wrap, key = (check.choice("link", list(Link)), check.choice("wrap", list(Wrap)), _key(check, kind))
+    link, wrap, key = (check.choice("link", list(MemberLink)), check.choice("wrap", list(Wrap)), _key(check, kind))
     days = check.days()
     if partner is None or device is None or kind is None:
         return None
@@ -174,7 +174,7 @@ def request_of_device(declaration: Declaration, check: Check) -> EnrolmentReques
         device=device,
         address=address,
         pool=declaration.partners[partner].vpn_pool,
-        link=link or Link.FIBRE,
+        link=link or MemberLink.FIBRE,
         vehicle=vehicle,
         wrap=wrap or Wrap.TLS_CRYPT_V2,
         key=key,
@@ -182,7 +182,7 @@ def request_of_device(declaration: Declaration, check: Check) -> EnrolmentReques
     )
 
 
-def _partner(declaration: Declaration, check: Check) -> str | None:
+def _partner(declaration: Declaration, check: RequestCheck) -> str | None:
     typed, known = check.words["partner"], declaration.partners
     if typed is None:
         check.wrong("`partner=` is missing: whose device it is", "add it, or name a declared computer by `host=`")
@@ -195,7 +195,7 @@ def _partner(declaration: Declaration, check: Check) -> str | None:
     return None
 
 
-def _device(check: Check) -> str | None:
+def _device(check: RequestCheck) -> str | None:
     typed = check.words["device"]
     if typed is None:
         check.wrong("`device=` is missing: what the device is called", "add it, as in `device=sparus2`")
@@ -203,27 +203,27 @@ def _device(check: Check) -> str | None:
     return check.checked(lambda: names.check_name(typed, "device"))
 
 
-def _kind(check: Check) -> Kind | None:
+def _kind(check: RequestCheck) -> MemberKind | None:
     if check.words["kind"] is None:
         check.wrong("`kind=` is missing: what the device is", f"it takes one of: {', '.join(_KINDS)}")
     return check.choice("kind", _KINDS)
 
 
-def _key(check: Check, kind: Kind | None) -> KeyType:
+def _key(check: RequestCheck, kind: MemberKind | None) -> KeyType:
     """RouterOS was never seen to work with elliptic curves here (facts 10)."""
-    return check.choice("key", list(KeyType)) or (KeyType.RSA if kind is Kind.ROUTER else KeyType.EC)
+    return check.choice("key", list(KeyType)) or (KeyType.RSA if kind is MemberKind.ROUTER else KeyType.EC)
 
 
-def _member(declaration: Declaration, check: Check, partner: str, device: str) -> str | None:
+def _member(declaration: Declaration, check: RequestCheck, partner: str, device: str) -> str | None:
     name = check.checked(lambda: names.member_name(partner, device))
     if name in declaration.hosts:
         check.wrong(f"`{name}` is a declared computer", f"another name for the device, or `host={name}`")
     return name
 
 
-def _vehicle(declaration: Declaration, check: Check, partner: str, device: str, kind: Kind) -> str | None:
+def _vehicle(declaration: Declaration, check: RequestCheck, partner: str, device: str, kind: MemberKind) -> str | None:
     typed = check.words["vehicle"]
-    if kind is not Kind.ROBOT:
+    if kind is not MemberKind.ROBOT:
         if typed is not None:
             check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
         return None
@@ -255,7 +255,7 @@ def _plain(name: str) -> str:
     return name.casefold().replace(" ", "-")
 
 
-def _address(declaration: Declaration, check: Check, partner: str) -> IPv4Address | None:
+def _address(declaration: Declaration, check: RequestCheck, partner: str) -> IPv4Address | None:
     typed, pool = check.words["address"], declaration.partners[partner].vpn_pool
     if typed is None:
         return None
@@ -313,7 +313,7 @@ def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> t
             )
         seen.setdefault(request.name, item)
     if errors:
-        raise Refused(errors)
+        raise RequestRefused(errors)
     return tuple(requests)
 
 
@@ -323,7 +323,7 @@ def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
 
 def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
     """The request for a partner's device, or for a declared host. Raises UsageError, or Refused for several errors."""
-    check = Check(asdict(item))
+    check = RequestCheck(asdict(item))
     request = request_of_host(declaration, check) if item.host is not None else request_of_device(declaration, check)
     check.close()
     if request is None:
@@ -333,12 +333,12 @@ def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
 
 def change_of(**words: str | None) -> RenewalRequest:
     """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
-    check = Check(words)
+    check = RequestCheck(words)
     change = RenewalRequest(
         days=check.days(),
         wrap=check.choice("wrap", list(Wrap)),
         key=check.choice("key", list(KeyType)),
-        link=check.choice("link", list(Link)),
+        link=check.choice("link", list(MemberLink)),
     )
     check.close()
     return change
@@ -361,7 +361,7 @@ def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Map
         except UsageError as error:
             errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
     if errors:
-        raise Refused(errors)
+        raise RequestRefused(errors)
     return found
 
 

@@ -40,7 +40,7 @@ from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.request import Request, refuse_examples
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
 from atlantis_netcfg.operations.vpn.router_import import RouterImport
-from atlantis_netcfg.routeros.apply import DeviceJob, Mode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, JobMode, Status, converge
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import Identity, KeyType
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Installed:
+class InstalledIdentity:
     """How it ended; what is told as done was read back."""
 
     device: str
@@ -106,7 +106,7 @@ def install(  # noqa: PLR0913 - all that a command line says
     notify: Subscriber = ignore,
     *,
     plan: bool = False,
-) -> Installed:
+) -> InstalledIdentity:
     """Bring it to the router, under the site's lock and with a journal; `plan` only says what would be done.
 
     Raises NothingMatched, UsageError and CostRefused before the router is contacted, SiteBusy before it is changed.
@@ -118,10 +118,12 @@ def install(  # noqa: PLR0913 - all that a command line says
     except NetcfgError as failure:
         return _failed(importing, failure)
     if not seen.changes:
-        return Installed(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=seen.notes)
+        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=seen.notes)
     if plan:
         message = f"{len(seen.changes)} changes to make"
-        return Installed(host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=seen.changes, notes=seen.notes)
+        return InstalledIdentity(
+            host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=seen.changes, notes=seen.notes
+        )
     store = Store(request.state, rehearsed=request.rehearsed)
     started = RunStarted(
         site=host.site,
@@ -178,20 +180,20 @@ def _prepared(
     return importing, job
 
 
-def _journalled(importing: RouterImport, job: DeviceJob, journal: Journal) -> Installed:
+def _journalled(importing: RouterImport, job: DeviceJob, journal: Journal) -> InstalledIdentity:
     try:
         changes, notes = asyncio.run(_run(importing, job))
     except NetcfgError as failure:
         return replace(_failed(importing, failure), run=journal.run)
     message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
     notes = (*notes, *_unverified(importing.identity))
-    return Installed(
+    return InstalledIdentity(
         importing.name, Status.CHANGED, ExitCode.DONE, message, changes=changes, notes=notes, run=journal.run
     )
 
 
 async def _run(importing: RouterImport, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    saved = await converge(job, mode=Mode.BACKUP)
+    saved = await converge(job, mode=JobMode.BACKUP)
     if saved.exit is not ExitCode.DONE:
         raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
     seen = await importing.carry_out()
@@ -207,7 +209,7 @@ def _unverified(identity: Identity) -> tuple[str, ...]:
     )
 
 
-def _failed(importing: RouterImport, failure: NetcfgError) -> Installed:
+def _failed(importing: RouterImport, failure: NetcfgError) -> InstalledIdentity:
     status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
     hint = failure.hint and complete(failure.hint, site=importing.site, device=importing.name)
-    return Installed(importing.name, status, failure.exit, str(failure), hint)
+    return InstalledIdentity(importing.name, status, failure.exit, str(failure), hint)

@@ -25,13 +25,13 @@ from atlantis_netcfg.operations.vpn.link import ServerAway, ServerLink, ServerRe
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.vpn.live import RevocationEvidence
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.operations.vpn.link import RecordOlder
-from atlantis_netcfg.operations.vpn.live import Evidence, check_record, desired_files, finish_revocations, note_seen
 from atlantis_netcfg.operations.vpn.server_state import ServerState, drift, observe
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ class Connected:
         notify(Event(self.declaration.pilot.vpn.server, stage, message))
 
     @staticmethod
-    def _evidence_lines(evidence: Evidence | None) -> list[str]:
+    def _evidence_lines(evidence: RevocationEvidence | None) -> list[str]:
         """The evidence for people: what was done, after how many milliseconds, and what the server says of it."""
         if evidence is None:
             return []
@@ -233,7 +233,7 @@ class Connected:
         return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.notes)]
 
     @staticmethod
-    def _left(evidence: Evidence | None) -> tuple[NetcfgError, ...]:
+    def _left(evidence: RevocationEvidence | None) -> tuple[NetcfgError, ...]:
         if evidence is None or evidence.confirmed:
             return ()
         names = ", ".join(evidence.common_names)
@@ -342,9 +342,9 @@ def _record(authority: Authority) -> Iterator[StatusItem]:
 
 
 def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
-    differs = drift(state, desired_files(server.declaration, authority), authority.membership())
+    differs = drift(state, live.desired_files(server.declaration, authority), authority.membership())
     try:
-        check_record(authority, state)
+        live.check_record(authority, state)
     except RecordOlder as older:
         yield StatusItem(Verdict.FAIL, str(older), older.hint)
         yield from (StatusItem(Verdict.FAIL, differ) for differ in differs)
@@ -358,7 +358,7 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
         )
     if not state.ready:
         return
-    sighting, _ = note_seen(server.declaration, authority, link, state, server.who)
+    sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
     for name in sighting.strangers:
         yield StatusItem(
             Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
@@ -373,7 +373,7 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
             yield StatusItem(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
     for name in sighting.superseded:
         yield StatusItem(Verdict.PASS, f"{name} is retired: its successor was seen")
-    evidence = finish_revocations(server.declaration, authority, link, server.who)
+    evidence = live.finish_revocations(server.declaration, authority, link, server.who)
     if evidence is not None and evidence.confirmed:
         yield StatusItem(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
 

@@ -39,7 +39,7 @@ _ANSWERS = "answers"
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class VpnSession:
     """A session that the server has."""
 
     common_name: str
@@ -104,7 +104,7 @@ class ServerState:
     """Version of its Debian package."""
     unit: Mapping[str, str]
     """What systemd tells of the server's unit."""
-    sessions: tuple[Session, ...]
+    sessions: tuple[VpnSession, ...]
     is_live: bool
     """Whether the sessions are live, from the server itself; else they are from its status file."""
     why: str
@@ -166,10 +166,10 @@ def _state(values: Mapping[str, Any], middle: float) -> ServerState:
     )
 
 
-def sessions_of(values: Mapping[str, Any]) -> tuple[Session, ...]:
+def sessions_of(values: Mapping[str, Any]) -> tuple[VpnSession, ...]:
     """The sessions in an answer."""
     return tuple(
-        Session(
+        VpnSession(
             str(item["common_name"]),
             str(item["real"]),
             str(item["virtual"]),

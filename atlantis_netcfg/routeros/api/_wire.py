@@ -142,7 +142,7 @@ def _decode_size(prefix: bytes) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class AnswerReader:
     """One reply sentence, taken apart."""
 
     reply: str
@@ -153,14 +153,16 @@ class Answer:
     """The bare words of `!fatal`."""
 
 
-def parse(words: tuple[str, ...]) -> Answer:
+def parse(words: tuple[str, ...]) -> AnswerReader:
     """Take a reply sentence apart; API attributes other than `.tag` are skipped. Raises GarbageError."""
     reply, *rest = words
     if reply not in _REPLIES:
         raise GarbageError(f"{_shown(reply)} in the place of an answer")
     if reply == "!fatal":
         text = " ".join(word for word in rest if not word.startswith("."))
-        return Answer(reply, None, {}, "".join(char if char.isprintable() else " " for char in text[:_SHOWN_TEXT]))
+        return AnswerReader(
+            reply, None, {}, "".join(char if char.isprintable() else " " for char in text[:_SHOWN_TEXT])
+        )
     tag: str | None = None
     attributes = Attributes()
     for word in rest:
@@ -173,7 +175,7 @@ def parse(words: tuple[str, ...]) -> Answer:
             attributes[name] = value
         elif name == "tag":
             tag = value
-    return Answer(reply, tag, attributes)
+    return AnswerReader(reply, tag, attributes)
 
 
 def _plain(name: str) -> str:
@@ -211,7 +213,7 @@ class _Pending:
     trap: Trap | None = None
     reply: Reply | None = None
 
-    def take(self, answer: Answer) -> None:
+    def take(self, answer: AnswerReader) -> None:
         if answer.reply == "!re":
             self.rows.append(answer.attributes)
         elif answer.reply == "!trap" and self.trap is None:
@@ -330,7 +332,7 @@ class Wire(asyncio.Protocol):
                 await asyncio.wait([settled], timeout=min(self._received + silence_s, end) - now)
         settled.result()
 
-    def _dispatch(self, answer: Answer) -> None:
+    def _dispatch(self, answer: AnswerReader) -> None:
         if answer.reply == "!fatal":
             self._fail(f"ended the session: {answer.text}")
             return

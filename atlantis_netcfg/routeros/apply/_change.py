@@ -34,7 +34,7 @@ from atlantis_netcfg.journal import (
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observed, Plan, Verb
 from atlantis_netcfg.routeros.api import Command, Reply, SessionLost
-from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection
+from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionChoice
 from atlantis_netcfg.routeros.apply._state import (
     CLAIMS,
     SAVING,
@@ -173,7 +173,7 @@ async def _arm(work: RunContext) -> None:
         work.dead_man = None
         if work.protection is not Protection.CONSOLE:
             raise
-        work.choice = Choice(Protection.CONSOLE, None, f"no dead-man job: {problem}")
+        work.choice = ProtectionChoice(Protection.CONSOLE, None, f"no dead-man job: {problem}")
         work.notes.append(f"no dead-man job: {problem}")
         return
     work.say(Stage.PROTECTED, f"a dead-man job is armed: the device takes everything back in {after_s / 60:.0f} min")

@@ -17,11 +17,11 @@ from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
 from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Mode, Status, Unfit
+from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
 from atlantis_netcfg.routeros.apply._protection import (
-    Choice,
     Interfered,
     Protection,
+    ProtectionChoice,
     choose,
     console_safe_mode,
     safe_mode_of,
@@ -29,7 +29,7 @@ from atlantis_netcfg.routeros.apply._protection import (
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
 from atlantis_netcfg.routeros.apply._state import SAVING, claimed_by, digest, fetch, invalid, plan_hash, saved
 from atlantis_netcfg.routeros.apply._work import AGREE_APART, RunContext, cut, look, number_of, planned, unagreed
-from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftKind, History, Past, compare
+from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command
 
 
-_FORGOTTEN = History()
+_FORGOTTEN = DriftHistory()
 
 
 async def drift(work: RunContext) -> DeviceResult:
@@ -60,7 +60,7 @@ async def drift(work: RunContext) -> DeviceResult:
     if found.drifted:
         reply = await work.channel.command(HISTORY)
         if reply.trap is None:
-            found = work.comparison = compared(work, History(reply.rows))
+            found = work.comparison = compared(work, DriftHistory(reply.rows))
         result = work.result(Status.DRIFTED, _summary(found))
     else:
         result = work.result(Status.UNCHANGED, _as_declared_text(found))
@@ -68,7 +68,7 @@ async def drift(work: RunContext) -> DeviceResult:
     return replace(result, notes=(*newer_than_known(work.seen.facts.version), *work.notes))
 
 
-def compared(work: RunContext, history: History = _FORGOTTEN) -> Comparison:
+def compared(work: RunContext, history: DriftHistory = _FORGOTTEN) -> Comparison:
     """Compare with the declaration, and with the last confirmed state as far as that can be read."""
     found = compare(work.job.desired, work.seen, work.aim, _past(work), history)
     left = work.left.differences()
@@ -115,7 +115,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-_READING = (Mode.PLAN, Mode.DRIFT)
+_READING = (JobMode.PLAN, JobMode.DRIFT)
 """Ways that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
 _STAND_BY = (
@@ -132,7 +132,7 @@ class Interrupted(DeviceFailed):
     """The person who started the run has stopped it."""
 
 
-async def converge(job: DeviceJob, *, mode: Mode = Mode.APPLY) -> DeviceResult:
+async def converge(job: DeviceJob, *, mode: JobMode = JobMode.APPLY) -> DeviceResult:
     """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
     contact = Contact(job)
     ssh = job.ssh and replace(job.ssh, opening=contact.opening)
@@ -159,10 +159,10 @@ async def _remove_run_marker(work: RunContext, result: DeviceResult) -> None:
                 await work.session.flight(farewell)
 
 
-async def _run_guarded(work: RunContext, mode: Mode) -> DeviceResult:
+async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
     """Run, and turn whatever went wrong into a result."""
     try:
-        return await (_backup(work) if mode is Mode.BACKUP else _run(work, mode))
+        return await (_backup(work) if mode is JobMode.BACKUP else _run(work, mode))
     except (CannotPlan, MenuMissing, Unfit) as refusal:
         return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
@@ -179,7 +179,7 @@ async def _run_guarded(work: RunContext, mode: Mode) -> DeviceResult:
         return replace(result, exit=exit_, fault=fault)
 
 
-async def _run(work: RunContext, mode: Mode) -> DeviceResult:
+async def _run(work: RunContext, mode: JobMode) -> DeviceResult:
     work.brief = _may_be_brief(work.job, mode)
     await _observe(work, mode)
     if mode in _READING:
@@ -193,12 +193,12 @@ async def _run(work: RunContext, mode: Mode) -> DeviceResult:
     return _refusal(work, mode) or await _as_declared(work, mode)
 
 
-async def _look(work: RunContext, mode: Mode) -> DeviceResult:
+async def _look(work: RunContext, mode: JobMode) -> DeviceResult:
     """Say what a run would do, or what differs, and what is armed or open."""
     await _plan(work, mode)
     work.busy = "; ".join(work.left.words())
     work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.left.words()]
-    if mode is Mode.DRIFT:
+    if mode is JobMode.DRIFT:
         _cost_policy(work, mode)
         return await drift(work)
     refusal = _refusal(work, mode)
@@ -206,7 +206,7 @@ async def _look(work: RunContext, mode: Mode) -> DeviceResult:
     return _planned(work) if refusal is None else replace(refusal, comparison=work.comparison)
 
 
-def _refusal(work: RunContext, mode: Mode) -> DeviceResult | None:
+def _refusal(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return why the plan may not be carried out; None: it may."""
     refusal = _cost_policy(work, mode)
     if refusal is None and work.aim.actions:
@@ -214,7 +214,7 @@ def _refusal(work: RunContext, mode: Mode) -> DeviceResult | None:
     return refusal
 
 
-async def _as_declared(work: RunContext, mode: Mode) -> DeviceResult:
+async def _as_declared(work: RunContext, mode: JobMode) -> DeviceResult:
     """Take away what runs that are over have left, and carry the plan out."""
     removed = await _clear(work, mode)
     if work.aim.actions:
@@ -237,19 +237,19 @@ def _planned(work: RunContext) -> DeviceResult:
     return work.result(Status.UNCHANGED, "no changes needed")
 
 
-async def _observe(work: RunContext, mode: Mode) -> None:
+async def _observe(work: RunContext, mode: JobMode) -> None:
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
     work.session = await work.contact.open()
-    if mode is Mode.RESUME:
+    if mode is JobMode.RESUME:
         await _until_undone(work)
     work.job = await fitted(work.session, work.job)
     await _read(work)
 
 
-def _may_be_brief(job: DeviceJob, mode: Mode) -> bool:
+def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
     """Tell whether rows of others need only be counted: where bytes are dear and no run can go on to remove them."""
     dear = job.bearer is not None and job.bearer.metered
-    return dear and (mode is Mode.PLAN or (mode is Mode.APPLY and not job.remove_foreign))
+    return dear and (mode is JobMode.PLAN or (mode is JobMode.APPLY and not job.remove_foreign))
 
 
 async def _read(work: RunContext) -> None:
@@ -266,7 +266,7 @@ async def _read(work: RunContext) -> None:
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
 
-async def _plan(work: RunContext, mode: Mode) -> None:
+async def _plan(work: RunContext, mode: JobMode) -> None:
     """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
     work.plan = plan(job.name, job.desired, work.seen)
@@ -297,7 +297,7 @@ def _is_read_enough(work: RunContext) -> bool:
     return removed_alone and work.seen.facts.has_safe_mode and not objections(work.aim, work.seen, _path(work))
 
 
-async def _complete(work: RunContext, mode: Mode) -> None:
+async def _complete(work: RunContext, mode: JobMode) -> None:
     """Read what has to be known before a change; safe mode is taken in the same round trip, if the change wants it.
 
     Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
@@ -321,33 +321,33 @@ async def _complete(work: RunContext, mode: Mode) -> None:
             work.holding = False
 
 
-def _questions(work: RunContext, mode: Mode) -> tuple[Command, ...]:
+def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
-    if mode is Mode.DRIFT:
+    if mode is JobMode.DRIFT:
         return ()
     if work.job.cost_policy is not None and work.job.bearer is not None:
         expected = estimate(work.aim, work.job.bearer, work.seen)
-        planned = mode is Mode.PLAN
+        planned = mode is JobMode.PLAN
         if work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None:
             return ()
     return work.examination.questions(work.aim.actions, work.seen.rows)
 
 
-async def _examine(work: RunContext, mode: Mode) -> None:
+async def _examine(work: RunContext, mode: JobMode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
     while requested := _questions(work, mode):
         work.examination.answered(await work.channel.flight(requested))
     doubt = work.examination.doubt(work.aim.actions)
-    if doubt and doubt not in work.notes and mode is not Mode.DRIFT:
+    if doubt and doubt not in work.notes and mode is not JobMode.DRIFT:
         work.notes.append(doubt)
 
 
-def _cost_policy(work: RunContext, mode: Mode) -> DeviceResult | None:
+def _cost_policy(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
     if work.job.cost_policy is None:
         return None
-    spends = bool(work.aim.actions) and mode is not Mode.DRIFT
-    verdict = work.job.cost_policy.judge(work.seen, work.estimate, spends=spends, planned=mode is Mode.PLAN)
+    spends = bool(work.aim.actions) and mode is not JobMode.DRIFT
+    verdict = work.job.cost_policy.judge(work.seen, work.estimate, spends=spends, planned=mode is JobMode.PLAN)
     for note in verdict.notes:
         work.notes.append(note)
         work.say(Stage.PLANNED, note)
@@ -356,7 +356,7 @@ def _cost_policy(work: RunContext, mode: Mode) -> DeviceResult | None:
     return work.result(Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
 
 
-def _judge(work: RunContext, mode: Mode) -> DeviceResult | None:
+def _judge(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     found = work.aim
     reasons, hint = [*objections(found, work.seen, _path(work)), *missing(found, work.seen)], None
@@ -369,7 +369,7 @@ def _judge(work: RunContext, mode: Mode) -> DeviceResult | None:
             hint = _STAND_BY
     if reasons:
         return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
-    if mode is Mode.PLAN:
+    if mode is JobMode.PLAN:
         return None
     if apart := unagreed(work.job, found):
         return work.result(Status.REFUSED, f"refused, nothing was changed: {apart}", hint=AGREE_APART)
@@ -400,18 +400,18 @@ def _protect(work: RunContext) -> None:
     work.choice = choose(found, facts, job, invertible=why, seconds=seconds)
     work.stages = cut(found, work.protection)
     if work.protection.holds and not work.stages.protected:
-        work.choice = Choice(Protection.NONE, why="nothing in it can do harm by itself")
+        work.choice = ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
         work.stages = cut(found, Protection.NONE)
     if not work.holding:
         work.safe_mode = safe_mode_of(work.choice, job)
 
 
-async def _occupied(work: RunContext, mode: Mode) -> DeviceResult | None:
+async def _occupied(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return the refusal of a device on which somebody's changes are still open.
 
     What a dead run of this computer has left is waited for, and its sign is ours from here on.
     """
-    resumes = mode is Mode.RESUME
+    resumes = mode is JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
     if busy is not None and not resumes and work.job.history.unfinished():
         work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
@@ -462,7 +462,7 @@ def _has_to_run(work: RunContext) -> bool:
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
-async def _taken_back(work: RunContext, mode: Mode) -> None:
+async def _taken_back(work: RunContext, mode: JobMode) -> None:
     """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
     patience = work.job.patience
     await work.contact.until_fired(work.channel, ARMED, patience.undo_s + 2 * patience.dead_man_s)
@@ -470,7 +470,7 @@ async def _taken_back(work: RunContext, mode: Mode) -> None:
     await _plan(work, mode)
 
 
-async def _clear(work: RunContext, mode: Mode) -> tuple[str, ...]:
+async def _clear(work: RunContext, mode: JobMode) -> tuple[str, ...]:
     """Take away what runs that are over have left, and read the device anew: a job may have run meanwhile.
 
     A bridge's job stays: whether it is still needed, only a run that sees both ends knows.

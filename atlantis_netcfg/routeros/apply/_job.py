@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
     from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
     from atlantis_netcfg.routeros.drift import Comparison
-    from atlantis_netcfg.routeros.estimate import Bearer, Estimate
+    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
 
 
-class Mode(StrEnum):
+class JobMode(StrEnum):
     """How far to go."""
 
     PLAN = "plan"
@@ -164,7 +164,7 @@ class DeviceJob:
     site: str = ""
     address: str = ""
     """The device's own address on the way that we come; empty: the endpoint's, which a twin has not."""
-    bearer: Bearer | None = None
+    bearer: BearerProfile | None = None
     """What the session runs over, for the estimate; None: no estimate."""
     events: Subscriber = ignore
     journal: Recorder = field(default_factory=NoJournal)

@@ -48,7 +48,7 @@ class Interfered(DeviceFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class ProtectionChoice:
     """What protects a change, and why nothing better does."""
 
     protection: Protection
@@ -76,24 +76,24 @@ class Choice:
         return f"{line} ({self.why})" if self.why else line
 
 
-def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, seconds: float) -> Choice:
+def choose(plan: Plan, facts: Facts, job: DeviceJob, *, invertible: str | None, seconds: float) -> ProtectionChoice:
     """Choose for this plan. `invertible`: why no script can take it back, or None; `seconds`: what it may take."""
     if not plan.actions:
-        return Choice(Protection.NONE, why="nothing changes")
+        return ProtectionChoice(Protection.NONE, why="nothing changes")
     if facts.has_safe_mode:
-        return Choice(Protection.SAFE_MODE)
+        return ProtectionChoice(Protection.SAFE_MODE)
     if all(action.inert for action in plan.actions):
-        return Choice(Protection.NONE, why="nothing in it can do harm by itself")
+        return ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
     no_ssh = _no_ssh(job)
     no_job = forbidden(facts) or invertible
     wait_s = max(job.patience.dead_man_s, 3 * seconds)
     if no_ssh is None:
         # Longer than a dead session keeps safe mode. Assumption: dead-man-after-silence
         both_s = None if no_job else job.patience.undo_s + wait_s
-        return Choice(Protection.CONSOLE, both_s, f"no dead-man job: {no_job}" if no_job else "")
+        return ProtectionChoice(Protection.CONSOLE, both_s, f"no dead-man job: {no_job}" if no_job else "")
     if no_job is None:
-        return Choice(Protection.DEAD_MAN, wait_s, f"no safe mode: {no_ssh}")
-    return Choice(Protection.NONE, why=f"no safe mode: {no_ssh}; no dead-man job: {no_job}")
+        return ProtectionChoice(Protection.DEAD_MAN, wait_s, f"no safe mode: {no_ssh}")
+    return ProtectionChoice(Protection.NONE, why=f"no safe mode: {no_ssh}; no dead-man job: {no_job}")
 
 
 def _no_ssh(job: DeviceJob) -> str | None:
@@ -104,7 +104,7 @@ def _no_ssh(job: DeviceJob) -> str | None:
     return None
 
 
-def safe_mode_of(choice: Choice, job: DeviceJob) -> SafeMode:
+def safe_mode_of(choice: ProtectionChoice, job: DeviceJob) -> SafeMode:
     """Return what holds safe mode for a choice; it holds nothing yet."""
     if choice.protection is Protection.SAFE_MODE:
         return ApiSafeMode()

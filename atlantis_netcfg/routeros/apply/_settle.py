@@ -16,7 +16,7 @@ from atlantis_netcfg.routeros._types import Observed, Verb
 from atlantis_netcfg.routeros.api import Refused, SessionLost
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._protection import Choice, Interfered, Protection, safe_mode_of
+from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionChoice, safe_mode_of
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import RunContext, cut
 from atlantis_netcfg.routeros.apply._writer import ActionRefused
@@ -221,7 +221,7 @@ async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now
     work.say(Stage.APPLYING, "putting the state before the run back")
     job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
     inner = RunContext(job, work.contact, work.started, restores=True, session=session, before=now)
-    inner.choice = work.choice if work.protection.holds else Choice(Protection.NONE)
+    inner.choice = work.choice if work.protection.holds else ProtectionChoice(Protection.NONE)
     inner.safe_mode = safe_mode_of(inner.choice, job)
     try:
         inner.plan = plan(job.name, job.desired, now)

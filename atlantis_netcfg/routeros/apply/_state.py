@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._items import Desired, Item, RunTime
+from atlantis_netcfg.routeros._items import Desired, RowItem, RunTime
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer
 from atlantis_netcfg.routeros.commands import executed
@@ -93,9 +93,9 @@ def restoring(before: Observed) -> Desired:
     return Desired("the state before the run", items, frozenset(items), restores=True)
 
 
-def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[Item]:
+def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[RowItem]:
     return [
-        Item(menu.path, _values(menu, row, version), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
+        RowItem(menu.path, _values(menu, row, version), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
         for row in rows
         if menu.is_touchable(row)
     ]
@@ -173,7 +173,7 @@ class Sign:
 
 
 @dataclass(frozen=True, slots=True)
-class Signer:
+class RunSigner:
     """A run that puts its sign up, and knows which signs it may take over."""
 
     job: DeviceJob
@@ -225,7 +225,7 @@ def claim(ours: str, seconds: float) -> Command:
     return Command(f"{SIGNS}/add", tuple(values.items()))
 
 
-async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: Signer) -> str:
+async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: RunSigner) -> str:
     """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
 
     The sign of a dead run that may be taken over is replaced. Raises Claimed, Refused, SessionLost.

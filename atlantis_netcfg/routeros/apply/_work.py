@@ -35,8 +35,8 @@ from atlantis_netcfg.journal import JournalFailed, Outcome, PlannedAction, Recor
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, PortCounts, Verb
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Status
-from atlantis_netcfg.routeros.apply._protection import Choice, Protection
-from atlantis_netcfg.routeros.apply._state import CLAIMS, Sign, Signer, plan_hash, seen, withdrawing
+from atlantis_netcfg.routeros.apply._protection import Protection, ProtectionChoice
+from atlantis_netcfg.routeros.apply._state import CLAIMS, RunSigner, Sign, plan_hash, seen, withdrawing
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, Owner
 from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
@@ -294,7 +294,7 @@ class RunContext:
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)
     writer: Writer | None = None
-    choice: Choice = field(default_factory=lambda: Choice(Protection.NONE))
+    choice: ProtectionChoice = field(default_factory=lambda: ProtectionChoice(Protection.NONE))
     safe_mode: SafeMode = field(default_factory=NoSafeMode)
     script: str | None = None
     """The way back, for a dead-man job."""
@@ -322,9 +322,9 @@ class RunContext:
         return self.choice.protection
 
     @property
-    def signer(self) -> Signer:
+    def signer(self) -> RunSigner:
         """Whose sign this run puts on the device."""
-        return Signer(self.job, self.before.facts.session_address if self.before is not None else "")
+        return RunSigner(self.job, self.before.facts.session_address if self.before is not None else "")
 
     @property
     def counts(self) -> tuple[PortCounts, ...]:

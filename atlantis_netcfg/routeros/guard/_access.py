@@ -12,7 +12,7 @@ from atlantis_netcfg.routeros.guard._firewall import (
     FILTER,
     MANGLE,
     NAT,
-    Answer,
+    MatchResult,
     answer_of,
     in_networks,
     matches,
@@ -71,7 +71,7 @@ def _form(name: str, row: Row) -> str:
 
 
 def _admits(row: Row, state: State) -> bool:
-    return in_networks(row.get("address", ""), state.technician) is not Answer.NO
+    return in_networks(row.get("address", ""), state.technician) is not MatchResult.NO
 
 
 def _user(before: State, after: State) -> Iterator[str]:
@@ -141,7 +141,10 @@ def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[Row, State]
     def judge(row: Row, state: State) -> bool:
         for base, is_answer in bases.items():
             packet = (answer_of if is_answer else new_session)(state)
-            if row.get("chain") in _reached(menu, base, state) and matches(menu, row, packet, state) is not Answer.NO:
+            if (
+                row.get("chain") in _reached(menu, base, state)
+                and matches(menu, row, packet, state) is not MatchResult.NO
+            ):
                 return True
         return False
 
@@ -160,16 +163,18 @@ def _reached(menu: str, base: str, state: State) -> set[str]:
 
 
 def _list_entry(row: Row, state: State) -> bool:
-    return any(in_networks(row.get("address", ""), each) is not Answer.NO for each in (state.technician, state.local))
+    return any(
+        in_networks(row.get("address", ""), each) is not MatchResult.NO for each in (state.technician, state.local)
+    )
 
 
 def _route(row: Row, state: State) -> bool:
-    return in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not Answer.NO
+    return in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not MatchResult.NO
 
 
 def _routing_rule(row: Row, state: State) -> bool:
     ends = ((row.get("src-address", ""), state.local), (row.get("dst-address", ""), state.technician))
-    return all(in_networks(text, address) is not Answer.NO for text, address in ends)
+    return all(in_networks(text, address) is not MatchResult.NO for text, address in ends)
 
 
 def _group_touched(row: Row, state: State) -> bool:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
 
-class Answer(IntEnum):
+class MatchResult(IntEnum):
     """Ordered, so that the least of several answers is that of all together."""
 
     NO = 0
@@ -56,7 +56,7 @@ _NO_MATCHERS = frozenset(
 )
 
 
-def matches(menu: str, rule: Row, packet: Packet, state: State) -> Answer:
+def matches(menu: str, rule: Row, packet: Packet, state: State) -> MatchResult:
     """Return the answer of all matchers of a rule together; one that is not understood makes the answer MAYBE."""
     fields = MENUS[menu].by_name
     answers = [
@@ -65,72 +65,72 @@ def matches(menu: str, rule: Row, packet: Packet, state: State) -> Answer:
         if name in fields and name not in _NO_MATCHERS and value
     ]
     if is_set(rule, "invalid"):
-        answers.append(Answer.MAYBE)
-    return min(answers, default=Answer.YES)
+        answers.append(MatchResult.MAYBE)
+    return min(answers, default=MatchResult.YES)
 
 
-def _rule(name: str, value: str, packet: Packet, state: State) -> Answer:
+def _rule(name: str, value: str, packet: Packet, state: State) -> MatchResult:
     judge = _JUDGES.get(name)
     if judge is None:
-        return Answer.MAYBE
+        return MatchResult.MAYBE
     answer = judge(value.removeprefix("!"), packet, state)
-    return Answer(Answer.YES - answer) if value.startswith("!") else answer
+    return MatchResult(MatchResult.YES - answer) if value.startswith("!") else answer
 
 
-def _yes(condition: bool) -> Answer:  # noqa: FBT001 - the answer to a question
-    return Answer.YES if condition else Answer.NO
+def _yes(condition: bool) -> MatchResult:  # noqa: FBT001 - the answer to a question
+    return MatchResult.YES if condition else MatchResult.NO
 
 
-def _in_network(text: str, address: IPv4Address) -> Answer:
+def _in_network(text: str, address: IPv4Address) -> MatchResult:
     first, dash, last = text.partition("-")
     try:
         if dash:
             return _yes(IPv4Address(first) <= address <= IPv4Address(last))
         return _yes(address in ip_network(text, strict=False))
     except ValueError:
-        return Answer.MAYBE
+        return MatchResult.MAYBE
 
 
-def in_networks(text: str, address: IPv4Address) -> Answer:
+def in_networks(text: str, address: IPv4Address) -> MatchResult:
     """Tell whether one of several prefixes or ranges holds the address; none given means that all do."""
-    return max((_in_network(each, address) for each in text.split(",") if each), default=Answer.YES)
+    return max((_in_network(each, address) for each in text.split(",") if each), default=MatchResult.YES)
 
 
-def in_list(state: State, name: str, address: IPv4Address) -> Answer:
+def in_list(state: State, name: str, address: IPv4Address) -> MatchResult:
     """Tell whether an address list holds the address; entries that are names count as MAYBE."""
     entries = (row for row in state.enabled("/ip/firewall/address-list") if row.get("list") == name)
-    return max((_in_network(row.get("address", ""), address) for row in entries), default=Answer.NO)
+    return max((_in_network(row.get("address", ""), address) for row in entries), default=MatchResult.NO)
 
 
-def _on_interface(text: str, name: str | None, state: State) -> Answer:
+def _on_interface(text: str, name: str | None, state: State) -> MatchResult:
     if name is None:
-        return Answer.MAYBE
+        return MatchResult.MAYBE
     if text == "all-ethernet":
         return _yes(state.find("/interface/ethernet", "name", name) is not None)
-    return Answer.MAYBE if text.startswith("all-") else _yes(text == name)
+    return MatchResult.MAYBE if text.startswith("all-") else _yes(text == name)
 
 
-def _on_list(text: str, name: str | None, state: State, seen: frozenset[str] = frozenset()) -> Answer:
+def _on_list(text: str, name: str | None, state: State, seen: frozenset[str] = frozenset()) -> MatchResult:
     """Manual, Interface Lists: members, plus those of `include`, less those of `exclude`."""
     if text in ("all", "none") or text in seen:
         return _yes(text == "all")
     if name is None or text in ("dynamic", "static"):
-        return Answer.MAYBE
+        return MatchResult.MAYBE
     row = state.find("/interface/list", "name", text) or {}
     if any(_on_list(each, name, state, seen | {text}) for each in row.get("exclude", "").split(",") if each):
-        return Answer.NO
+        return MatchResult.NO
     members = (each for each in state.enabled("/interface/list/member") if each.get("list") == text)
     if any(each.get("interface") == name for each in members):
-        return Answer.YES
+        return MatchResult.YES
     included = (_on_list(each, name, state, seen | {text}) for each in row.get("include", "").split(",") if each)
-    return max(included, default=Answer.NO)
+    return max(included, default=MatchResult.NO)
 
 
-def _has_port(text: str, ports: Iterable[int | None]) -> Answer:
+def _has_port(text: str, ports: Iterable[int | None]) -> MatchResult:
     known = [port for port in ports if port is not None]
     if any(_is_port_in(text, port) for port in known):
-        return Answer.YES
-    return Answer.NO if len(known) == len(tuple(ports)) else Answer.MAYBE
+        return MatchResult.YES
+    return MatchResult.NO if len(known) == len(tuple(ports)) else MatchResult.MAYBE
 
 
 def _is_port_in(text: str, port: int) -> bool:
@@ -145,7 +145,7 @@ def _words(text: str) -> set[str]:
     return set(text.split(","))
 
 
-_JUDGES: Mapping[str, Callable[[str, Packet, State], Answer]] = {
+_JUDGES: Mapping[str, Callable[[str, Packet, State], MatchResult]] = {
     "src-address": lambda text, packet, _: _in_network(text, packet.source),
     "dst-address": lambda text, packet, _: _in_network(text, packet.target),
     "src-address-list": lambda text, packet, state: in_list(state, text, packet.source),
@@ -159,9 +159,9 @@ _JUDGES: Mapping[str, Callable[[str, Packet, State], Answer]] = {
     "dst-port": lambda text, packet, _: _has_port(text, (packet.target_port,)),
     "port": lambda text, packet, _: _has_port(text, (packet.source_port, packet.target_port)),
     "connection-state": lambda text, packet, _: _yes(packet.state in _words(text)),
-    "connection-nat-state": lambda *_: Answer.NO,
+    "connection-nat-state": lambda *_: MatchResult.NO,
     "fragment": lambda text, *_: _yes(text in ("no", "false")),
-    "icmp-options": lambda *_: Answer.NO,
+    "icmp-options": lambda *_: MatchResult.NO,
     "ipsec-policy": lambda text, *_: _yes(text.endswith(",none")),
 }
 
@@ -203,7 +203,7 @@ def answer_of(state: State) -> Packet:
 
 
 @dataclass(frozen=True, slots=True)
-class _Check:
+class _PacketCheck:
     """Rules of one chain that would harm one kind of packet."""
 
     menu: str
@@ -215,7 +215,7 @@ class _Check:
 
 
 _CHECKS = (
-    _Check(
+    _PacketCheck(
         FILTER,
         "input",
         new_session,
@@ -223,7 +223,7 @@ _CHECKS = (
         "drop a new session of yours",
         "put a rule above it that accepts your address and port",
     ),
-    _Check(
+    _PacketCheck(
         FILTER,
         "output",
         answer_of,
@@ -231,7 +231,7 @@ _CHECKS = (
         "drop the router's answers to you",
         "put a rule above it that accepts them",
     ),
-    _Check(
+    _PacketCheck(
         NAT,
         "dstnat",
         new_session,
@@ -239,7 +239,7 @@ _CHECKS = (
         "send a new session of yours elsewhere",
         "let it match other addresses or ports only",
     ),
-    _Check(
+    _PacketCheck(
         MANGLE,
         "output",
         answer_of,
@@ -267,23 +267,23 @@ class _Harm:
     certain: bool
 
 
-def _key(check: _Check, harm: _Harm) -> tuple[object, ...]:
+def _key(check: _PacketCheck, harm: _Harm) -> tuple[object, ...]:
     """Return what makes a rule the same before and after, wherever it stands."""
     menu = MENUS[check.menu]
     content = {name: menu.form(name, harm.rule) for name in harm.rule if name in menu.by_name}
     return harm.certain, *sorted((name, form) for name, form in content.items() if not menu.by_name[name].cosmetic)
 
 
-def _harm_text(check: _Check, harm: _Harm) -> str:
+def _harm_text(check: _PacketCheck, harm: _Harm) -> str:
     menu = MENUS[check.menu]
     may = "would" if harm.certain else "may"
     doubt = "" if harm.certain else " (it has conditions that cannot be judged from here)"
     return f"{menu.title}: the rule `{menu.name_of(harm.rule)}` {may} {check.words}{doubt}: {check.cure}"
 
 
-def _harmful(check: _Check, state: State) -> list[_Harm]:
+def _harmful(check: _PacketCheck, state: State) -> list[_Harm]:
     walk = _Walk(check, state, check.packet(state))
-    walk.through(check.chain, Answer.YES, frozenset())
+    walk.through(check.chain, MatchResult.YES, frozenset())
     return walk.harms
 
 
@@ -291,36 +291,40 @@ def _harmful(check: _Check, state: State) -> list[_Harm]:
 class _Walk:
     """One packet on its way through chains; YES, MAYBE and NO say how surely it gets somewhere."""
 
-    check: _Check
+    check: _PacketCheck
     state: State
     packet: Packet
     harms: list[_Harm] = field(default_factory=list)
 
-    def through(self, chain: str, reach: Answer, callers: frozenset[str]) -> Answer:
+    def through(self, chain: str, reach: MatchResult, callers: frozenset[str]) -> MatchResult:
         """Follow the packet through a chain and return how surely it comes out at its end."""
-        returned = Answer.NO
+        returned = MatchResult.NO
         for rule in self.state.enabled(self.check.menu):
-            met = matches(self.check.menu, rule, self.packet, self.state) if rule.get("chain") == chain else Answer.NO
-            if met is Answer.NO:
+            met = (
+                matches(self.check.menu, rule, self.packet, self.state)
+                if rule.get("chain") == chain
+                else MatchResult.NO
+            )
+            if met is MatchResult.NO:
                 continue
             goes_on = self._meet(rule, min(reach, met), callers | {chain})
             if goes_on is None:
                 continue
             if rule.get("action") == "return":
                 returned = max(returned, min(reach, met))
-            reach = min(reach, goes_on) if met is Answer.YES else Answer.MAYBE
-            if reach is Answer.NO:
+            reach = min(reach, goes_on) if met is MatchResult.YES else MatchResult.MAYBE
+            if reach is MatchResult.NO:
                 return returned
         return max(returned, reach)
 
-    def _meet(self, rule: Row, surely: Answer, callers: frozenset[str]) -> Answer | None:
+    def _meet(self, rule: Row, surely: MatchResult, callers: frozenset[str]) -> MatchResult | None:
         """Return how surely the packet goes on to the next rule; None when the rule leaves it alone."""
         action, target = rule.get("action", "accept"), rule.get("jump-target", "")
         if self.check.harms(rule):
-            self.harms.append(_Harm(rule, surely is Answer.YES))
-            return Answer.NO
+            self.harms.append(_Harm(rule, surely is MatchResult.YES))
+            return MatchResult.NO
         if action in ("accept", "return"):
-            return Answer.NO
+            return MatchResult.NO
         if action == "jump" and target not in callers:
             return self.through(target, surely, callers)
         return None

@@ -167,7 +167,7 @@ def _lookup(state: State, table: str, address: IPv4Address, limit: int = _NO_LIM
 
 
 @dataclass(frozen=True, slots=True)
-class _Route:
+class _GuardRoute:
     network: IPv4Network
     distance: int
     row: Row
@@ -178,14 +178,14 @@ class _Route:
         return -self.network.prefixlen, self.distance
 
 
-def _routes(state: State, table: str) -> Iterator[_Route]:
+def _routes(state: State, table: str) -> Iterator[_GuardRoute]:
     if table == "main":
         for network, interface in state.connected():
-            yield _Route(network, 0, {}, interface)
+            yield _GuardRoute(network, 0, {}, interface)
     for row in state.enabled("/ip/route"):
         target = _network(row.get("dst-address", "0.0.0.0/0"))
         if target is not None and row.get("routing-table", "main") == table and not is_set(row, "connect"):
-            yield _Route(target, int(row.get("distance", "1")), row)
+            yield _GuardRoute(target, int(row.get("distance", "1")), row)
 
 
 def _network(text: str) -> IPv4Network | None:

@@ -7,7 +7,7 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network, ip_interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.menus import MENUS, Kind, canonical
+from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, canonical
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,7 +31,7 @@ class ManagementPath:
 
 def is_set(row: Row, flag: str) -> bool:
     """Tell whether a flag of a row is true; a row that does not print it has it not."""
-    return canonical(Kind.BOOLEAN, row.get(flag, "no")) == "yes"
+    return canonical(PropertyKind.BOOLEAN, row.get(flag, "no")) == "yes"
 
 
 @dataclass(frozen=True)

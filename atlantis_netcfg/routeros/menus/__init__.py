@@ -17,12 +17,12 @@ from atlantis_netcfg.routeros.menus import (
     _wireless,
 )
 from atlantis_netcfg.routeros.menus._model import MARK, Field, Menu, Shape
-from atlantis_netcfg.routeros.menus._values import Kind, canonical
+from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["MARK", "MENUS", "Field", "Kind", "Menu", "Shape", "canonical", "rank"]
+__all__ = ["MARK", "MENUS", "Field", "Menu", "PropertyKind", "Shape", "canonical", "rank"]
 
 _ORDER = (
     *_system.MENUS,

@@ -15,7 +15,7 @@ from string import Formatter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.menus._values import Kind, canonical
+from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -41,7 +41,7 @@ class Field:
     """One argument of `add` or `set` that is also a property of the printed row."""
 
     name: str
-    kind: Kind = Kind.TEXT
+    kind: PropertyKind = PropertyKind.TEXT
     default: str | None = None
     """What the device assumes when the argument is absent, as it prints it; None: the row then lacks the property."""
     keep: bool = False
@@ -68,7 +68,7 @@ class Field:
     @cached_property
     def absent(self) -> str:
         """The canonical form of a row without this property."""
-        if self.kind is Kind.FLAG:
+        if self.kind is PropertyKind.FLAG:
             return "no"
         return canonical(self.kind, self.default or "")
 
@@ -179,7 +179,7 @@ class Menu:
 
     def is_stock(self, row: Row) -> bool:
         """Tell whether the row came with the system and cannot be removed."""
-        return canonical(Kind.BOOLEAN, row.get("default", "no")) == "yes" or self.identity(row) in self.stock
+        return canonical(PropertyKind.BOOLEAN, row.get("default", "no")) == "yes" or self.identity(row) in self.stock
 
     def is_touchable(self, row: Row) -> bool:
         """Tell whether the device lets anybody change the row: dynamic and builtin ones refuse it."""
@@ -187,7 +187,7 @@ class Menu:
 
 
 def text(name: str, default: str | None = "") -> Field:
-    return Field(name, Kind.TEXT, default)
+    return Field(name, PropertyKind.TEXT, default)
 
 
 def texts(names: str, default: str | None = None) -> tuple[Field, ...]:
@@ -195,63 +195,63 @@ def texts(names: str, default: str | None = None) -> tuple[Field, ...]:
 
 
 def boolean(name: str, default: str | None = "no") -> Field:
-    return Field(name, Kind.BOOLEAN, default)
+    return Field(name, PropertyKind.BOOLEAN, default)
 
 
 def flag(name: str) -> Field:
-    return Field(name, Kind.FLAG)
+    return Field(name, PropertyKind.FLAG)
 
 
 def number(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.NUMBER, default)
+    return Field(name, PropertyKind.NUMBER, default)
 
 
 def time(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.TIME, default)
+    return Field(name, PropertyKind.TIME, default)
 
 
 def size(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.SIZE, default)
+    return Field(name, PropertyKind.SIZE, default)
 
 
 def rate(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.RATE, default)
+    return Field(name, PropertyKind.RATE, default)
 
 
 def mac(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.MAC, default)
+    return Field(name, PropertyKind.MAC, default)
 
 
 def prefix(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.PREFIX, default)
+    return Field(name, PropertyKind.PREFIX, default)
 
 
 def network(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.NETWORK, default)
+    return Field(name, PropertyKind.NETWORK, default)
 
 
 def prefixes(name: str, default: str | None = "") -> Field:
-    return Field(name, Kind.PREFIXES, default)
+    return Field(name, PropertyKind.PREFIXES, default)
 
 
 def words(name: str, default: str | None = "") -> Field:
-    return Field(name, Kind.SET, default)
+    return Field(name, PropertyKind.SET, default)
 
 
 def sequence(name: str, default: str | None = "") -> Field:
-    return Field(name, Kind.SEQUENCE, default)
+    return Field(name, PropertyKind.SEQUENCE, default)
 
 
 def policy(name: str) -> Field:
-    return Field(name, Kind.POLICY, "")
+    return Field(name, PropertyKind.POLICY, "")
 
 
 def interface(name: str, default: str | None = None) -> Field:
-    return Field(name, Kind.INTERFACE, default)
+    return Field(name, PropertyKind.INTERFACE, default)
 
 
 def gateway(name: str) -> Field:
-    return Field(name, Kind.GATEWAY, "")
+    return Field(name, PropertyKind.GATEWAY, "")
 
 
 def kept(*fields: Field) -> tuple[Field, ...]:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from ipaddress import ip_interface
 
 
-class Kind(Enum):
+class PropertyKind(Enum):
     """The syntax of a value, as far as comparing two of them needs it."""
 
     TEXT = auto()
@@ -60,15 +60,15 @@ _BITS = {"": 1, "k": 1000, "M": 1000_000, "G": 1000_000_000}
 _KIB = {"": 1, "KiB": 1, "MiB": 1024, "GiB": 1024 * 1024}
 
 
-def canonical(kind: Kind, text: str) -> str:
+def canonical(kind: PropertyKind, text: str) -> str:
     """Return the one form that all spellings of a value share; a text that is not of the kind is itself."""
-    return text if kind is Kind.TEXT else _canonical(kind, text)
+    return text if kind is PropertyKind.TEXT else _canonical(kind, text)
 
 
 @lru_cache(maxsize=16384)
-def _canonical(kind: Kind, text: str) -> str:
+def _canonical(kind: PropertyKind, text: str) -> str:
     """Remembered, because a menu has few different values, and hundreds of routers have the same."""
-    if text.startswith("!") and kind is not Kind.POLICY:
+    if text.startswith("!") and kind is not PropertyKind.POLICY:
         return "!" + canonical(kind, text[1:])
     return _FORMS[kind](text)
 
@@ -149,19 +149,19 @@ def _policy(text: str) -> str:
 
 
 _FORMS = {
-    Kind.BOOLEAN: _boolean,
-    Kind.FLAG: _flag,
-    Kind.NUMBER: _number,
-    Kind.TIME: _time,
-    Kind.SIZE: _size,
-    Kind.RATE: _rate,
-    Kind.MAC: _mac,
-    Kind.PREFIX: _prefix,
-    Kind.NETWORK: _network,
-    Kind.SET: _set,
-    Kind.PREFIXES: _prefixes,
-    Kind.SEQUENCE: _sequence,
-    Kind.POLICY: _policy,
-    Kind.INTERFACE: _sequence,
-    Kind.GATEWAY: _sequence,
+    PropertyKind.BOOLEAN: _boolean,
+    PropertyKind.FLAG: _flag,
+    PropertyKind.NUMBER: _number,
+    PropertyKind.TIME: _time,
+    PropertyKind.SIZE: _size,
+    PropertyKind.RATE: _rate,
+    PropertyKind.MAC: _mac,
+    PropertyKind.PREFIX: _prefix,
+    PropertyKind.NETWORK: _network,
+    PropertyKind.SET: _set,
+    PropertyKind.PREFIXES: _prefixes,
+    PropertyKind.SEQUENCE: _sequence,
+    PropertyKind.POLICY: _policy,
+    PropertyKind.INTERFACE: _sequence,
+    PropertyKind.GATEWAY: _sequence,
 }

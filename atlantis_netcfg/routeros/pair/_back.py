@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
-from atlantis_netcfg.routeros.apply import Channel, DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros.apply import Channel, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
@@ -38,11 +38,11 @@ async def back(work: Transaction, reason: NetcfgError) -> tuple[DeviceResult, De
     """End a transaction that failed for `reason`: results of near and far end."""
     for end in work.ends:
         end.say(Stage.FAILED, end.clean(str(reason)))
-    return await _Way(work, reason).go()
+    return await _WayBack(work, reason).go()
 
 
 @dataclass(slots=True)
-class _Way:
+class _WayBack:
     work: Transaction
     reason: NetcfgError
 
@@ -135,7 +135,7 @@ class _Way:
     async def _after_all(self) -> tuple[DeviceResult, DeviceResult]:
         """The far end was kept and nothing has brought it back, so the near end has to follow it."""
         near, far = self.work.near, self.work.far
-        result = await converge(replace(near.job, agreed=None, journal=NoJournal()), mode=Mode.RESUME)
+        result = await converge(replace(near.job, agreed=None, journal=NoJournal()), mode=JobMode.RESUME)
         if result.status is not Status.CHANGED:
             return self._unknown(near), self._unknown(far)
         return await self._forward()
@@ -196,7 +196,7 @@ class _Way:
         """Write what was observed before, as any other change is written; True if it then is so."""
         end.say(Stage.APPLYING, "putting the state before the run back")
         job = replace(end.job, desired=restoring(end.seen), journal=NoJournal(), agreed=None)
-        await converge(job, mode=Mode.RESUME)
+        await converge(job, mode=JobMode.RESUME)
         found = await self._settled(end, end.job.patience.reach_s)
         return found is not None and not found[1]
 
@@ -246,7 +246,7 @@ class _Way:
 BackResults = tuple["DeviceResult", "DeviceResult"]
 
 
-async def clear(work: Transaction, mode: Mode) -> BackResults | None:
+async def clear(work: Transaction, mode: JobMode) -> BackResults | None:
     """Leave nothing armed or open on either end, both read anew; else how the run ends."""
     stopped = _in_use(work, mode)
     if stopped:
@@ -281,7 +281,7 @@ async def returned(work: Transaction) -> None:
             continue
 
 
-def _in_use(work: Transaction, mode: Mode) -> str:
+def _in_use(work: Transaction, mode: JobMode) -> str:
     """Say what may belong to a run that is alive; empty: nothing does.
 
     Of a bridge that is as declared, a job alone is none: who is at work there holds safe mode, or has changed nothing
@@ -295,7 +295,7 @@ def _in_use(work: Transaction, mode: Mode) -> str:
         if other is not None:
             return f"{end.name}: {other.text} is under way on this device, or has died there"
         alive = end.left.alive(end.signer.is_over)
-        if alive is not None and mode is not Mode.RESUME and not settled:
+        if alive is not None and mode is not JobMode.RESUME and not settled:
             return f"{end.name}: {alive}"
     return ""
 

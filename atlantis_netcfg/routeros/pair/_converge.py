@@ -14,7 +14,7 @@ from dataclasses import replace
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.api import Traffic
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.pair._back import back, clear, read_again, returned
 from atlantis_netcfg.routeros.pair._end import End, Pair
@@ -57,7 +57,7 @@ _CONNECT_S = 15.0
 """For one attempt: the link comes and goes while we wait for it, so ask often."""
 
 
-async def converge_pair(pair: Pair, *, mode: Mode = Mode.APPLY) -> Results:
+async def converge_pair(pair: Pair, *, mode: JobMode = JobMode.APPLY) -> Results:
     """Bring both ends to their declared states, or say why not: results of near and far end.
 
     Where no radio is changed, both are ordinary runs, far end first. So is the near end's run while its radio is off
@@ -82,8 +82,8 @@ def _with_cost(result: DeviceResult, sessions: list[Traffic]) -> DeviceResult:
     )
 
 
-async def _converged(pair: Pair, mode: Mode) -> Results:
-    if mode not in (Mode.PLAN, Mode.APPLY, Mode.RESUME, Mode.ROLLBACK):
+async def _converged(pair: Pair, mode: JobMode) -> Results:
+    if mode not in (JobMode.PLAN, JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK):
         return await _one_by_one(pair, mode)
     started = asyncio.get_running_loop().time()
     near, far = (
@@ -107,7 +107,7 @@ def _patient(job: DeviceJob) -> DeviceJob:
     return replace(job, endpoint=endpoint)
 
 
-async def _one_by_one(pair: Pair, mode: Mode, work: Transaction | None = None) -> Results:
+async def _one_by_one(pair: Pair, mode: JobMode, work: Transaction | None = None) -> Results:
     """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
     if work is not None and work.unseen is not None:
         near = await converge(pair.near, mode=mode)
@@ -140,17 +140,17 @@ def _words(pair: Pair) -> str:
     )
 
 
-async def _run(work: Transaction, mode: Mode) -> Results | None:
+async def _run(work: Transaction, mode: JobMode) -> Results | None:
     """Run the pair as one; None: these are ordinary runs."""
     ended = await _read(work, mode)
     if ended is not None or work.unseen is not None:
         return ended
     left = any(end.left for end in work.ends)
-    if left and mode is not Mode.PLAN:
+    if left and mode is not JobMode.PLAN:
         ended = await clear(work, mode)
         if ended is not None:
             return ended
-    if not any(end.actions for end in work.ends) and not (left and mode is Mode.PLAN):
+    if not any(end.actions for end in work.ends) and not (left and mode is JobMode.PLAN):
         return work.near.unchanged(), work.far.unchanged()
     if not any(end.changes_radio for end in work.ends):
         return None
@@ -159,21 +159,21 @@ async def _run(work: Transaction, mode: Mode) -> Results | None:
         text = f"refused, nothing was changed: {refusal}"
         near, far = (end.result(Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
         return near, far
-    return None if mode is Mode.PLAN else await _honestly(work)
+    return None if mode is JobMode.PLAN else await _honestly(work)
 
 
-async def _read(work: Transaction, mode: Mode) -> Results | None:
+async def _read(work: Transaction, mode: JobMode) -> Results | None:
     """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
-    if mode is Mode.RESUME:
+    if mode is JobMode.RESUME:
         await returned(work)
     problems = await asyncio.gather(*(end.problem(mode) for end in (work.near, work.far)))
     if not any(problems):
         return None
     near, far = problems
-    if near is None and far is not None and mode in (Mode.PLAN, Mode.APPLY) and _is_new(work.near, far):
+    if near is None and far is not None and mode in (JobMode.PLAN, JobMode.APPLY) and _is_new(work.near, far):
         work.unseen = far
         return None
-    if mode is Mode.RESUME and near is None and far is not None and work.near.changes_radio:
+    if mode is JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _alone(work, far)
     return (
         near or _left(work.near, f"its other end {work.far.name} could not be looked at"),
@@ -197,7 +197,9 @@ async def _alone(work: Transaction, gone: DeviceResult) -> Results:
     if ended is not None:
         return ended, gone
     kept = _kept(near)
-    stopped = await read_again(work) or (await clear(work, Mode.RESUME) if any(end.left for end in work.ends) else None)
+    stopped = await read_again(work) or (
+        await clear(work, JobMode.RESUME) if any(end.left for end in work.ends) else None
+    )
     return kept, stopped[1] if stopped is not None else _left(work.far, "run the same command again")
 
 
@@ -209,11 +211,11 @@ def _left(end: End, why: str) -> DeviceResult:
     return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
 
 
-def _refusal(work: Transaction, mode: Mode) -> str:
+def _refusal(work: Transaction, mode: JobMode) -> str:
     names = (work.near.name, work.far.name)
     found = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
     reasons = [f"the two ends would not find each other: {'; '.join(found)}"] if found else []
-    if mode is not Mode.PLAN:
+    if mode is not JobMode.PLAN:
         reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
     reasons += [
         f"{end.name}: {end.plan.weight} rows change, and safe mode remembers {BUDGET}: do it in two steps"

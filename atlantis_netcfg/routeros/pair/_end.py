@@ -14,18 +14,18 @@ from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.journal import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Record, Unrolled
-from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, Mode, Status
+from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.apply._change import missing
 from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._job import Unfit
-from atlantis_netcfg.routeros.apply._state import Signer, differing, digest, invalid, plan_hash
+from atlantis_netcfg.routeros.apply._state import RunSigner, differing, digest, invalid, plan_hash
 from atlantis_netcfg.routeros.apply._work import AGREE_APART, Leftovers, cleaned, ended, look, planned, unagreed
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
-from atlantis_netcfg.routeros.pair._radio import MENUS, Radio, drops_link, radio_of, touches_radio
+from atlantis_netcfg.routeros.pair._radio import MENUS, PairRadio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 
 if TYPE_CHECKING:
@@ -127,15 +127,15 @@ class End:
         """Whether the plan may interrupt the link."""
         return touches_radio(self.actions)
 
-    def radio(self, *, after: bool) -> Radio | None:
+    def radio(self, *, after: bool) -> PairRadio | None:
         """Return the radio of the bridge as it is, or as the plan leaves it."""
         rows = simulate(self.seen.rows, self.plan) if after and self.plan is not None else self.seen.rows
         return radio_of(rows, self.radio_name)
 
     @property
-    def signer(self) -> Signer:
+    def signer(self) -> RunSigner:
         """Whose job this run arms on the device, and whose leftovers it may take away."""
-        return Signer(self.job, self.seen.facts.session_address)
+        return RunSigner(self.job, self.seen.facts.session_address)
 
     # --- reading ---------------------------------------------------------------------------------------------------
 
@@ -159,7 +159,7 @@ class End:
             self.notes.append(doubt)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
 
-    async def problem(self, mode: Mode = Mode.APPLY) -> DeviceResult | None:
+    async def problem(self, mode: JobMode = JobMode.APPLY) -> DeviceResult | None:
         """Read in a first session, in place of one that there was; how the run ends if that fails."""
         session, self.session = self.session, None
         if session is not None:
@@ -169,7 +169,7 @@ class End:
         except (CannotPlan, MenuMissing, Unfit) as refusal:
             return self.result(Status.REFUSED, str(refusal), hint=refusal.hint)
         except NetcfgError as failure:
-            what = "could not be read" if mode is Mode.PLAN else "nothing was changed"
+            what = "could not be read" if mode is JobMode.PLAN else "nothing was changed"
             return self.result(Status.LEFT_AS_FOUND, f"{what}: {failure}", hint=failure.hint)
         return None
 

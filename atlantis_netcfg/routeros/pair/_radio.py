@@ -35,7 +35,7 @@ _LISTS = (f"{LEGACY}/connect-list", f"{LEGACY}/access-list")
 
 
 @dataclass(frozen=True, slots=True)
-class Radio:
+class PairRadio:
     """One radio as the rows say; `values` has what it inherits, by the names of `/interface/wifi`."""
 
     menu: str
@@ -66,12 +66,12 @@ def drops_link(action: Action) -> bool:
     return action.verb is not Verb.SET or any(name.lstrip("!") not in _IDLE for name, _ in action.values)
 
 
-def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> Radio | None:
+def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> PairRadio | None:
     """Return the radio with this factory name, else the first one of the device; None if it has none."""
     for menu, resolve in ((LEGACY, _legacy), (WIFI, _wifi)):
         for row in rows.get(menu, ()):
             if row.get("default-name") and name in ("", row["default-name"]):
-                return Radio(menu, row["default-name"], row.get("mac-address", ""), resolve(rows, row))
+                return PairRadio(menu, row["default-name"], row.get("mac-address", ""), resolve(rows, row))
     return None
 
 
@@ -129,7 +129,7 @@ _UNDERSTOOD = {
 """What a station connects to, by its `wireless-protocol`."""
 
 
-def disagreements(near: Radio | None, far: Radio | None, names: tuple[str, str]) -> tuple[str, ...]:
+def disagreements(near: PairRadio | None, far: PairRadio | None, names: tuple[str, str]) -> tuple[str, ...]:
     """Return in what two radios would differ so that no link comes about, one sentence each."""
     if near is None or far is None:
         return (f"{names[near is not None]} has no radio that can be driven",)
@@ -138,18 +138,18 @@ def disagreements(near: Radio | None, far: Radio | None, names: tuple[str, str])
     return tuple(_modes(near, far, names)) or tuple(_values(near, far, names))
 
 
-def _word(radio: Radio, name: str) -> str:
+def _word(radio: PairRadio, name: str) -> str:
     """Return a property by the name of the older driver."""
     if radio.menu == LEGACY:
         return radio.get(name)
     return radio.get({"channel-width": "channel.width", "band": "channel.band"}.get(name, f"configuration.{name}"))
 
 
-def _mode(radio: Radio) -> str:
+def _mode(radio: PairRadio) -> str:
     return radio.get("mode", "station") if radio.menu == LEGACY else radio.get("configuration.mode", "ap")
 
 
-def _modes(near: Radio, far: Radio, names: tuple[str, str]) -> Iterator[str]:
+def _modes(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator[str]:
     for radio, name in zip((near, far), names, strict=True):
         if radio.get("disabled") in ("yes", "true"):
             yield f"the radio of {name} would be disabled"
@@ -162,7 +162,7 @@ def _modes(near: Radio, far: Radio, names: tuple[str, str]) -> Iterator[str]:
         yield f"{who} would be {_mode(station)}: only station-bridge carries a bridge"
 
 
-def _values(near: Radio, far: Radio, names: tuple[str, str]) -> Iterator[str]:
+def _values(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator[str]:
     ap, station = (near, far) if _mode(near) in _APS else (far, near)
     for name in ("ssid", "channel-width", "country"):
         here, there = _word(near, name), _word(far, name)
@@ -177,17 +177,17 @@ def _values(near: Radio, far: Radio, names: tuple[str, str]) -> Iterator[str]:
         yield f"the keys of {names[0]} and {names[1]} would differ"
 
 
-def _spoken(ap: Radio) -> str:
+def _spoken(ap: PairRadio) -> str:
     word = ap.get("wireless-protocol", "any")
     return "nv2" if word.startswith("nv2") else "802.11" if word in ("any", "unspecified") else word
 
 
-def _understood(station: Radio) -> frozenset[str]:
+def _understood(station: PairRadio) -> frozenset[str]:
     word = station.get("wireless-protocol", "any")
     return _UNDERSTOOD.get(word, frozenset({word}))
 
 
-def _same_key(ap: Radio, station: Radio) -> bool:
+def _same_key(ap: PairRadio, station: PairRadio) -> bool:
     if ap.menu == LEGACY and _spoken(ap) == "nv2":
         if ap.get("nv2-security", "disabled") != station.get("nv2-security", "disabled"):
             return False
@@ -203,16 +203,16 @@ def _same_key(ap: Radio, station: Radio) -> bool:
     return any(kind not in keys or _equal(ap, station, keys[kind]) for kind in common)
 
 
-def _words(radio: Radio, name: str) -> frozenset[str]:
+def _words(radio: PairRadio, name: str) -> frozenset[str]:
     return frozenset(word for word in radio.get(name).split(",") if word)
 
 
-def _share(ap: Radio, station: Radio, name: str) -> bool:
+def _share(ap: PairRadio, station: PairRadio, name: str) -> bool:
     ours, theirs = _words(ap, name), _words(station, name)
     return bool(ours & theirs) or ours == theirs
 
 
-def _equal(ap: Radio, station: Radio, name: str) -> bool:
+def _equal(ap: PairRadio, station: PairRadio, name: str) -> bool:
     """Compare secrets; one that is kept from us (absent, or stars) may be equal."""
     values = [radio.values.get(name) for radio in (ap, station)]
     return values[0] == values[1] or any(value is None or (value and not value.strip("*")) for value in values)

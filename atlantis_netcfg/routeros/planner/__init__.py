@@ -15,7 +15,7 @@ from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan
 from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
 from atlantis_netcfg.routeros.pin import sim_of
-from atlantis_netcfg.routeros.planner._change import CannotPlan, Change, Context, MenuPlan, Names
+from atlantis_netcfg.routeros.planner._change import CannotPlan, Context, MenuChange, MenuPlan, Names
 from atlantis_netcfg.routeros.planner._firstmatch import plan_first_match
 from atlantis_netcfg.routeros.planner._identified import plan_identified
 from atlantis_netcfg.routeros.planner._rename import (
@@ -32,7 +32,7 @@ from atlantis_netcfg.routeros.planner._rename import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._items import Desired, Item
+    from atlantis_netcfg.routeros._items import Desired, RowItem
 
 __all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "renamed", "simulate"]
 
@@ -109,7 +109,7 @@ def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[tupl
                 yield _version_problem(item, name, f"only before RouterOS {field.gone}", version), None
 
 
-def _version_problem(item: Item, name: str, when: str, version: Version) -> str:
+def _version_problem(item: RowItem, name: str, when: str, version: Version) -> str:
     return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, and this device has {version}"
 
 
@@ -150,11 +150,11 @@ def _take_names_out(part: MenuPlan, found: list[Rename]) -> None:
             )
 
 
-def _in_order(parts: list[MenuPlan]) -> list[Change]:
+def _in_order(parts: list[MenuPlan]) -> list[MenuChange]:
     return sorted((change for part in parts for change in part.changes), key=_turn)
 
 
-def _numbered(changes: Iterable[Change]) -> Iterator[Action]:
+def _numbered(changes: Iterable[MenuChange]) -> Iterator[Action]:
     for number, change in enumerate(changes, start=1):
         yield Action(
             number=number,
@@ -171,7 +171,7 @@ def _numbered(changes: Iterable[Change]) -> Iterator[Action]:
         )
 
 
-def _turn(change: Change) -> tuple[int, int, int, int]:
+def _turn(change: MenuChange) -> tuple[int, int, int, int]:
     """Layer, then menu by the table's order; what is taken away goes last, against the order in which it came."""
     place = rank(change.menu.path)
     if change.verb is Verb.REMOVE and change.layer is Layer.CLEANUP:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.routeros._types import Drift, Hidden, Layer, Row, Verb
-from atlantis_netcfg.routeros.pin import Sim, objection
+from atlantis_netcfg.routeros.pin import PinSim, objection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired, Item
-    from atlantis_netcfg.routeros.diff import Line
+    from atlantis_netcfg.routeros._items import Desired, RowItem
+    from atlantis_netcfg.routeros.diff import DiffLine
     from atlantis_netcfg.routeros.menus import Field, Menu
 
 _SHOWN_NAMES = 3
@@ -24,7 +24,7 @@ class CannotPlan(DeviceFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class MenuChange:
     """One action-to-be."""
 
     menu: Menu
@@ -43,8 +43,8 @@ class MenuPlan:
     """Everything that one menu adds to the plan."""
 
     menu: Menu
-    changes: list[Change] = field(default_factory=list)
-    lines: list[Line] = field(default_factory=list)
+    changes: list[MenuChange] = field(default_factory=list)
+    lines: list[DiffLine] = field(default_factory=list)
     drift: list[Drift] = field(default_factory=list)
     hidden: list[Hidden] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -67,7 +67,7 @@ class Context:
     sensitive: bool
     """The user may see secrets. Assumption: api-sensitive"""
     """Our group may read secrets, so that a secret which is not printed is not set."""
-    sim: Sim = Sim.UNKNOWN
+    sim: PinSim = PinSim.UNKNOWN
     """Whether the modem's SIM asks for a PIN."""
 
     def is_entire(self, menu: Menu) -> bool:
@@ -98,25 +98,29 @@ class Names:
                 yield from (row[name].removeprefix("!") for name in properties if name in row)
 
 
-def added(menu: Menu, item: Item, names: Names, before: str | None = None) -> Change:
+def added(menu: Menu, item: RowItem, names: Names, before: str | None = None) -> MenuChange:
     """Return the change that adds a row."""
     row, values = item.given, tuple(item.given.items())
     late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
     inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
     layer = Layer.CLEANUP if late else menu.layer
-    return Change(menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert, line=item.line)
+    return MenuChange(
+        menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert, line=item.line
+    )
 
 
-def removed(menu: Menu, rows: list[Row], layer: Layer) -> Change:
+def removed(menu: Menu, rows: list[Row], layer: Layer) -> MenuChange:
     """Return the change that removes rows, in that order."""
     names = [menu.name_of(row) for row in rows]
     subject = ", ".join(names[:_SHOWN_NAMES])
     if len(names) > _SHOWN_NAMES:
         subject += f" and {len(names) - _SHOWN_NAMES} more"
-    return Change(menu, Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
+    return MenuChange(menu, Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
 
 
-def writes(context: Context, report: MenuPlan, item: Item, row: Row, *, managed: bool) -> tuple[tuple[str, str], ...]:
+def writes(
+    context: Context, report: MenuPlan, item: RowItem, row: Row, *, managed: bool
+) -> tuple[tuple[str, str], ...]:
     """Return what must be set so that `row` is as declared.
 
     Properties that the item does not name go back to their default only where the row is `managed` by us.
@@ -137,7 +141,7 @@ def _stays(context: Context, each: Field) -> bool:
     return each.keep and (each.default is None or not context.desired.restores)
 
 
-def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
+def _named(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
     menu, each = report.menu, report.menu.by_name[name]
     if each.unread:
         return {}
@@ -158,12 +162,12 @@ def _named(context: Context, report: MenuPlan, item: Item, row: Row, name: str) 
     return changes
 
 
-def _requested(context: Context, report: MenuPlan, item: Item, row: Row, name: str) -> dict[str, str | None]:
+def _requested(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
     """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
     value = item.values[name] or ""
-    if context.sim is Sim.FREE:
+    if context.sim is PinSim.FREE:
         return {}
-    if context.sim is Sim.UNKNOWN:
+    if context.sim is PinSim.UNKNOWN:
         report.notes.append(f"{report.menu.name_of(row)} does not say whether it needs `{name}`: it is not sent")
         return {}
     if why := objection(context.sim, row.get(name, ""), value, context.desired.spent):

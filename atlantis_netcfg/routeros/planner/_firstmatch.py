@@ -34,14 +34,14 @@ from heapq import heappop, heappush
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb
-from atlantis_netcfg.routeros.diff import Line, added_row, existing_row
-from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
+from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb
+from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row
+from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, added, writes
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._items import Item
+    from atlantis_netcfg.routeros._items import RowItem
     from atlantis_netcfg.routeros.menus import Menu
 
 
@@ -165,12 +165,12 @@ class _Lists:
     context: Context
     report: MenuPlan
     old: list[Row]
-    new: list[Item]
+    new: list[RowItem]
     kept: dict[int, int] = field(default_factory=dict)
     """New place to old place."""
     moved: set[int] = field(default_factory=set)
     """Old places of rows that stand higher up now."""
-    inserted: dict[int, list[Line]] = field(default_factory=dict)
+    inserted: dict[int, list[DiffLine]] = field(default_factory=dict)
     """What was inserted right before an old place, in order."""
     spare: dict[_Content, list[int]] = field(default_factory=dict)
     """Old places of rows that are not kept, ascending."""
@@ -200,7 +200,7 @@ class _Lists:
         return self.old[place][".id"] if place < len(self.old) else None
 
 
-def plan_first_match(menu: Menu, items: Iterable[Item], rows: Iterable[Row], context: Context) -> MenuPlan:
+def plan_first_match(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], context: Context) -> MenuPlan:
     """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
     lists = _Lists(menu, context, MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
     old = [lists.content(row) for row in lists.old]
@@ -307,7 +307,7 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
     anchor = lists.standing(slot if lifted is None else min(slot, lifted))
     if lifted is None:
         lists.report.changes.append(added(lists.menu, item, lists.context.names, lists.id_at(anchor)))
-        lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
+        lists.inserted.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.given)))
         return anchor
     row = lists.old[lifted]
     if anchor == lifted:
@@ -316,7 +316,7 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
         return lifted + 1
     lists.moved.add(lifted)
     lists.report.changes.append(
-        Change(
+        MenuChange(
             lists.menu,
             Verb.MOVE,
             lists.menu.layer,
@@ -326,19 +326,19 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
             line=item.line,
         )
     )
-    lists.inserted.setdefault(anchor, []).append(Line("+", added_row(lists.menu, item.given)))
+    lists.inserted.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.given)))
     _cosmetics(lists, item, row)
     return anchor
 
 
-def _cosmetics(lists: _Lists, item: Item, row: Row) -> None:
+def _cosmetics(lists: _Lists, item: RowItem, row: Row) -> None:
     """Change in place what neither matches nor decides."""
     values = writes(lists.context, lists.report, item, row, managed=True)
     menu = lists.menu
     if values:
         name = menu.name_of({**row, **item.given})
         lists.report.changes.append(
-            Change(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line)
+            MenuChange(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line)
         )
     if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
         lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
@@ -372,15 +372,19 @@ def _show(lists: _Lists) -> None:
     for place, row in enumerate(lists.old):
         if place not in declared and place not in lists.moved and not _is_ours(lists, row):
             message = "not declared, and not ours: left as it is"
-            report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message, row[".id"]))
+            report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))
 
 
-def _shown(lists: _Lists, row: Row, item: Item | None, *, moved: bool) -> list[Line]:
+def _shown(lists: _Lists, row: Row, item: RowItem | None, *, moved: bool) -> list[DiffLine]:
     text = existing_row(lists.menu, row)
     if item is not None:
         changed = any(lists.menu.form(name, item.given) != lists.menu.form(name, row) for name in _cosmetic(lists.menu))
-        return [Line("-", text), Line("+", added_row(lists.menu, item.given))] if changed else [Line(" ", text)]
-    return [Line("-" if moved or _is_ours(lists, row) else " ", text)]
+        return (
+            [DiffLine("-", text), DiffLine("+", added_row(lists.menu, item.given))]
+            if changed
+            else [DiffLine(" ", text)]
+        )
+    return [DiffLine("-" if moved or _is_ours(lists, row) else " ", text)]
 
 
 def _cosmetic(menu: Menu) -> list[str]:

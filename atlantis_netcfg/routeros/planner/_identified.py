@@ -6,11 +6,11 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import Item
-from atlantis_netcfg.routeros._types import Drift, Owner, Row, Verb, is_bare
-from atlantis_netcfg.routeros.diff import Line, added_row, existing_row, set_lines
+from atlantis_netcfg.routeros._items import RowItem
+from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb, is_bare
+from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row, set_lines
 from atlantis_netcfg.routeros.menus import Menu, Shape
-from atlantis_netcfg.routeros.planner._change import Change, Context, MenuPlan, added, writes
+from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, added, writes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -22,7 +22,7 @@ _Value = tuple[str, ...]
 class _Match:
     """One declared row, the row on the device that shall become it, and whether that needs a new row after all."""
 
-    item: Item
+    item: RowItem
     row: Row | None = None
     writes: tuple[tuple[str, str], ...] = ()
     replaced: bool = False
@@ -38,7 +38,7 @@ class _Match:
 
 
 @dataclass(slots=True)
-class _Rows:
+class _MatchedRows:
     """The rows of one menu and who shall become what."""
 
     menu: Menu
@@ -51,9 +51,9 @@ class _Rows:
     """Rows that hold a value which another row needs: removed first."""
 
 
-def plan_identified(menu: Menu, items: Iterable[Item], rows: Iterable[Row], context: Context) -> MenuPlan:
+def plan_identified(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], context: Context) -> MenuPlan:
     """Plan one menu of settings, of fixed rows, or of rows with keys."""
-    work = _Rows(menu, context, MenuPlan(menu))
+    work = _MatchedRows(menu, context, MenuPlan(menu))
     _match(work, items, [row for row in rows if menu.is_touchable(row)])
     for match in work.matches:
         if match.row is not None:
@@ -64,7 +64,7 @@ def plan_identified(menu: Menu, items: Iterable[Item], rows: Iterable[Row], cont
     return work.report
 
 
-def _match(work: _Rows, items: Iterable[Item], rows: list[Row]) -> None:
+def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[Row]) -> None:
     """Pair by keys, then by properties that the device allows only once, then complain."""
     menu = work.menu
     waiting: dict[_Value, deque[Row]] = {}
@@ -81,16 +81,16 @@ def _match(work: _Rows, items: Iterable[Item], rows: list[Row]) -> None:
         if match.row is None and (match.item.exists or menu.shape is not Shape.LIST):
             work.report.problems.append(_missing(menu, match.item, rows))
     undeclared = work.context.desired.undeclared.get(menu.path, {})
-    work.matches += [_Match(Item(menu.path, {**_keys(menu, row), **undeclared}), row) for row in _implied(work)]
+    work.matches += [_Match(RowItem(menu.path, {**_keys(menu, row), **undeclared}), row) for row in _implied(work)]
     work.left = _not_matched(work, work.left)
 
 
-def _not_matched(work: _Rows, rows: list[Row]) -> list[Row]:
+def _not_matched(work: _MatchedRows, rows: list[Row]) -> list[Row]:
     taken = {id(match.row) for match in work.matches}
     return [row for row in rows if id(row) not in taken]
 
 
-def _match_by(work: _Rows, name: str) -> None:
+def _match_by(work: _MatchedRows, name: str) -> None:
     free = {work.menu.form(name, row): row for row in work.left if row.get(name)}
     for match in work.matches:
         if match.row is None and match.item.values.get(name) and not match.item.exists:
@@ -98,7 +98,7 @@ def _match_by(work: _Rows, name: str) -> None:
     work.left = _not_matched(work, work.left)
 
 
-def _match_settings(work: _Rows) -> None:
+def _match_settings(work: _MatchedRows) -> None:
     """Settings are one row, which a device that answers with nothing has all the same."""
     if work.menu.shape is Shape.SINGLETON:
         for match in work.matches:
@@ -109,7 +109,7 @@ def _keys(menu: Menu, row: Row) -> dict[str, str | None]:
     return {key: row[key] for key in menu.keys if key in row}
 
 
-def _implied(work: _Rows) -> list[Row]:
+def _implied(work: _MatchedRows) -> list[Row]:
     """Return rows that a saved state does not mention because they were at their defaults, and ports without a use."""
     if work.menu.path in work.context.desired.undeclared:
         return list(work.left)
@@ -120,12 +120,12 @@ def _implied(work: _Rows) -> list[Row]:
     return list(work.left)
 
 
-def _missing(menu: Menu, item: Item, rows: list[Row]) -> str:
+def _missing(menu: Menu, item: RowItem, rows: list[Row]) -> str:
     there = ", ".join(menu.name_of(row) for row in rows)
     return f"line {item.line}: there is no {menu.name_of(item.given)} in {menu.title}; the device has {there or 'none'}"
 
 
-def _is_managed(work: _Rows, match: _Match) -> bool:
+def _is_managed(work: _MatchedRows, match: _Match) -> bool:
     """Tell whether properties that nobody declared go back to their defaults."""
     if work.context.is_entire(work.menu):
         return True
@@ -134,7 +134,7 @@ def _is_managed(work: _Rows, match: _Match) -> bool:
     return work.menu.is_ours(match.row) or match.item.is_marked
 
 
-def _make_room(work: _Rows) -> None:
+def _make_room(work: _MatchedRows) -> None:
     """Let rows go, or change first, whose value of a property that the device allows only once another row needs."""
     if not work.menu.unique:
         return
@@ -152,7 +152,7 @@ def _make_room(work: _Rows) -> None:
     work.matches = _in_turn(work)
 
 
-def _present(work: _Rows) -> Iterator[Row]:
+def _present(work: _MatchedRows) -> Iterator[Row]:
     yield from (match.row for match in work.matches if match.row is not None)
     yield from (row for row in work.left if row not in work.early)
 
@@ -162,7 +162,7 @@ def _value(menu: Menu, names: tuple[str, ...], values: Row) -> _Value | None:
     return tuple(menu.form(name, values) for name in names) if any(values.get(name) for name in names) else None
 
 
-def _make_way(work: _Rows, match: _Match, holder: Row, owner: _Match | None, *, leaves: bool) -> None:
+def _make_way(work: _MatchedRows, match: _Match, holder: Row, owner: _Match | None, *, leaves: bool) -> None:
     """Find out how the holder of a value lets go; `owner` is what it shall become, if it is declared at all."""
     if owner is not None and leaves:
         match.after_those.append(owner)
@@ -175,7 +175,7 @@ def _make_way(work: _Rows, match: _Match, holder: Row, owner: _Match | None, *, 
         )
 
 
-def _in_turn(work: _Rows) -> list[_Match]:
+def _in_turn(work: _MatchedRows) -> list[_Match]:
     """Order the rows so that each finds its values free; where they wait in a circle, one goes and comes anew."""
     done: dict[_Match, None] = {}
     waiting: list[_Match] = []
@@ -196,17 +196,17 @@ def _in_turn(work: _Rows) -> list[_Match]:
     return list(done)
 
 
-def _is_removable(work: _Rows, row: Row) -> bool:
+def _is_removable(work: _MatchedRows, row: Row) -> bool:
     if work.menu.shape is not Shape.LIST or work.menu.is_stock(row):
         return False
     return work.context.is_entire(work.menu) or work.menu.is_ours(row)
 
 
-def _report_changes(work: _Rows) -> None:
+def _report_changes(work: _MatchedRows) -> None:
     menu, report = work.menu, work.report
     if work.early:
         report.remove(work.early, menu.layer)
-        report.lines += [Line("-", existing_row(menu, row)) for row in work.early]
+        report.lines += [DiffLine("-", existing_row(menu, row)) for row in work.early]
     for match in work.matches:
         if match.row is None or match.replaced:
             _add(work, match.item)
@@ -214,23 +214,23 @@ def _report_changes(work: _Rows) -> None:
             _set(work, match, match.row)
 
 
-def _add(work: _Rows, item: Item) -> None:
+def _add(work: _MatchedRows, item: RowItem) -> None:
     if item.exists or work.menu.shape is not Shape.LIST:
         return  # reported as a problem
     name = work.menu.name_of(item.given)
     work.report.changes.append(added(work.menu, item, work.context.names))
-    work.report.lines.append(Line("+", added_row(work.menu, item.given)))
+    work.report.lines.append(DiffLine("+", added_row(work.menu, item.given)))
     for secret in sorted(item.unknown):
         work.report.notes.append(
             f"{work.menu.title}: `{secret}` of {name} is not in the saved export: enter it by hand"
         )
 
 
-def _set(work: _Rows, match: _Match, row: Row) -> None:
+def _set(work: _MatchedRows, match: _Match, row: Row) -> None:
     menu = work.menu
     ids = () if menu.shape is Shape.SINGLETON else (row[".id"],)
     work.report.changes.append(
-        Change(
+        MenuChange(
             menu, Verb.SET, menu.layer, menu.name_of(match.after()), ids=ids, values=match.writes, line=match.item.line
         )
     )
@@ -239,7 +239,7 @@ def _set(work: _Rows, match: _Match, row: Row) -> None:
         work.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
 
 
-def _report_left(work: _Rows) -> None:
+def _report_left(work: _MatchedRows) -> None:
     """Remove what was ours, or all in a menu that is ours entirely; tell of the rest."""
     menu = work.menu
     if menu.shape is not Shape.LIST:
@@ -247,12 +247,12 @@ def _report_left(work: _Rows) -> None:
     going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
     if going:
         work.report.remove(going[::-1])
-        work.report.lines += [Line("-", existing_row(menu, row)) for row in going if not is_bare(row)]
+        work.report.lines += [DiffLine("-", existing_row(menu, row)) for row in going if not is_bare(row)]
         if bare := sum(map(is_bare, going)):
             work.report.lines.append(
-                Line("-", f"# {bare} rows more without our mark, of which only the number was read")
+                DiffLine("-", f"# {bare} rows more without our mark, of which only the number was read")
             )
     for row in work.left:
         if not _is_removable(work, row) and not menu.is_stock(row):
             message = "not declared, and not ours: left as it is"
-            work.report.drift.append(Drift(menu.path, menu.name_of(row), Owner.OTHER, message, row[".id"]))
+            work.report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))

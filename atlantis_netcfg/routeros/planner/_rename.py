@@ -14,8 +14,8 @@ from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, Row, Verb
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Menu, Shape
-from atlantis_netcfg.routeros.planner._change import Change
+from atlantis_netcfg.routeros.menus import MENUS, Menu, PropertyKind, Shape
+from atlantis_netcfg.routeros.planner._change import MenuChange
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import Desired
 
 
-_FOLLOWING = (Kind.INTERFACE, Kind.GATEWAY)
+_FOLLOWING = (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
 _FOR_A_MOMENT = "-atlantis"
 
 
@@ -88,7 +88,11 @@ def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> I
     going = {each.old: each for each in found}
     owners: dict[str, tuple[Menu, Row]] = {}
     for path, menu in MENUS.items():
-        if path.startswith("/interface/") and "name" in menu.by_name and menu.by_name["name"].kind is Kind.INTERFACE:
+        if (
+            path.startswith("/interface/")
+            and "name" in menu.by_name
+            and menu.by_name["name"].kind is PropertyKind.INTERFACE
+        ):
             owners |= {row["name"]: (menu, row) for row in rows.get(path, ()) if row.get("name")}
     taken: dict[str, Rename] = {}
     for each in found:
@@ -107,7 +111,7 @@ def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> I
                 )
 
 
-def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[Change]:
+def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[MenuChange]:
     """Yield the new names in an order in which each is free when its turn comes."""
     waiting = {each.old: each for each in found}
     used = {row["name"] for rows in observed.rows.values() for row in rows if row.get("name")} | {
@@ -131,9 +135,9 @@ def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[Chan
         yield _change(each, spare)
 
 
-def _change(each: Rename, name: str) -> Change:
+def _change(each: Rename, name: str) -> MenuChange:
     subject = each.menu.name_of(each.row)
-    return Change(each.menu, Verb.SET, Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),))
+    return MenuChange(each.menu, Verb.SET, Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),))
 
 
 def _session_ports(observed: Observed) -> Iterator[str]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.journal import Holder, sync_directory, write_atomically
+from atlantis_netcfg.journal import LockHolder, sync_directory, write_atomically
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.check import Agreement, agreement, problems
@@ -35,7 +35,7 @@ from atlantis_netcfg.vpn.authority.ledger_session import (
 )
 from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, Lock, NoAuthority, SessionObservation, os_errors_as
 from atlantis_netcfg.vpn.authority.signer import Signer
-from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
+from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
 from atlantis_netcfg.vpn.ledger.records import Founded, Resealed
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ class Authority:
         """Who is in the VPN. Raises LedgerDamaged."""
         return self._state().membership()
 
-    def history(self) -> tuple[Entry, ...]:
+    def history(self) -> tuple[LedgerEntry, ...]:
         """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
         return ledger.read(self.folder / ledger.FILE).sound().entries
 
@@ -430,5 +430,5 @@ class Authority:
 
 
 def _me() -> str:
-    holder = Holder.me("")
+    holder = LockHolder.me("")
     return f"{holder.user}@{holder.host}"

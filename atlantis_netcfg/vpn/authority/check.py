@@ -12,7 +12,7 @@ from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head, revoked_serials
 from atlantis_netcfg.vpn.authority.model import is_held, os_errors_as
-from atlantis_netcfg.vpn.ledger import Entry, LedgerState, Reading, records
+from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, Reading, records
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -139,7 +139,7 @@ def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
             yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
 
 
-def _times(entries: Sequence[Entry]) -> Iterator[str]:
+def _times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
     for before, after in pairwise(entries):
         if after.at < before.at and not isinstance(after.record, records.ClockTrusted):
             yield f"line {after.number} of the ledger is older than the line before it"

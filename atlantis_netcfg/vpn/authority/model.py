@@ -17,8 +17,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.journal import Holder, sync_directory
-from atlantis_netcfg.vpn.identity import Certificate, KeyType, Kind, Link, Member, Wrap
+from atlantis_netcfg.journal import LockHolder, sync_directory
+from atlantis_netcfg.vpn.identity import Certificate, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -47,14 +47,14 @@ class EnrolmentRequest:
 
     name: str
     """`names.member_name(partner, device)`, or the name of a declared host (then `partner` is None)."""
-    kind: Kind
+    kind: MemberKind
     partner: str | None
     device: str
     address: IPv4Address | None = None
     """Declared address; None: the next free one of `pool`."""
     pool: IPv4Network | None = None
     """Where the address must lie."""
-    link: Link = Link.FIBRE
+    link: MemberLink = MemberLink.FIBRE
     vehicle: str | None = None
     wrap: Wrap = Wrap.TLS_CRYPT_V2
     key: KeyType = KeyType.EC
@@ -72,7 +72,7 @@ class RenewalRequest:
     """How long the successor is good for; None: a year and a month."""
     wrap: Wrap | None = None
     key: KeyType | None = None
-    link: Link | None = None
+    link: MemberLink | None = None
     request_id: str = ""
 
 
@@ -300,14 +300,14 @@ class Lock:
 
     def _sign(self) -> None:
         """Say who we are. The name is a courtesy to who waits: a full disk does not make the lock weaker."""
-        data = json.dumps(asdict(Holder.me(f"as {self._who}"))).encode()
+        data = json.dumps(asdict(LockHolder.me(f"as {self._who}"))).encode()
         with suppress(OSError):
             os.ftruncate(self._descriptor, 0)
             os.pwrite(self._descriptor, data, 0)
 
     def _holder(self) -> str:
         try:
-            return str(Holder(**json.loads(self._path.read_bytes())))
+            return str(LockHolder(**json.loads(self._path.read_bytes())))
         except (OSError, ValueError, TypeError):
             return "somebody who has just started"
 

@@ -49,7 +49,7 @@ _TWO_ENDS = 30
 """Longest prefix of a network that has an address of its own and one for broadcasts (RFC 3021)."""
 
 
-class Addresses:
+class AddressPool:
     """The tunnel addresses of the members while new ones are assigned, in memory. A member keeps its address.
 
     Those that nobody ever had come first. An address of a member that was revoked is given again when nothing else is
@@ -117,7 +117,7 @@ _TEXT = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class PlannedCertificate:
     """One certificate that shall be made."""
 
     member: Member
@@ -133,9 +133,9 @@ class Planned:
 
 def plan_issue(
     membership: MembershipList, requests: Sequence[EnrolmentRequest], reserved: Collection[IPv4Address]
-) -> list[Planned | Member]:
+) -> list[PlannedCertificate | Member]:
     """What to make for each request, in their order; a Member where there is nothing to make. Raises UsageError."""
-    addresses = Addresses(membership, reserved)
+    addresses = AddressPool(membership, reserved)
     found = [_found(membership, request) for request in requests]
     _refuse_repeated([request.name for request in requests])
     # Declared addresses first: none of the others may get one of them.
@@ -153,7 +153,7 @@ def plan_issue(
     ]
 
 
-def plan_renewal(member: Member, change: RenewalRequest) -> Planned:
+def plan_renewal(member: Member, change: RenewalRequest) -> PlannedCertificate:
     """The successor of a member's certificate. Raises UsageError."""
     if not member.good:
         raise UsageError(
@@ -162,7 +162,7 @@ def plan_renewal(member: Member, change: RenewalRequest) -> Planned:
         )
     newest = member.good[-1]
     in_use = next((item for item in reversed(member.good) if item.standing is CertificateStatus.SEEN), member.good[0])
-    return Planned(
+    return PlannedCertificate(
         member=member if change.link is None else replace(member, link=change.link),
         common_name=_next_name(member),
         wrap=newest.wrap if change.wrap is None else change.wrap,
@@ -249,8 +249,8 @@ def _declared(request: EnrolmentRequest, member: Member | None) -> IPv4Address |
 
 
 def _planned(
-    request: EnrolmentRequest, member: Member | None, taken: dict[str, IPv4Address], addresses: Addresses
-) -> Planned:
+    request: EnrolmentRequest, member: Member | None, taken: dict[str, IPv4Address], addresses: AddressPool
+) -> PlannedCertificate:
     address = taken.get(request.name)
     if address is None:
         assert request.pool is not None  # noqa: S101 - _check has refused it
@@ -266,7 +266,7 @@ def _planned(
         request.vehicle,
         certificates,
     )
-    return Planned(planned, _next_name(planned), request.wrap, request.key, request.days, request.request_id)
+    return PlannedCertificate(planned, _next_name(planned), request.wrap, request.key, request.days, request.request_id)
 
 
 def _next_name(member: Member) -> str:
@@ -294,10 +294,10 @@ REPLACED = "replaced before it was seen in use"
 
 
 @dataclass(frozen=True, slots=True)
-class _Made:
+class _MadeCertificate:
     """A certificate that nobody but this process has."""
 
-    planned: Planned
+    planned: PlannedCertificate
     record: records.Issued
     key: Secret
 
@@ -305,7 +305,7 @@ class _Made:
 def hand_out(
     session: SigningSession,
     command: records.Command,
-    planned: Sequence[Planned],
+    planned: Sequence[PlannedCertificate],
     deliver: Callable[[Identity], HandoutFile],
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
@@ -328,12 +328,15 @@ def hand_out(
         raise
 
 
-def _names(planned: Sequence[Planned]) -> tuple[str, ...]:
+def _names(planned: Sequence[PlannedCertificate]) -> tuple[str, ...]:
     return tuple(item.member.name for item in planned)
 
 
 def _batch(
-    session: SigningSession, operation: str, planned: Sequence[Planned], deliver: Callable[[Identity], HandoutFile]
+    session: SigningSession,
+    operation: str,
+    planned: Sequence[PlannedCertificate],
+    deliver: Callable[[Identity], HandoutFile],
 ) -> None:
     made = [_made(session, item) for item in planned]
     session.ledger.write([entry.record for entry in made], operation)
@@ -350,13 +353,13 @@ def _batch(
             session.ledger.write(done, operation)
 
 
-def _handed_out(planned: Planned, delivered: HandoutFile) -> Iterator[records.Record]:
+def _handed_out(planned: PlannedCertificate, delivered: HandoutFile) -> Iterator[records.Record]:
     yield records.Delivered(common_name=planned.common_name, path=delivered.path, sha256=delivered.sha256)
     for old in planned.replaces:
         yield records.Revoked(common_name=old, reason=REPLACED)
 
 
-def _made(session: SigningSession, planned: Planned) -> _Made:
+def _made(session: SigningSession, planned: PlannedCertificate) -> _MadeCertificate:
     key = pki.new_key(planned.key)
     certificate = pki.new_client(
         session.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, session.ledger.now()
@@ -380,10 +383,10 @@ def _made(session: SigningSession, planned: Planned) -> _Made:
         request_id=planned.request_id,
         der=base64.b64encode(certificate.public_bytes(Encoding.DER)).decode("ascii"),
     )
-    return _Made(planned, record, pki.key_pem(key))
+    return _MadeCertificate(planned, record, pki.key_pem(key))
 
 
-def _identity(session: SigningSession, made: _Made) -> Identity:
+def _identity(session: SigningSession, made: _MadeCertificate) -> Identity:
     record = made.record
     certificate = Certificate(
         common_name=record.common_name,
@@ -435,7 +438,7 @@ class Signer:
         refused or taken, for a member of this name that differs from the request, for an address in use.
         """
         planned = plan_issue(self.membership, requests, reserved)
-        new = [entry for entry in planned if isinstance(entry, Planned)]
+        new = [entry for entry in planned if isinstance(entry, PlannedCertificate)]
         if new:
             hand_out(self._session, "issue", new, deliver)
         names = {item.member.name for item in new}

@@ -36,7 +36,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import (
     profile,
     read_identity,
 )
-from atlantis_netcfg.vpn.identity import Identity, Kind
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -248,7 +248,7 @@ def _key_files(declaration: Declaration, identity: Identity) -> Mapping[str, str
     name = identity.member.name
     if is_declared(identity.member):
         return {f"{name}.identity": identity_file(identity).reveal()}
-    if identity.member.kind is Kind.ROUTER:
+    if identity.member.kind is MemberKind.ROUTER:
         ovpn = f"{name}.ovpn"
         text = routeros.profile(declaration, identity).reveal()
         return {ovpn: text, f"{name}.rsc": routeros.script(declaration, identity, ovpn)}
@@ -259,10 +259,10 @@ def _what(name: str) -> str:
     return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
 
 
-def _beside(kind: Kind) -> tuple[str, ...]:
+def _beside(kind: MemberKind) -> tuple[str, ...]:
     """What else is in the hand-out of such a member; on a router and a declared computer nothing of ours is tried."""
     tests = ("self-test.py", "self-test.json")
-    return {Kind.ROBOT: ("restart.conf", *tests), Kind.LAPTOP: tests}.get(kind, ())
+    return {MemberKind.ROBOT: ("restart.conf", *tests), MemberKind.LAPTOP: tests}.get(kind, ())
 
 
 _ENDING = ".identity"

@@ -29,8 +29,8 @@ from atlantis_netcfg.declaration.model import Transport
 from atlantis_netcfg.render import environment, template_folder
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared, remote
-from atlantis_netcfg.vpn.identity import Identity, Kind, Link, Member, MembershipList, Wrap
-from atlantis_netcfg.vpn.policy import ANYTHING, PING, Permission, Policy, Protocol, Traffic, Zone, policy
+from atlantis_netcfg.vpn.identity import Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
+from atlantis_netcfg.vpn.policy import ANYTHING, PING, Permission, Policy, PolicyTraffic, Protocol, Zone, policy
 from atlantis_netcfg.vpn.server import tunnel_address
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def _hosts(declaration: Declaration, zone: Zone) -> Iterator[tuple[str, IPv4Addr
             yield host.name, address
 
 
-def _words(traffic: Traffic, why: str) -> str:
+def _words(traffic: PolicyTraffic, why: str) -> str:
     """What passes, for people; `why` names a service."""
     if traffic == ANYTHING:
         return "everything"
@@ -151,8 +151,13 @@ def _words(traffic: Traffic, why: str) -> str:
     return f"DDS ({name} {ports[0]} to {ports[-1]})" if len(ports) > 1 else f"{why} ({name} {ports[0]})"
 
 
-_WHAT = {Kind.ROBOT: "the robot", Kind.LAPTOP: "the laptop", Kind.ROUTER: "the router", Kind.HOST: "the computer"}
-_RESTART_S = {Link.FIBRE: 10, Link.LTE: 30, Link.SATELLITE: 300}
+_WHAT = {
+    MemberKind.ROBOT: "the robot",
+    MemberKind.LAPTOP: "the laptop",
+    MemberKind.ROUTER: "the router",
+    MemberKind.HOST: "the computer",
+}
+_RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 300}
 """Pause after the server has sent a robot away; on a satellite each attempt is paid."""
 _MESSAGE_BYTES = 1200
 """Of a DDS message: whole in one packet of every link (facts 9)."""
@@ -161,7 +166,7 @@ _UNDERLINE = re.compile(r"(=+|-+)")
 
 
 @dataclass(frozen=True, slots=True)
-class Dds:
+class DdsAdvice:
     """What a participant of ROS 2 needs to know."""
 
     domain: int
@@ -190,7 +195,7 @@ class PageView:
     """Whether the hand-out has a self-test."""
     reach: tuple[Reach, ...]
     reached_by: tuple[str, ...]
-    dds: Dds | None
+    dds: DdsAdvice | None
     files: tuple[tuple[str, str], ...]
     routeros: str
     """First that can be a member."""
@@ -224,7 +229,7 @@ def page_view(
         key_file=files[0][0],
         sealed_file=sealed_file,
         old_client=identity.certificate.wrap is Wrap.TLS_CRYPT,
-        on_satellite=member.link is Link.SATELLITE,
+        on_satellite=member.link is MemberLink.SATELLITE,
         restart_s=_RESTART_S[member.link],
         tested=any(name == "self-test.py" for name, _ in files),
         reach=found,
@@ -299,17 +304,17 @@ def _what(declaration: Declaration, member: Member) -> str:
     return f"{_WHAT[member.kind]} `{member.device}`{whose}"
 
 
-def _dds(declaration: Declaration, member: Member, found: Sequence[Reach]) -> Dds | None:
+def _dds(declaration: Declaration, member: Member, found: Sequence[Reach]) -> DdsAdvice | None:
     """Only for who speaks DDS to computers of ours, and is not configured by this toolkit itself."""
     dds = declaration.pilot.dds
-    if dds is None or member.kind not in {Kind.ROBOT, Kind.LAPTOP}:
+    if dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return None
     spoken = [entry for entry in found if any(words.startswith("DDS") for words in entry.traffic)]
     peers = tuple(address for item in spoken for _, address in item.hosts)
-    return Dds(dds.domain, dds.middleware, _MESSAGE_BYTES, peers) if peers else None
+    return DdsAdvice(dds.domain, dds.middleware, _MESSAGE_BYTES, peers) if peers else None
 
 
-class Fault(NamedTuple):
+class SelfTestFault(NamedTuple):
     """A fault that one line tells."""
 
     pattern: str
@@ -319,57 +324,57 @@ class Fault(NamedTuple):
 
 
 FAULTS = (
-    Fault(
+    SelfTestFault(
         r"Unrecognized option or missing",
         "this OpenVPN does not know a word of the profile: {line}",
         "Install OpenVPN 2.5 or later. Where that cannot be, ask for a hand-out for OpenVPN 2.4.",
     ),
-    Fault(
+    SelfTestFault(
         r"Cannot open TUN/TAP dev|Cannot ioctl TUNSETIFF|/dev/net/tun",
         "this computer gives OpenVPN no tunnel device",
         "Run the test as root. In a container or virtual machine its administrator has to allow /dev/net/tun.",
     ),
-    Fault(
+    SelfTestFault(
         r"certificate is not yet valid",
         "by this computer's clock ({now}) the control centre's certificate is not yet valid: the clock is behind",
         "Set the clock, then run the test again.",
     ),
-    Fault(
+    SelfTestFault(
         r"certificate has expired",
         "by this computer's clock ({now}) the control centre's certificate has expired",
         "Look whether the clock is right. If it is, tell the control centre.",
     ),
-    Fault(
+    SelfTestFault(
         r"VERIFY (X509NAME )?ERROR|VERIFY KU ERROR|VERIFY EKU ERROR",
         "what answers at {endpoint} is not the control centre's server",
         "Do not use this network for the VPN, and tell the control centre what network it is.",
     ),
-    Fault(
+    SelfTestFault(
         r"AUTH_FAILED",
         "the control centre does not admit this device's certificate: it was revoked, or a newer one is in use",
         "Use your newest hand-out. If this is the newest, ask the control centre.",
     ),
-    Fault(
+    SelfTestFault(
         r"server-pushed-halt|Received control message: HALT",
         "the control centre has just ended this device's session",
         "Ask the control centre.",
     ),
-    Fault(
+    SelfTestFault(
         r"ECONNREFUSED|Connection refused",
         "the control centre's computer answers, and its VPN server does not run",
         "Try again in some minutes, then tell the control centre.",
     ),
-    Fault(
+    SelfTestFault(
         r"Network is unreachable|No route to host|ENETUNREACH|EHOSTUNREACH",
         "this computer has no way to {endpoint}",
         "Connect it to the internet, then run the test again.",
     ),
-    Fault(
+    SelfTestFault(
         r"write UDP.*(Operation not permitted|Permission denied)|EPERM",
         "a firewall on this computer forbids what the VPN sends",
         "Allow {proto} to {endpoint}.",
     ),
-    Fault(
+    SelfTestFault(
         r"Cannot load|no start line|PEM_read|Insufficient key material|tls-crypt-v2 .*(error|fail)",
         "the profile is damaged: {line}",
         "Unpack the hand-out again. If that does not help, ask for a new one.",
@@ -394,7 +399,7 @@ SILENCE = (
 )
 """The same where nothing came."""
 
-_WAIT_S = {Link.FIBRE: 20, Link.LTE: 40, Link.SATELLITE: 120}
+_WAIT_S = {MemberLink.FIBRE: 20, MemberLink.LTE: 40, MemberLink.SATELLITE: 120}
 """How long the tunnel may take; by satellite it was seen up in 4 to 35 s (facts 9)."""
 _FEW = 3
 """Computers that are pinged besides the server."""

@@ -27,7 +27,16 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import Transport, VpnServer
 from atlantis_netcfg.render import environment
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
+from atlantis_netcfg.vpn.identity import (
+    Certificate,
+    CertificateStatus,
+    Identity,
+    KeyType,
+    Member,
+    MemberKind,
+    MemberLink,
+    Wrap,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -114,11 +123,11 @@ def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
     certificate = _certificate(values, blocks)
     member = Member(
         name=values["name"],
-        kind=Kind(values["kind"]),
+        kind=MemberKind(values["kind"]),
         partner=_maybe(values["partner"]),
         device=values["device"],
         address=IPv4Address(values["address"]),
-        link=Link(values["link"]),
+        link=MemberLink(values["link"]),
         vehicle=_maybe(values["vehicle"]),
         certificates=(certificate,),
     )
@@ -168,13 +177,13 @@ def _fit(found: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str
         raise _Misfit("its certificate is of another CA") from error
 
 
-_RETRY_MAX_S = {Link.FIBRE: 300, Link.LTE: 300, Link.SATELLITE: 900}
+_RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}
 """`connect-retry`'s longest pause: a refused device costs 12 kB an attempt, more than a healthy one's day (facts 9)."""
-_UNATTENDED = frozenset({Kind.ROBOT, Kind.ROUTER, Kind.HOST})
+_UNATTENDED = frozenset({MemberKind.ROBOT, MemberKind.ROUTER, MemberKind.HOST})
 
 
 @dataclass(frozen=True, slots=True)
-class _ProfileView:
+class _OvpnView:
     """What the template prints.
 
     `tun-mtu` is no part of it: both ends have to agree, OpenVPN below 2.6 and RouterOS do not take it from the server,
@@ -212,7 +221,7 @@ def server_name(declaration: Declaration) -> str:
 
 def is_declared(member: Member) -> bool:
     """Whether it is a host of the inventory: a role brings its identity there, and nobody installs it by hand."""
-    return member.kind is Kind.HOST or (member.kind is Kind.ROUTER and member.partner is None)
+    return member.kind is MemberKind.HOST or (member.kind is MemberKind.ROUTER and member.partner is None)
 
 
 def remote(declaration: Declaration, member: Member) -> IPv4Address:
@@ -228,19 +237,19 @@ def day(identity: Identity) -> str:
     return f"{identity.certificate.not_after:%Y-%m-%d}"
 
 
-def _view(declaration: Declaration, identity: Identity) -> _ProfileView:
+def _view(declaration: Declaration, identity: Identity) -> _OvpnView:
     vpn, member = declaration.pilot.vpn, identity.member
-    return _ProfileView(
+    return _OvpnView(
         title=f"VPN of {declaration.pilot.name}: {member.name}, address {member.address}, until {day(identity)}.",
         header=header(identity),
         proto="udp4" if vpn.transport is Transport.UDP else "tcp4-client",
         remote=remote(declaration, member),
         port=vpn.port,
-        dev="tun0" if member.kind is Kind.HOST else "tun",
+        dev="tun0" if member.kind is MemberKind.HOST else "tun",
         server=server_name(declaration),
         old_words=identity.certificate.wrap is Wrap.TLS_CRYPT,
         unattended=member.kind in _UNATTENDED,
         retry_max_s=_RETRY_MAX_S[member.link],
-        slow=member.link is Link.SATELLITE,
+        slow=member.link is MemberLink.SATELLITE,
         blocks=inline(identity),
     )

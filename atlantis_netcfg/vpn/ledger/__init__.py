@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from atlantis_netcfg.vpn.ledger.file import (
     FILE,
-    Entry,
     Ledger,
     LedgerDamaged,
+    LedgerEntry,
     LedgerFailed,
     Reading,
     digest,
@@ -25,9 +25,9 @@ from atlantis_netcfg.vpn.ledger.state import NEVER_HANDED_OUT, LedgerState, memb
 __all__ = [
     "FILE",
     "NEVER_HANDED_OUT",
-    "Entry",
     "Ledger",
     "LedgerDamaged",
+    "LedgerEntry",
     "LedgerFailed",
     "LedgerState",
     "Reading",

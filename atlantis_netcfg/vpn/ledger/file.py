@@ -40,7 +40,7 @@ _SEAL = len(',"crc":"00000000"}')
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class LedgerEntry:
     """What happened, when, by whom."""
 
     number: int
@@ -65,7 +65,7 @@ class Misread(ValueError):
     """A line that is not what was written; its text says in which way."""
 
 
-def encode(entry: Entry, previous: str) -> bytes:
+def encode(entry: LedgerEntry, previous: str) -> bytes:
     """The line, its end included; `previous` is the `digest` of the line before."""
     data = {**_head(entry), "previous": previous, **_fields(entry.record)}
     text = json.dumps(data, ensure_ascii=True, separators=(",", ":")).encode()
@@ -78,7 +78,7 @@ def digest(line: bytes) -> str:
     return hashlib.sha256(line.removesuffix(b"\n")).hexdigest()
 
 
-def parse(line: bytes, number: int, previous: str) -> Entry:
+def parse(line: bytes, number: int, previous: str) -> LedgerEntry:
     """The entry of a line without its end. Raises Misread."""
     body = line[:-_SEAL]
     if line != body + b',"crc":"%08x"}' % crc32(body):
@@ -90,7 +90,7 @@ def parse(line: bytes, number: int, previous: str) -> Entry:
         raise Misread("the line before it is not the one that it was written after")
     try:
         head = (datetime.fromisoformat(data.pop("at")), str(data.pop("who")), str(data.pop("operation")))
-        return Entry(number, *head, _RECORDS.validate_python(data))
+        return LedgerEntry(number, *head, _RECORDS.validate_python(data))
     except (ValueError, ValidationError, KeyError, TypeError):
         raise Misread("this version of the toolkit does not know what it says") from None
 
@@ -105,7 +105,7 @@ def _json(line: bytes) -> dict[str, Any]:
     return data
 
 
-def _head(entry: Entry) -> dict[str, Any]:
+def _head(entry: LedgerEntry) -> dict[str, Any]:
     moment = entry.at.astimezone(UTC).isoformat(timespec="milliseconds")
     return {"line": entry.number, "at": moment, "who": entry.who, "operation": entry.operation}
 
@@ -130,7 +130,7 @@ class Reading:
     """A ledger as it was found."""
 
     path: Path
-    entries: tuple[Entry, ...]
+    entries: tuple[LedgerEntry, ...]
     size: int
     """Bytes up to the end of the last good line."""
     digests: tuple[str, ...]
@@ -161,7 +161,7 @@ def read(path: Path) -> Reading:
         lines, torn = split(path.read_bytes())
     except OSError as error:
         raise _failed("read", path, error) from error
-    entries: list[Entry] = []
+    entries: list[LedgerEntry] = []
     digests: list[str] = []
     size, damage = 0, None
     for number, line in enumerate(lines, start=1):
@@ -201,7 +201,7 @@ class Ledger(EventLog):
         """Whether nothing has gone wrong with it so far."""
         return self.failure is None
 
-    def write(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[Entry, ...]:
+    def write(self, records: Sequence[Record], who: str, operation: str, now: datetime) -> tuple[LedgerEntry, ...]:
         """Put records on disk: one write, one fsync, for however many. Raises LedgerFailed, and from then on always."""
         if self.failure is not None:
             raise self.failure
@@ -218,13 +218,13 @@ class Ledger(EventLog):
 
 def _lines(
     records: Sequence[Record], after: tuple[int, str], common: tuple[datetime, str, str]
-) -> list[tuple[Entry, bytes]]:
+) -> list[tuple[LedgerEntry, bytes]]:
     number, last = after
     now, who, operation = common
     lines = []
     for record in records:
         number += 1
-        entry = Entry(number, now, _one_line(who), operation, record)
+        entry = LedgerEntry(number, now, _one_line(who), operation, record)
         line = encode(entry, last)
         last = digest(line)
         lines.append((entry, line))

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap  # noqa: TC001 - as above
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
@@ -67,11 +67,11 @@ class Issued:
 
     kind: Literal["issued"] = "issued"
     name: str
-    device_kind: Kind
+    device_kind: MemberKind
     partner: str | None
     device: str
     address: IPv4Address
-    link: Link
+    link: MemberLink
     vehicle: str | None
     common_name: str
     serial: Serial

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
-from atlantis_netcfg.vpn.ledger.file import Entry, LedgerDamaged
+from atlantis_netcfg.vpn.ledger.file import LedgerDamaged, LedgerEntry
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -19,13 +19,13 @@ NEVER_HANDED_OUT = "never handed out"
 """Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
 
 
-def membership(entries: Iterable[Entry]) -> MembershipList:
+def membership(entries: Iterable[LedgerEntry]) -> MembershipList:
     """Who is in the VPN after these entries."""
     return LedgerState(entries).membership()
 
 
 @dataclass
-class _Holder:
+class _AddressHolder:
     """A member while the entries are read."""
 
     member: Member
@@ -36,7 +36,7 @@ class _Holder:
 class LedgerState:
     """The state after a number of entries; more can be applied. Each kind of record has its method."""
 
-    def __init__(self, entries: Iterable[Entry] = ()) -> None:
+    def __init__(self, entries: Iterable[LedgerEntry] = ()) -> None:
         self.founded: records.Founded | None = None
         self.server: records.ServerIssued | None = None
         self.published: records.Published | None = None
@@ -53,12 +53,12 @@ class LedgerState:
         """Serials of a lost copy of the authority, which stay on the list, and when they were taken over."""
         self.last: datetime | None = None
         """Time of the last entry."""
-        self._holders: dict[str, _Holder] = {}
+        self._holders: dict[str, _AddressHolder] = {}
         self._queued: dict[str, None] = {}
         for entry in entries:
             self.apply(entry)
 
-    def apply(self, entry: Entry) -> None:
+    def apply(self, entry: LedgerEntry) -> None:
         """Go on by one entry. Raises LedgerDamaged if it speaks of what no entry before it has made."""
         self.last = entry.at
         step = getattr(self, f"_{entry.record.kind.replace('-', '_')}")
@@ -86,30 +86,30 @@ class LedgerState:
         holder = self._holders[name]
         return replace(holder.member, certificates=tuple(holder.certificates.values()))
 
-    def _founded(self, _: Entry, record: records.Founded) -> None:
+    def _founded(self, _: LedgerEntry, record: records.Founded) -> None:
         self.founded = record
 
-    def _server_issued(self, _: Entry, record: records.ServerIssued) -> None:
+    def _server_issued(self, _: LedgerEntry, record: records.ServerIssued) -> None:
         self.server = record
 
-    def _begun(self, entry: Entry, record: records.Begun) -> None:
+    def _begun(self, entry: LedgerEntry, record: records.Begun) -> None:
         self.open[entry.operation] = record
         self.done[entry.operation] = set()
 
-    def _committed(self, entry: Entry, _: records.Committed) -> None:
+    def _committed(self, entry: LedgerEntry, _: records.Committed) -> None:
         self._close(entry.operation)
 
-    def _rolled_back(self, entry: Entry, record: records.RolledBack) -> None:
+    def _rolled_back(self, entry: LedgerEntry, record: records.RolledBack) -> None:
         self._close(entry.operation)
         for common_name in record.common_names:
             self.pending.pop(common_name, None)
 
-    def _issued(self, entry: Entry, record: records.Issued) -> None:
+    def _issued(self, entry: LedgerEntry, record: records.Issued) -> None:
         self.issued[record.common_name] = record
         self.pending[record.common_name] = entry.operation
         holder = self._holders.get(record.name)
         if holder is None:
-            holder = self._holders[record.name] = _Holder(_member(record))
+            holder = self._holders[record.name] = _AddressHolder(_member(record))
         elif not any(item in self.delivered for item in holder.certificates):
             holder.member = _member(record)
         certificate = Certificate(
@@ -126,42 +126,42 @@ class LedgerState:
         )
         holder.certificates[record.common_name] = certificate
 
-    def _delivered(self, entry: Entry, record: records.Delivered) -> None:
+    def _delivered(self, entry: LedgerEntry, record: records.Delivered) -> None:
         self.delivered[record.common_name] = record
         self._did(entry, record.common_name)
         if self.pending.pop(record.common_name, None) is not None:
             self._holder(record.common_name).member = _member(self.issued[record.common_name])
             self._put(record.common_name, standing=CertificateStatus.ISSUED, revoked=None, reason="")
 
-    def _revoked(self, entry: Entry, record: records.Revoked) -> None:
+    def _revoked(self, entry: LedgerEntry, record: records.Revoked) -> None:
         self._put(record.common_name, standing=CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason)
         self._did(entry, record.common_name)
         self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
             self._queued[record.common_name] = None
 
-    def _seen(self, _: Entry, record: records.Seen) -> None:
+    def _seen(self, _: LedgerEntry, record: records.Seen) -> None:
         if self._good(record.common_name):
             self._put(record.common_name, standing=CertificateStatus.SEEN, seen=record.last)
 
-    def _superseded(self, entry: Entry, record: records.Superseded) -> None:
+    def _superseded(self, entry: LedgerEntry, record: records.Superseded) -> None:
         if self._good(record.common_name):
             reason = f"{record.by} was seen in use"
             self._put(record.common_name, standing=CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason)
 
-    def _settled(self, _: Entry, record: records.Settled) -> None:
+    def _settled(self, _: LedgerEntry, record: records.Settled) -> None:
         self._queued.pop(record.common_name, None)
 
-    def _published(self, _: Entry, record: records.Published) -> None:
+    def _published(self, _: LedgerEntry, record: records.Published) -> None:
         self.published = record
 
-    def _taken(self, entry: Entry, record: records.Taken) -> None:
+    def _taken(self, entry: LedgerEntry, record: records.Taken) -> None:
         self.taken.update(dict.fromkeys(record.serials, entry.at))
 
-    def _resealed(self, _: Entry, record: records.Resealed) -> None:
+    def _resealed(self, _: LedgerEntry, record: records.Resealed) -> None:
         """Of interest to an audit alone."""
 
-    def _clock_trusted(self, _: Entry, record: records.ClockTrusted) -> None:
+    def _clock_trusted(self, _: LedgerEntry, record: records.ClockTrusted) -> None:
         """Of interest to an audit alone."""
 
     def _good(self, common_name: str) -> bool:
@@ -172,11 +172,11 @@ class LedgerState:
         self.open.pop(operation, None)
         self.done.pop(operation, None)
 
-    def _did(self, entry: Entry, common_name: str) -> None:
+    def _did(self, entry: LedgerEntry, common_name: str) -> None:
         if entry.operation in self.done:
             self.done[entry.operation].add(self.issued[common_name].name)
 
-    def _holder(self, common_name: str) -> _Holder:
+    def _holder(self, common_name: str) -> _AddressHolder:
         return self._holders[self.issued[common_name].name]
 
     def _put(self, common_name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of Certificate

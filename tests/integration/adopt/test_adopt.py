@@ -15,7 +15,7 @@ from atlantis_netcfg.bootstrap import steps
 from atlantis_netcfg.bootstrap.run import CutOff, NotFactoryFresh, PreflightRefused, StillToMove
 from atlantis_netcfg.console.types import HostKeyChanged, LoginFailed
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.emulator.routeros import DeviceMode, Mode, User
+from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName, User
 from atlantis_netcfg.journal import ContactStep, ContactStepDone, Outcome, Pinned, Store
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def test_every_version_is_adopted(tmp_path: Path, version: str) -> None:
 
 
 def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
-    with carton(tmp_path, device_mode=DeviceMode(mode=Mode.HOME, flagged=True)) as box:
+    with carton(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME, flagged=True)) as box:
         before = box.export()
         with pytest.raises(PreflightRefused, match="device-mode has flagged this router"):
             box.adopt()

@@ -5,10 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bundle.build import Order, Purpose, Size, make
+from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
 from atlantis_netcfg.bundle.manifest import Keys
-from atlantis_netcfg.bundle.requirements import HostRequirements, Key, PackageRequirement, Source, read_target
-from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
+from atlantis_netcfg.bundle.requirements import (
+    HostRequirements,
+    PackageRequirement,
+    PackageSource,
+    RequirementKey,
+    read_target,
+)
+from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +22,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bundle.manifest import Manifest
     from atlantis_netcfg.bundle.requirements import Library
-    from atlantis_netcfg.emulator.lab.stubs import Archive
+    from atlantis_netcfg.emulator.lab.stubs import StubArchive
 
 HOST = "coastal-gateway"
 KEYRING = "/usr/share/keyrings/stand-ins.gpg"
@@ -32,8 +38,8 @@ def status(**more: str) -> bytes:
     ).encode()
 
 
-def arm64(name: str, version: str = "1", *depends: str, padding_kb: int = 1) -> StandIn:
-    return StandIn(name, version, depends, padding_kb=padding_kb, architecture="arm64")
+def arm64(name: str, version: str = "1", *depends: str, padding_kb: int = 1) -> StubPackage:
+    return StubPackage(name, version, depends, padding_kb=padding_kb, architecture="arm64")
 
 
 @dataclass
@@ -41,32 +47,32 @@ class Laptop:
     """Where bundles are made."""
 
     folder: Path
-    sizes: list[Size] = field(default_factory=list)
+    sizes: list[BundleSize] = field(default_factory=list)
 
     @property
     def keys(self) -> Keys:
         return Keys.of(self.folder / "state")
 
-    def archive(self, packages: Sequence[StandIn], name: str = "archive") -> Archive:
+    def archive(self, packages: Sequence[StubPackage], name: str = "archive") -> StubArchive:
         return publish(self.folder / name, packages, codename="focal")
 
     def wish(
-        self, archive: Archive, *wanted: str, host: str = HOST, libraries: Sequence[Library] = ()
+        self, archive: StubArchive, *wanted: str, host: str = HOST, libraries: Sequence[Library] = ()
     ) -> HostRequirements:
         """What a host wants; `name=version` as apt writes it."""
         names = [one.partition("=") for one in wanted]
         return HostRequirements(
             host,
             tuple(PackageRequirement(name, version or None) for name, _, version in names),
-            (Source("/etc/apt/s.list", f"deb [signed-by={KEYRING}] file:{archive.folder} focal main\n"),),
-            (Key(KEYRING, archive.key),),
+            (PackageSource("/etc/apt/s.list", f"deb [signed-by={KEYRING}] file:{archive.folder} focal main\n"),),
+            (RequirementKey(KEYRING, archive.key),),
             libraries=tuple(libraries),
         )
 
     def make(self, *wishes: HostRequirements, on: bytes | None = None, image: Path | None = None) -> Manifest:
         target = read_target(status() if on is None else on, "status")
-        purposes = tuple(Purpose(wish, target, None) for wish in wishes)
-        order = Order("coastal", "0" * 64, purposes, self.place, image)
+        purposes = tuple(BundlePurpose(wish, target, None) for wish in wishes)
+        order = BundleOrder("coastal", "0" * 64, purposes, self.place, image)
         return make(order, self.keys.signer(), lambda _words, _share: None, self.sizes.append)
 
     @property

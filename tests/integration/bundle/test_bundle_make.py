@@ -15,7 +15,7 @@ from bundle_stand import HOST, KEYRING, Laptop, arm64, status
 
 from atlantis_netcfg.bundle.manifest import signed_by
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.bundle.requirements import BundleRefused, Key
+from atlantis_netcfg.bundle.requirements import BundleRefused, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def test_a_source_whose_key_is_not_good_is_refused(
     wish = laptop.wish(archive, "chrony")
     if words == "NO_PUBKEY":
         other = publish(laptop.folder / "other", (), codename="focal")
-        wish = replace(wish, keys=(Key(KEYRING, other.key),))
+        wish = replace(wish, keys=(RequirementKey(KEYRING, other.key),))
     found = refusal(laptop, wish)
     assert any(words in line for line in found), found
 

@@ -9,7 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, Run
+from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, RunProgram
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
 
@@ -34,13 +34,17 @@ def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapp
 
     `hurry`: words of programs that take their time, and those that stand for them.
     """
-    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, Run | DdsDiscoverRequest)]
+    asked = [
+        (one.name, _sooner(one, hurry or {}))
+        for one in probe.asks()
+        if isinstance(one, RunProgram | DdsDiscoverRequest)
+    ]
     assert {one.name for one in probe.asks()} == {name for name, _ in asked} | set(told)
     heard = asyncio.run(ask_here(asked, lambda *_: None, ("ip", "netns", "exec", namespace)))
     return probe.judge({**told, **heard})
 
 
-def _sooner(question: Run | DdsDiscoverRequest, hurry: Mapping[str, str]) -> Run | DdsDiscoverRequest:
+def _sooner(question: RunProgram | DdsDiscoverRequest, hurry: Mapping[str, str]) -> RunProgram | DdsDiscoverRequest:
     if isinstance(question, DdsDiscoverRequest):
         return question
     return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))

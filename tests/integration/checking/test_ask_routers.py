@@ -12,7 +12,7 @@ from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes import Place, RouterOsQuery, Rows, Trouble
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import Link, RunningSite
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 
@@ -30,7 +30,7 @@ ROUTER, CPE = "coastal-router", "coastal-cpe"
 def ears(tmp_path: Path) -> Iterator[tuple[RealEars, list[Event]]]:
     """The router as `provision adopt` leaves it; nobody stands in the CPE's place."""
     spec = site_spec(SHIPPED, [SHIPPED.hosts[ROUTER]])
-    near = tuple(twin.model_copy(update={"link": Link()}) for twin in spec.twins)
+    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.twins)
     events: list[Event] = []
     (tmp_path / "twins").mkdir()
     with RunningSite(spec.model_copy(update={"twins": near}), tmp_path / "twins") as site:

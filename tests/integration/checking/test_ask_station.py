@@ -17,7 +17,7 @@ from atlantis_netcfg.checklist.probes.wifi import steps
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Cpe, PtpProtocol, RadioMenus, WifiEndpoint
-from atlantis_netcfg.emulator.routeros import Link, RunningSite
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.render import cpe
@@ -106,7 +106,7 @@ def _newer(declaration: Declaration) -> Declaration:
 def _configured(declaration: Declaration, twin: TwinSpec, family: str) -> TwinSpec:
     """As a run leaves it."""
     seed = cpe(declaration, declaration.hosts[twin.router.name], family)
-    return twin.model_copy(update={"link": Link(), "router": twin.router.model_copy(update={"seed": seed})})
+    return twin.model_copy(update={"link": RouterLink(), "router": twin.router.model_copy(update={"seed": seed})})
 
 
 def said(judged: Judged) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.checklist import plan
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
 from atlantis_netcfg.checklist.runner.simulated._faults import ROUTER_FAULTS as OF_ROUTERS
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist.report import Item
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
@@ -36,7 +36,7 @@ Seen = dict[str, tuple[Verdict, tuple[tuple[Verdict, str], ...]]]
 
 
 @pytest.fixture
-def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[CommandSession]:
     """The routers as they are declared."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     arguments = parse(checklist.CHECK, [f"site={SITE}", "--rehearse", "--json"])
@@ -49,14 +49,14 @@ def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session
         yield opened
 
 
-def looked(opened: Session, broken: Sequence[str]) -> dict[str, Item]:
+def looked(opened: CommandSession, broken: Sequence[str]) -> dict[str, Item]:
     """All that a program sees; the sticks, which take twelve seconds, where they are concerned or all is well."""
     sticks = not broken or any(STICKS in FAULTS[name].turns for name in broken)
     assert opened.rehearsal is not None
     entries = [
         one
         for one in plan(opened.declaration, SITE).entries
-        if one.item.kind is not Kind.PERSON and (sticks or one.item.id != STICKS)
+        if one.item.kind is not ItemKind.PERSON and (sticks or one.item.id != STICKS)
     ]
     with rehearsed_ears(opened.declaration, SITE, opened.rehearsal, broken) as ears:
         return {item.id: item for item in asyncio.run(examine(entries, ears, lambda _: None))}
@@ -82,7 +82,7 @@ def wrong_about(name: str, items: dict[str, Item], well: Seen) -> Iterator[str]:
             yield f"{name}: {one} says {items[one].verdict} without a hint: {items[one].message}"
 
 
-def test_exactly_the_items_concerned_turn_and_say_what_mends_them(coastal: Session) -> None:
+def test_exactly_the_items_concerned_turn_and_say_what_mends_them(coastal: CommandSession) -> None:
     well = told(looked(coastal, ()))
     assert {seen[0] for seen in well.values()} == {Verdict.PASS, Verdict.WARN}
     found = {name: looked(coastal, (name,)) for name in OF_ROUTERS}

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
-from atlantis_netcfg.journal.log import Entry, line
-from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, converge, desired
+from atlantis_netcfg.journal.log import LogEntry, line
+from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ class Deadly(Journal):
     def write(self, record: Record) -> None:
         self.left -= 1
         if self.left == 0 and self.moment == "torn":
-            os.write(self._descriptor, line(Entry(self._now(), record))[:20])
+            os.write(self._descriptor, line(LogEntry(self._now(), record))[:20])
         if self.left == 0 and self.moment != "after":
             os.kill(os.getpid(), signal.SIGKILL)
         super().write(record)
@@ -45,7 +45,7 @@ class Deadly(Journal):
 
 def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
-    if asked["mode"] == Mode.RESUME:
+    if asked["mode"] == JobMode.RESUME:
         (run,) = store.unfinished("coastal")
         return store.resume("coastal", run.id, RunResumed(revision="", tool="", command="provision resume"))
     with store.start(STARTED) as started:
@@ -75,7 +75,7 @@ def main(asked: Mapping[str, Any]) -> None:
     )
     if "bytes" in asked:
         resource.setrlimit(resource.RLIMIT_FSIZE, (asked["bytes"], asked["bytes"]))
-    result = asyncio.run(converge(job, mode=Mode(asked["mode"])))
+    result = asyncio.run(converge(job, mode=JobMode(asked["mode"])))
     sys.stdout.write(json.dumps({**result.as_dict(), "notes": result.notes}) + "\n")
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.wire.link import Faults
 from atlantis_netcfg.journal import Journal, RunStarted, Store
-from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, converge, desired
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, converge, desired
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.apply import SshEndpoint
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.core.events import Event
-    from atlantis_netcfg.emulator.routeros import Link, WireBehaviour
+    from atlantis_netcfg.emulator.routeros import RouterLink, WireBehaviour
     from atlantis_netcfg.routeros.api import Command, Reply
     from atlantis_netcfg.routeros.apply import Channel
 
@@ -143,16 +143,16 @@ class Bench:
 
     tmp_path: Path
     text: str = TEXT
-    link: Link | None = None
+    link: RouterLink | None = None
     knobs: WireBehaviour | None = None
     spec: dict[str, Any] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
-    router: Router = field(init=False)
+    router: EmulatedRouter = field(init=False)
 
     def __post_init__(self) -> None:
         users = (User(name="provision", password=PASSWORD),)
         spec = RouterSpec(**{"name": "router", "users": users, **self.spec})
-        self.router = Router(spec, state_dir=self.tmp_path / "flash", link=self.link, knobs=self.knobs)
+        self.router = EmulatedRouter(spec, state_dir=self.tmp_path / "flash", link=self.link, knobs=self.knobs)
 
     async def __aenter__(self) -> Self:
         await self.router.start()
@@ -198,7 +198,7 @@ class Bench:
             RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
         )
 
-    async def converge(self, mode: Mode = Mode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - as `job`
+    async def converge(self, mode: JobMode = JobMode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - as `job`
         """Converge with a journal of its own."""
         with self.journal() as journal:
             return await converge(self.job(**{"journal": journal, **changes}), mode=mode)

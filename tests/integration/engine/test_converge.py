@@ -9,7 +9,7 @@ import pytest
 from engine_bench import TEXT, Bench, leases, on, without_header
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN
-from atlantis_netcfg.emulator.routeros import Execute, Link, WireBehaviour
+from atlantis_netcfg.emulator.routeros import Execute, RouterLink, WireBehaviour
 from atlantis_netcfg.journal import (
     ActionsConfirmed,
     DeviceObserved,
@@ -21,7 +21,7 @@ from atlantis_netcfg.journal import (
     RunStarted,
     StateSaved,
 )
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,7 +63,7 @@ def test_round_trips_do_not_grow_with_the_number_of_items(tmp_path: Path, number
 
 def test_the_wire_is_used_well_over_a_slow_link(tmp_path: Path) -> None:
     """An idle run over 700 ms: the TCP and TLS handshakes, the login and the reading."""
-    bench = Bench(tmp_path, link=Link(delay_s=0.35))
+    bench = Bench(tmp_path, link=RouterLink(delay_s=0.35))
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
         return await bench.converge(), await bench.converge()
@@ -92,7 +92,7 @@ def test_a_plan_changes_nothing(tmp_path: Path) -> None:
 
     async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
         before = bench.router.export(show_sensitive=True)
-        result = await bench.converge(Mode.PLAN)
+        result = await bench.converge(JobMode.PLAN)
         return result, before, bench.router.export(show_sensitive=True)
 
     result, before, now = on(bench, act)
@@ -106,10 +106,10 @@ def test_only_the_plan_that_was_agreed_to_is_carried_out(tmp_path: Path) -> None
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult]:
-        shown = await bench.converge(Mode.PLAN)
+        shown = await bench.converge(JobMode.PLAN)
         await bench.router.console(["/interface/bridge/add", "=name=bridge-lan"])
         late = await bench.converge(agreed=shown.plan_hash)
-        again = await bench.converge(Mode.PLAN)
+        again = await bench.converge(JobMode.PLAN)
         return shown, late, await bench.converge(agreed=again.plan_hash)
 
     shown, late, agreed = on(bench, act)
@@ -159,7 +159,7 @@ def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
         assert saved is not None
         menus = desired.read(bench.text).menus
         back = desired.from_export(saved.read_text(), menus, str(saved))
-        return before, await bench.converge(Mode.ROLLBACK, desired=back), bench.export()
+        return before, await bench.converge(JobMode.ROLLBACK, desired=back), bench.export()
 
     before, result, now = on(bench, act)
     assert result.status is Status.CHANGED
@@ -171,7 +171,7 @@ def test_a_backup_is_saved_and_nothing_is_changed(tmp_path: Path) -> None:
 
     async def act(bench: Bench) -> tuple[DeviceResult, str, str]:
         before = bench.export()
-        return await bench.converge(Mode.BACKUP), before, bench.export()
+        return await bench.converge(JobMode.BACKUP), before, bench.export()
 
     result, before, now = on(bench, act)
     assert result.status is Status.UNCHANGED
@@ -215,7 +215,7 @@ def test_a_result_is_json(tmp_path: Path) -> None:
 
 def test_every_result_tells_of_a_routeros_newer_than_anything_known(tmp_path: Path) -> None:
     """Where something is planned, done or has drifted, and where nothing is to do; a known one is told by none."""
-    modes = (Mode.DRIFT, Mode.PLAN, Mode.APPLY, Mode.PLAN, Mode.APPLY, Mode.DRIFT)
+    modes = (JobMode.DRIFT, JobMode.PLAN, JobMode.APPLY, JobMode.PLAN, JobMode.APPLY, JobMode.DRIFT)
 
     async def act(bench: Bench) -> list[DeviceResult]:
         return [await bench.converge(mode) for mode in modes]

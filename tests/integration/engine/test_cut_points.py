@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
-from atlantis_netcfg.emulator.routeros import Deviation, Execute, Fault, FaultKind
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.emulator.routeros import Deviation, Execute, FaultKind, LinkFault
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +44,7 @@ def clean(text: str, execute: Execute, seed: str = "", version: str = "7.18.2") 
 
 def cut(  # noqa: PLR0913, PLR0917 - what is cut, and on what router
     tmp_path: Path,
-    fault: Fault,
+    fault: LinkFault,
     text: str = TEXT,
     execute: Execute = Execute.OUTPUT,
     seed: str = "",
@@ -58,7 +58,7 @@ def cut(  # noqa: PLR0913, PLR0917 - what is cut, and on what router
         result = await bench.converge()
         then = bench.export()
         bench.router.disarm()
-        return result, then, await bench.converge(Mode.RESUME), bench.export()
+        return result, then, await bench.converge(JobMode.RESUME), bench.export()
 
     whole = clean(text, execute, seed, version)
     spec = {"execute": execute, "seed": seed, "version": version, "deviations": deviations}
@@ -94,7 +94,7 @@ SAMPLE = [
     "kind", [FaultKind.DROP, FaultKind.VANISH, FaultKind.TRUNCATE, FaultKind.GARBAGE, FaultKind.GAP]
 )
 def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int, status: Status | None) -> None:
-    result = cut(tmp_path, Fault(do=kind, match=path, sentence=nth, when="after", seconds=GAP_S))
+    result = cut(tmp_path, LinkFault(do=kind, match=path, sentence=nth, when="after", seconds=GAP_S))
     # A device that falls silent while it is only read is read again in smaller batches.
     goes_on = kind is FaultKind.GAP or (kind is FaultKind.VANISH and (path, nth) == ("/ip/address/print", 1))
     expected = Status.CHANGED if goes_on else status
@@ -106,7 +106,7 @@ def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, path: str, nth: int
 @pytest.mark.parametrize("path", ["/execute", "/safe-mode/release"])
 def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, when: str, path: str) -> None:
     nth = 3 if path == "/execute" else 1
-    result = cut(tmp_path, Fault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when}))
+    result = cut(tmp_path, LinkFault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when}))
     released = path == "/safe-mode/release" and when == "after"
     assert result.status is (Status.CHANGED if released else Status.ROLLED_BACK)
 
@@ -114,7 +114,7 @@ def test_the_router_falls_silent_in_mid_apply(tmp_path: Path, kind: FaultKind, w
 @pytest.mark.parametrize("nth", [3, 4, 5])
 @pytest.mark.parametrize("kind", [FaultKind.DROP, FaultKind.POWER])
 def test_a_long_plan_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
-    fault = Fault(do=kind, match="/execute", sentence=nth, when="after")
+    fault = LinkFault(do=kind, match="/execute", sentence=nth, when="after")
     assert cut(tmp_path, fault, LONG).status in (Status.ROLLED_BACK, Status.CHANGED)
 
 
@@ -133,7 +133,7 @@ def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
     tmp_path: Path, where: tuple[str, int], when: str, plan: tuple[str, Execute]
 ) -> None:
     """Without `safe-mode-power-loss` the run reads what has stayed, and still ends as before or as declared."""
-    fault = Fault.model_validate({"do": FaultKind.POWER, "match": where[0], "sentence": where[1], "when": when})
+    fault = LinkFault.model_validate({"do": FaultKind.POWER, "match": where[0], "sentence": where[1], "when": when})
     cut(tmp_path, fault, *plan, deviations=(Deviation.POWER_LOSS,))
 
 
@@ -147,7 +147,7 @@ def test_the_power_fails_and_the_router_keeps_what_was_in_safe_mode(
 def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, text: str, execute: Execute) -> None:
     for sentence in range(1, clean(text, execute).sentences + 1):
         fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
-        cut(tmp_path / str(sentence), Fault.model_validate(fault), text, execute)
+        cut(tmp_path / str(sentence), LinkFault.model_validate(fault), text, execute)
 
 
 @pytest.mark.campaign
@@ -155,4 +155,4 @@ def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, text: str, e
 @pytest.mark.parametrize("kind", [FaultKind.TRUNCATE, FaultKind.GARBAGE])
 def test_answers_are_spoilt_at_many_places(tmp_path: Path, kind: FaultKind, offset: int) -> None:
     for sentence in range(1, clean(TEXT, Execute.OUTPUT).sentences + 1):
-        cut(tmp_path / str(sentence), Fault(do=kind, when="after", sentence=sentence, offset=offset))
+        cut(tmp_path / str(sentence), LinkFault(do=kind, when="after", sentence=sentence, offset=offset))

@@ -10,7 +10,7 @@ from engine_bench import PASSWORD, TEXT, Bench, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import User
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, desired
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.menus import MENUS, Field
 
@@ -65,7 +65,7 @@ async def refused(bench: Bench, text: str) -> DeviceResult:
     """Plan and apply: both are refused with exit code 4 and in the same words, and nothing was sent."""
     before = bench.export()
     wanted = desired.read(text, source="site.rsc")
-    planned = await bench.converge(Mode.PLAN, desired=wanted, ssh=bench.ssh)
+    planned = await bench.converge(JobMode.PLAN, desired=wanted, ssh=bench.ssh)
     result = await bench.converge(desired=wanted, ssh=bench.ssh)
     assert (planned.status, planned.exit) == (result.status, result.exit) == (Status.REFUSED, ExitCode.FAILED)
     assert planned.message == result.message
@@ -133,10 +133,10 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path: Path, monkeypatch: pytest.M
     assert "not maskerade" in result.message
 
 
-@pytest.mark.parametrize("mode", [Mode.PLAN, Mode.APPLY])
+@pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
 @pytest.mark.parametrize("more", [0, 150], ids=["few", "many"])
 def test_a_plan_that_is_right_costs_no_round_trip_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: Mode, more: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: JobMode, more: int
 ) -> None:
     with_it = on(
         Bench(tmp_path / "with"), lambda bench: bench.converge(mode, desired=desired.read(TEXT + leases(more)))
@@ -145,7 +145,7 @@ def test_a_plan_that_is_right_costs_no_round_trip_more(
     without = on(
         Bench(tmp_path / "without"), lambda bench: bench.converge(mode, desired=desired.read(TEXT + leases(more)))
     )
-    assert with_it.status is without.status is (Status.PLANNED if mode is Mode.PLAN else Status.CHANGED)
+    assert with_it.status is without.status is (Status.PLANNED if mode is JobMode.PLAN else Status.CHANGED)
     assert with_it.round_trips == without.round_trips
     assert not any("INCONCLUSIVE" in note for note in with_it.notes)
     assert with_it.sent > without.sent
@@ -164,7 +164,7 @@ def test_what_is_as_declared_is_not_parsed(tmp_path: Path) -> None:
 
 def test_drift_asks_no_parser(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, list[str]]:
-        result = await bench.converge(Mode.DRIFT)
+        result = await bench.converge(JobMode.DRIFT)
         return result, [sentence[0] for each in bench.router.connections() for sentence in each.sentences]
 
     result, said = on(Bench(tmp_path), act)
@@ -174,7 +174,7 @@ def test_drift_asks_no_parser(tmp_path: Path) -> None:
 
 def test_a_device_that_runs_no_scripts_is_inconclusive_and_goes_on(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
-        return await bench.converge(Mode.PLAN), await bench.converge()
+        return await bench.converge(JobMode.PLAN), await bench.converge()
 
     planned, changed = on(Bench(tmp_path, spec={"execute": "none"}), act)
     assert (planned.status, changed.status) == (Status.PLANNED, Status.CHANGED)
@@ -185,7 +185,7 @@ def test_a_device_that_runs_no_scripts_is_inconclusive_and_goes_on(tmp_path: Pat
 
 def test_a_user_who_may_only_read_is_inconclusive(tmp_path: Path) -> None:
     users = (User(name="provision", password=PASSWORD, group="read"),)
-    planned = on(Bench(tmp_path, spec={"users": users}), lambda bench: bench.converge(Mode.PLAN))
+    planned = on(Bench(tmp_path, spec={"users": users}), lambda bench: bench.converge(JobMode.PLAN))
     assert planned.status is Status.REFUSED
     assert "our user may not" in planned.message
     assert any("INCONCLUSIVE" in note and "not enough permissions" in note for note in planned.notes)

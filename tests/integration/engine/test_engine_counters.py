@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import Bench, run
 
-from atlantis_netcfg.emulator.routeros import Link
+from atlantis_netcfg.emulator.routeros import RouterLink
 from atlantis_netcfg.routeros import Status
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.estimate import Bearer, on_the_wire
+from atlantis_netcfg.routeros.estimate import BearerProfile, on_the_wire
 from atlantis_netcfg.routeros.observe import counting, looks, read_counts, seconds
 
 if TYPE_CHECKING:
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Observed
     from atlantis_netcfg.routeros.estimate import Estimate
 
-SATELLITE = Bearer("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
 
 
 def twice(folder: Path, *counted: str) -> tuple[DeviceResult, DeviceResult]:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(folder) as bench:
-            bench.router.relink(Link(port="ether3"))
+            bench.router.relink(RouterLink(port="ether3"))
             return await bench.converge(counted=counted), await bench.converge(counted=counted)
 
     return run(act())
@@ -71,7 +71,7 @@ def test_a_port_that_is_not_there_is_not_counted_as_nothing(tmp_path: Path) -> N
 def test_a_reboot_sets_the_counters_back(tmp_path: Path) -> None:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(tmp_path) as bench:
-            bench.router.relink(Link(port="ether3"))
+            bench.router.relink(RouterLink(port="ether3"))
             before = await bench.converge(counted=("ether3",))
             bench.router.reboot()
             return before, await bench.converge(counted=("ether3",))

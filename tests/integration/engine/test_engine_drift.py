@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NoReturn
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.drift import DriftKind, Since
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ async def drift(bench: Bench, text: str | None = None) -> DeviceResult:
     job = bench.job(confirmed=bench.store.last_confirmed("coastal", ["router"]).get("router"))
     bench.text = kept
     before = bench.export()
-    result = await converge(job, mode=Mode.DRIFT)
+    result = await converge(job, mode=JobMode.DRIFT)
     assert bench.export() == before
     return result
 
@@ -88,7 +88,7 @@ def test_what_is_declared_since_is_no_fault_of_the_device(tmp_path: Path) -> Non
 def test_a_reading_that_is_cut_is_an_error_and_no_drift(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
-        bench.router.arm(Fault(do=kind, sentence=nth, when="before"))
+        bench.router.arm(LinkFault(do=kind, sentence=nth, when="before"))
         return await drift(bench)
 
     result = on(Bench(tmp_path), act)
@@ -126,10 +126,10 @@ def test_whoever_holds_safe_mode_is_named(tmp_path: Path) -> None:
 
 def test_a_run_keeps_what_it_has_read_back_and_a_failed_one_does_not(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
-        results = [await bench.converge(), await bench.converge(), await bench.converge(Mode.PLAN)]
+        results = [await bench.converge(), await bench.converge(), await bench.converge(JobMode.PLAN)]
         bench.text = WANTED_MORE
-        bench.router.arm(Fault(do=FaultKind.DROP, match="/execute", sentence=1, when="after"))
-        return [*results, await bench.converge(), await bench.converge(Mode.BACKUP)]
+        bench.router.arm(LinkFault(do=FaultKind.DROP, match="/execute", sentence=1, when="after"))
+        return [*results, await bench.converge(), await bench.converge(JobMode.BACKUP)]
 
     bench = Bench(tmp_path)
     results = on(bench, act)

@@ -9,7 +9,7 @@ import pytest
 from engine_bench import Bench, on
 from test_sites import bench
 
-from atlantis_netcfg.routeros import Mode, Status
+from atlantis_netcfg.routeros import JobMode, Status
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +35,7 @@ def test_a_run_leaves_a_failed_over_router_as_it_is(tmp_path: Path, version: str
         assert await route(bench, "active", "satellite, not probed") == "true"
         assert await route(bench, "distance", f"wifi-ptp, while {PTP[0]} answers") == "110"
         export = bench.export()
-        for mode in (Mode.PLAN, Mode.APPLY):
+        for mode in (JobMode.PLAN, JobMode.APPLY):
             again = await bench.converge(mode)
             assert (again.status, again.planned) == (Status.UNCHANGED, 0), again.message
         assert bench.export() == export

@@ -9,10 +9,10 @@ import pytest
 from engine_bench import TEXT, Bench, Meddler, on
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.commands import executed
-from atlantis_netcfg.routeros.estimate import Bearer
+from atlantis_netcfg.routeros.estimate import BearerProfile
 from bench.proxy import Count, Proxy, Shape
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 OURS = "# atlantis:entire /ip firewall address-list\n" + TEXT
 LISTS = "/ip/firewall/address-list"
-SATELLITE = Bearer("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
 
 
 async def foreign(bench: Bench, number: int) -> None:
@@ -53,7 +53,12 @@ def test_more_than_a_hundred_are_agreed_to_apart(tmp_path: Path) -> None:
         await bench.converge()
         await foreign(bench, 101)
         results, there = [], []
-        for mode, agreed in ((Mode.PLAN, False), (Mode.APPLY, False), (Mode.APPLY, True), (Mode.APPLY, False)):
+        for mode, agreed in (
+            (JobMode.PLAN, False),
+            (JobMode.APPLY, False),
+            (JobMode.APPLY, True),
+            (JobMode.APPLY, False),
+        ):
             results.append(await bench.converge(mode, remove_foreign=agreed))
             there.append(left(bench))
         return results, there
@@ -101,7 +106,7 @@ def test_a_thousand_over_the_satellite_are_estimated_by_rows(tmp_path: Path) -> 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
         await bench.converge()
         await foreign(bench, 1000)
-        planned = await bench.converge(Mode.PLAN, bearer=SATELLITE)
+        planned = await bench.converge(JobMode.PLAN, bearer=SATELLITE)
         return planned, await bench.converge(bearer=SATELLITE, remove_foreign=True)
 
     planned, done = on(Bench(tmp_path, text=OURS), act)
@@ -125,7 +130,7 @@ async def many(bench: Bench, number: int, words: str = "list=sat-allow comment=b
             assert (reply.trap, reply.ret or "") == (None, "")
 
 
-async def metered(bench: Bench, mode: Mode, **changes: Any) -> tuple[DeviceResult, Count]:  # noqa: ANN401 - of DeviceJob
+async def metered(bench: Bench, mode: JobMode, **changes: Any) -> tuple[DeviceResult, Count]:  # noqa: ANN401 - of DeviceJob
     """Converge over the satellite, and count on the wire."""
     async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), Shape(0.35)) as proxy:
         host, port = proxy.address
@@ -139,17 +144,20 @@ def test_a_plan_over_the_satellite_reads_of_three_thousand_what_it_needs(tmp_pat
 
     async def act(bench: Bench) -> tuple[list[tuple[DeviceResult, Count]], int]:
         await bench.converge()
-        nothing = await metered(bench, Mode.PLAN)
+        nothing = await metered(bench, JobMode.PLAN)
         await many(bench, 3000)
-        planned = await metered(bench, Mode.PLAN)
-        refused = await metered(bench, Mode.APPLY)
-        whole = await bench.converge(Mode.PLAN, remove_foreign=True)
+        planned = await metered(bench, JobMode.PLAN)
+        refused = await metered(bench, JobMode.APPLY)
+        whole = await bench.converge(JobMode.PLAN, remove_foreign=True)
         assert whole.received > 250_000
         agreed = planned[0].plan_hash
         assert agreed == whole.plan_hash
-        return [nothing, planned, refused, await metered(bench, Mode.APPLY, remove_foreign=True, agreed=agreed)], left(
-            bench
-        )
+        return [
+            nothing,
+            planned,
+            refused,
+            await metered(bench, JobMode.APPLY, remove_foreign=True, agreed=agreed),
+        ], left(bench)
 
     ((nothing, none), (planned, count), (refused, short), (done, _)), there = on(Bench(tmp_path, text=OURS), act)
     assert (nothing.status, none.round_trips) == (Status.UNCHANGED, 5)
@@ -169,7 +177,7 @@ def test_a_hundred_and_what_the_router_has_made_are_read_whole(tmp_path: Path) -
     async def act(bench: Bench) -> tuple[DeviceResult, Count]:
         await bench.converge()
         await many(bench, 100)
-        return await metered(bench, Mode.PLAN)
+        return await metered(bench, JobMode.PLAN)
 
     planned, count = on(Bench(tmp_path, text=OURS), act)
     assert (planned.planned, planned.rows, count.round_trips) == (1, 100, 7)
@@ -184,9 +192,9 @@ def test_what_a_declared_row_may_find_is_read_whole(tmp_path: Path) -> None:
         await many(bench, 150)
         async with await Session.open(bench.job().endpoint) as session:
             await session.command(executed(unmarked))
-        planned, _ = await metered(bench, Mode.PLAN)
-        done, _ = await metered(bench, Mode.APPLY, remove_foreign=True, agreed=planned.plan_hash)
-        return [planned, done, (await metered(bench, Mode.PLAN))[0]]
+        planned, _ = await metered(bench, JobMode.PLAN)
+        done, _ = await metered(bench, JobMode.APPLY, remove_foreign=True, agreed=planned.plan_hash)
+        return [planned, done, (await metered(bench, JobMode.PLAN))[0]]
 
     planned, done, again = on(Bench(tmp_path, text=OURS), act)
     assert f"{LISTS.strip('/').replace('/', ' ')}" in planned.diff
@@ -212,7 +220,7 @@ def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: P
         async with await Session.open(bench.job().endpoint) as session:
             assert (await session.command(executed(by_hand))).ret == ""
         bench.text = closed
-        return [(await metered(bench, Mode.PLAN))[0], await bench.converge(Mode.PLAN)]
+        return [(await metered(bench, JobMode.PLAN))[0], await bench.converge(JobMode.PLAN)]
 
     over_the_satellite, whole = on(Bench(tmp_path, text=OURS), act)
     assert (whole.status, whole.planned) == (Status.REFUSED, 1)
@@ -229,7 +237,7 @@ def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
     async def act(bench: Bench) -> tuple[list[DeviceResult], int]:
         await bench.converge()
         await many(bench, number)
-        planned, _ = await metered(bench, Mode.PLAN)
+        planned, _ = await metered(bench, JobMode.PLAN)
         done = await bench.converge(bearer=SATELLITE, remove_foreign=True, agreed=planned.plan_hash)
         return [planned, done, await bench.converge(bearer=SATELLITE)], left(bench)
 

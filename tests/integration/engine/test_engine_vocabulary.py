@@ -10,7 +10,7 @@ from heard import listening
 from holes import known
 from trees import Tree
 
-from atlantis_netcfg.routeros import Mode
+from atlantis_netcfg.routeros import JobMode
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -31,7 +31,7 @@ REFUSED = TEXT + '/interface list member\nadd comment="atlantis: nothing" interf
 
 async def _changes(bench: Bench) -> None:
     ssh = bench.ssh
-    await bench.converge(Mode.PLAN, ssh=ssh)
+    await bench.converge(JobMode.PLAN, ssh=ssh)
     await bench.converge(ssh=ssh)
     before = bench.router.export(show_sensitive=True)
     await bench.converge(desired=read(CHANGED), ssh=ssh)
@@ -41,7 +41,7 @@ async def _changes(bench: Bench) -> None:
 
 async def _refusal(bench: Bench) -> None:
     await bench.converge(desired=read(REFUSED), ssh=bench.ssh)
-    await bench.converge(Mode.PLAN, desired=read(REFUSED), ssh=bench.ssh)
+    await bench.converge(JobMode.PLAN, desired=read(REFUSED), ssh=bench.ssh)
 
 
 async def _much(bench: Bench) -> None:

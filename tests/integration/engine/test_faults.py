@@ -11,9 +11,9 @@ from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind, WireBehaviour
+from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault, WireBehaviour
 from atlantis_netcfg.journal import ActionsAcknowledged, Journal, JournalFailed, Record
-from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status, converge, fleet
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
     bench = Bench(tmp_path, knobs=WireBehaviour(boot_s=100_000))
 
     async def act(bench: Bench) -> DeviceResult:
-        bench.router.arm(Fault(do=FaultKind.POWER, match="/execute", sentence=3, when="after"))
+        bench.router.arm(LinkFault(do=FaultKind.POWER, match="/execute", sentence=3, when="after"))
         return await bench.converge()
 
     result = on(bench, act)
@@ -220,11 +220,11 @@ def test_resuming_waits_until_the_router_has_undone_what_was_left(tmp_path: Path
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, float]:
         clock = asyncio.get_running_loop().time
-        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+        bench.router.arm(LinkFault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
         hasty = Patience(reach_s=0, undo_s=1)
         lost = await bench.converge(patience=hasty)
         begun = clock()
-        return lost, await bench.converge(Mode.RESUME), clock() - begun
+        return lost, await bench.converge(JobMode.RESUME), clock() - begun
 
     lost, resumed, waited = on(bench, act)
     assert lost.status is Status.UNKNOWN
@@ -236,7 +236,7 @@ def test_without_waiting_a_dead_session_stands_in_the_way(tmp_path: Path) -> Non
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> DeviceResult:
-        bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+        bench.router.arm(LinkFault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
         await bench.converge(patience=Patience(reach_s=0, undo_s=1))
         return await bench.converge()
 
@@ -292,7 +292,7 @@ def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> 
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> tuple[DeviceResult, list[str], DeviceResult, DeviceResult]:
-        bench.router.arm(Fault(do=FaultKind.VANISH, match="/safe-mode/take", when="after"))
+        bench.router.arm(LinkFault(do=FaultKind.VANISH, match="/safe-mode/take", when="after"))
         lost = await bench.converge()
         open_runs = [run.id for run in bench.store.unfinished("coastal")]
         refused = await bench.converge()

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, run
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink
 from atlantis_netcfg.operations.bearers import LAN, PATIENCE_S, patient
-from atlantis_netcfg.routeros import DeviceResult, Endpoint, Mode, Patience, Status, fleet
+from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Patience, Status, fleet
 from atlantis_netcfg.routeros.api import Session
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Ships:
             await bench.router.stop()
 
 
-def ships(tmp_path: Path, number: int, link: Link | None = None) -> Ships:
+def ships(tmp_path: Path, number: int, link: RouterLink | None = None) -> Ships:
     return Ships([Bench(tmp_path / f"ship{each}", link=link) for each in range(number)])
 
 
@@ -51,7 +51,7 @@ def test_devices_do_not_wait_for_each_other(tmp_path: Path) -> None:
     """Seven over a slow link take as long as one."""
 
     async def main() -> tuple[list[DeviceResult], list[str], float]:
-        async with ships(tmp_path, 7, Link(delay_s=0.35)) as benches:
+        async with ships(tmp_path, 7, RouterLink(delay_s=0.35)) as benches:
             begun = asyncio.get_running_loop().time()
             told: list[str] = []
             results = await fleet.run(jobs(benches), done=lambda result: told.append(result.name))
@@ -73,8 +73,8 @@ def test_a_dead_device_holds_nobody_up(tmp_path: Path) -> None:
         async with ships(tmp_path, 5) as benches:
             begun = clock()
             work = jobs(benches)
-            benches[0].router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3))
-            benches[1].router.arm(Fault(do=FaultKind.DROP, match="/execute", sentence=3))
+            benches[0].router.arm(LinkFault(do=FaultKind.VANISH, match="/execute", sentence=3))
+            benches[1].router.arm(LinkFault(do=FaultKind.DROP, match="/execute", sentence=3))
             nowhere = Endpoint("127.0.0.1", 1, "provision", work[0].endpoint.password, "00" * 32)
             work.append(benches[0].job(name="nowhere", endpoint=nowhere))
             return await fleet.run(work, done=lambda result: done.__setitem__(result.name, clock() - begun))
@@ -105,7 +105,7 @@ def test_silent_devices_on_a_cable_are_given_up_in_seconds(tmp_path: Path) -> No
                 work += [benches[0].job(name=name, endpoint=dead) for name in ("dead1", "dead2")]
                 work = [replace(job, endpoint=patient(job.endpoint, LAN)) for job in work]
                 begun = clock()
-                return await fleet.run(work, mode=Mode.PLAN), clock() - begun
+                return await fleet.run(work, mode=JobMode.PLAN), clock() - begun
 
     results, took_s = run(main())
     assert [result.status for result in results] == [Status.PLANNED] * 48 + [Status.LEFT_AS_FOUND] * 2
@@ -127,7 +127,7 @@ def test_only_so_many_are_in_work_at_once(tmp_path: Path) -> None:
     async def main() -> list[DeviceResult]:
         async with ships(tmp_path, 5) as benches:
             work = [bench.job(connect=connect) for bench in benches]
-            return await fleet.run(work, mode=Mode.PLAN, at_once=2, done=lambda _: open_now.pop())
+            return await fleet.run(work, mode=JobMode.PLAN, at_once=2, done=lambda _: open_now.pop())
 
     results = run(main())
     assert [result.status for result in results] == [Status.PLANNED] * 5
@@ -136,7 +136,7 @@ def test_only_so_many_are_in_work_at_once(tmp_path: Path) -> None:
 
 def test_a_stopped_run_reports_every_device(tmp_path: Path) -> None:
     async def main() -> list[DeviceResult]:
-        async with ships(tmp_path, 3, Link(delay_s=0.35)) as benches:
+        async with ships(tmp_path, 3, RouterLink(delay_s=0.35)) as benches:
             running = asyncio.ensure_future(fleet.run(jobs(benches), at_once=2))
             await asyncio.sleep(4)
             running.cancel()

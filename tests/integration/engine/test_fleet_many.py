@@ -14,8 +14,8 @@ from engine_bench import run
 from test_fleet import jobs, ships
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link
-from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, Status, fleet
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, Status, fleet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,8 +36,8 @@ def test_results_of_many_come_before_those_of_the_slow_the_silent_and_the_dead(t
         clock = asyncio.get_running_loop().time
         async with ships(tmp_path, MANY) as benches:
             silent, slow = benches[:2]
-            silent.router.arm(Fault(do=FaultKind.HANG, match="/login"))
-            slow.router.relink(Link(delay_s=0.35))
+            silent.router.arm(LinkFault(do=FaultKind.HANG, match="/login"))
+            slow.router.relink(RouterLink(delay_s=0.35))
             work = jobs(benches)
             nowhere = Endpoint("127.0.0.1", 1, "provision", work[0].endpoint.password, "00" * 32)
             work.insert(2, benches[2].job(name="nowhere", endpoint=nowhere))
@@ -46,7 +46,7 @@ def test_results_of_many_come_before_those_of_the_slow_the_silent_and_the_dead(t
             def keep(result: DeviceResult) -> None:
                 told[result.name] = (clock() - begun, result.status)
 
-            await fleet.stream(map(waiting, work), keep, mode=Mode.PLAN)
+            await fleet.stream(map(waiting, work), keep, mode=JobMode.PLAN)
 
     run(main())
     assert len(told) == MANY + 1
@@ -65,11 +65,11 @@ def test_a_place_is_handed_on_when_a_device_keeps_it_too_long(tmp_path: Path) ->
         clock = asyncio.get_running_loop().time
         async with ships(tmp_path, 3) as benches:
             for bench in benches[:2]:
-                bench.router.arm(Fault(do=FaultKind.HANG, match="/login"))
+                bench.router.arm(LinkFault(do=FaultKind.HANG, match="/login"))
             begun = clock()
             work = map(waiting, jobs(benches))
             await fleet.stream(
-                work, lambda result: ended.__setitem__(result.name, clock() - begun), mode=Mode.PLAN, at_once=2
+                work, lambda result: ended.__setitem__(result.name, clock() - begun), mode=JobMode.PLAN, at_once=2
             )
 
     run(main())
@@ -91,7 +91,7 @@ def test_rows_and_plans_of_devices_that_are_done_are_let_go(tmp_path: Path) -> N
     async def main() -> int:
         async with ships(tmp_path, number + 1) as benches:
             first, *rest = [fleet.Waiting(f"ship{each}", bench.job) for each, bench in enumerate(benches)]
-            await fleet.stream([first], lambda _: None, mode=Mode.PLAN)
+            await fleet.stream([first], lambda _: None, mode=JobMode.PLAN)
             tracemalloc.start()
             try:
                 await fleet.stream(rest, lambda result: told.__setitem__(str(len(told)), result.as_dict()), mode="plan")
@@ -115,7 +115,7 @@ def test_a_job_that_cannot_be_made_is_that_devices_result(tmp_path: Path) -> Non
         results: list[DeviceResult] = []
         async with ships(tmp_path, 1) as benches:
             both = [fleet.Waiting("odd", refused), fleet.Waiting("ship", benches[0].job)]
-            await fleet.stream(both, results.append, mode=Mode.PLAN)
+            await fleet.stream(both, results.append, mode=JobMode.PLAN)
         return results
 
     odd, ship = run(main())

@@ -12,20 +12,28 @@ from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.bearers.lte.judge import LteExpected, judge
 from atlantis_netcfg.bearers.lte.routeros import log_query, queries, read
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import CellSpec, Management, ModemSpec, SimSpec, Site, SiteSpec, TwinRefused
+from atlantis_netcfg.emulator.routeros import (
+    CellSpec,
+    EmulatedSite,
+    ManagementSpec,
+    ModemSpec,
+    SimSpec,
+    SiteSpec,
+    TwinRefused,
+)
 from atlantis_netcfg.emulator.routeros.control import obey
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
 from atlantis_netcfg.render import lte
-from atlantis_netcfg.routeros import Mode, desired
+from atlantis_netcfg.routeros import JobMode, desired
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 HOST = DECLARATION.hosts["coastal-4g"]
 WANTED = LteExpected(apn="internet.example", bands=(3, 7, 20))
-MANAGEMENT = Management(address="10.10.1.1/29", port="ether1", technician="10.10.1.2")
+MANAGEMENT = ManagementSpec(address="10.10.1.1/29", port="ether1", technician="10.10.1.2")
 
 
 def box(tmp_path: Path, version: str = "7.18.2", *, sim: SimSpec | None = SimSpec(), **cell: Any) -> Bench:  # noqa: ANN401, B008 - fields of CellSpec; frozen
@@ -34,7 +42,7 @@ def box(tmp_path: Path, version: str = "7.18.2", *, sim: SimSpec | None = SimSpe
     return Bench(tmp_path, lte(DECLARATION, HOST), spec=spec)
 
 
-async def findings(bench: Bench) -> tuple[Finding, ...]:
+async def findings(bench: Bench) -> tuple[BearerFinding, ...]:
     """Ask as whoever has a session asks, and judge."""
     told = []
     for query in (*queries("lte1"), log_query()):
@@ -94,10 +102,10 @@ def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
         saved = bench.router.export()
         assert (await bench.converge()).status == "changed"
         menus = desired.read(bench.text).menus
-        back = await bench.converge(Mode.ROLLBACK, desired=desired.from_export(saved, menus))
+        back = await bench.converge(JobMode.ROLLBACK, desired=desired.from_export(saved, menus))
         assert back.status == "changed"
         assert bench.export() == before
-        assert (await bench.converge(Mode.ROLLBACK, desired=desired.from_export(saved, menus))).planned == 0
+        assert (await bench.converge(JobMode.ROLLBACK, desired=desired.from_export(saved, menus))).planned == 0
 
     on(box(tmp_path), act)
 
@@ -129,7 +137,7 @@ def test_what_is_wrong_with_the_subscription_is_told_by_name(
 def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.converge()
-        site = Site(SiteSpec(name="coastal", twins=()), tmp_path)
+        site = EmulatedSite(SiteSpec(name="coastal", twins=()), tmp_path)
         site.routers = {"box": bench.router}
         told = await obey(site, "box", "modem", {"cell": {"plmn": "20601"}})
         assert told == {"phase": "registered", "tries_left": 3, "pins_entered": 0}

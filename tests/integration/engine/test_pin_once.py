@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.emulator.routeros.core import SimState
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
-from atlantis_netcfg.routeros import DeviceResult, Mode, converge
+from atlantis_netcfg.routeros import DeviceResult, JobMode, converge
 from atlantis_netcfg.routeros.apply import Patience
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def bench(tmp_path: Path, pin: str, *, asks: str = "1234", version: str = "7.18.
     return Bench(tmp_path, TEXT.format(pin=pin), spec={"modem": modem, "version": version})
 
 
-async def once(bench: Bench, mode: Mode = Mode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
+async def once(bench: Bench, mode: JobMode = JobMode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceJob
     """A run as `operations.jobs` makes it."""
     tried = TriedPin(bench.store.root, "coastal", "router")
     with bench.journal() as journal:
@@ -148,7 +148,7 @@ def test_a_sim_that_waits_for_its_puk_gets_nothing(tmp_path: Path) -> None:
 
 def test_a_plan_sends_nothing(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
-        found = await once(bench, Mode.PLAN)
+        found = await once(bench, JobMode.PLAN)
         assert found.planned == 3
         assert "pin=********" in found.diff
         assert (card(bench), tried(bench)) == ((3, 0), False)

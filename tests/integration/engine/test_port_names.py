@@ -9,8 +9,8 @@ import pytest
 from engine_bench import TEXT, Bench, on
 from test_cut_points import GAP_S, clean, cut, faults
 
-from atlantis_netcfg.emulator.routeros import Execute, Fault, FaultKind
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.drift import DriftKind
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def test_nobody_is_shut_out_of_a_site_on_the_wrong_sockets_and_the_way_out_is_on
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], list[str]]:
         exports = [bench.export()]
-        results = [await bench.converge(Mode.PLAN), await bench.converge()]
+        results = [await bench.converge(JobMode.PLAN), await bench.converge()]
         exports.append(bench.export())
         bench.text = NAMED + re.sub(
             r"interface=(ether\d)", lambda word: f"interface={socket.get(word[1], word[1])}", SITE
@@ -132,7 +132,7 @@ CUT = {
 def test_names_are_all_new_or_all_old(  # noqa: PLR0913, PLR0917 - where it is cut, and how
     tmp_path: Path, seed: str, path: str, nth: int, when: str, kind: FaultKind
 ) -> None:
-    fault = Fault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when})
+    fault = LinkFault.model_validate({"do": kind, "match": path, "sentence": nth, "when": when})
     assert cut(tmp_path, fault, DECLARED, seed=CUT[seed]).status is not Status.LEFT_AS_FOUND
 
 
@@ -143,14 +143,14 @@ def test_a_router_that_runs_no_scripts_is_cut_between_two_names(
     tmp_path: Path, seed: str, nth: int, version: str
 ) -> None:
     """The session that holds safe mode dies, or the job of a router without it takes back what was done."""
-    fault = Fault(do=FaultKind.DROP, match="/interface/ethernet/set", sentence=nth, when="after")
+    fault = LinkFault(do=FaultKind.DROP, match="/interface/ethernet/set", sentence=nth, when="after")
     result = cut(tmp_path, fault, DECLARED, Execute.NONE, CUT[seed], version)
     assert result.status is Status.ROLLED_BACK
 
 
 def test_the_job_of_a_router_without_safe_mode_puts_every_row_back_on_its_socket(tmp_path: Path) -> None:
     """By then names are as declared; the job gives them back first, and finds rows by those."""
-    fault = Fault(do=FaultKind.DROP, match="/interface/list/member/add", sentence=1, when="after")
+    fault = LinkFault(do=FaultKind.DROP, match="/interface/list/member/add", sentence=1, when="after")
     result = cut(tmp_path, fault, DECLARED, Execute.NONE, CUT["swap before"], "7.16")
     assert result.status is Status.ROLLED_BACK
 
@@ -170,7 +170,7 @@ def test_names_are_cut_everywhere(  # noqa: PLR0913, PLR0917 - every way to cut
 ) -> None:
     for sentence in range(1, clean(DECLARED, execute, CUT[seed], version).sentences + 1):
         fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
-        cut(tmp_path / str(sentence), Fault.model_validate(fault), DECLARED, execute, CUT[seed], version)
+        cut(tmp_path / str(sentence), LinkFault.model_validate(fault), DECLARED, execute, CUT[seed], version)
 
 
 @pytest.mark.campaign
@@ -178,14 +178,14 @@ def test_names_are_cut_everywhere(  # noqa: PLR0913, PLR0917 - every way to cut
 @pytest.mark.parametrize("seed", [*AFTER_ALL.values(), *(BY_NAME[name] for name in SWAPPED_BEFORE)])
 def test_every_set_of_names_is_cut_everywhere(tmp_path: Path, seed: str, execute: Execute) -> None:
     for sentence in range(1, clean(DECLARED, execute, seed).sentences + 1):
-        cut(tmp_path / str(sentence), Fault(do=FaultKind.DROP, sentence=sentence), DECLARED, execute, seed)
+        cut(tmp_path / str(sentence), LinkFault(do=FaultKind.DROP, sentence=sentence), DECLARED, execute, seed)
 
 
 def test_names_and_ports_that_nobody_declares_are_told_as_drift_and_put_right(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
-        drifted = await bench.converge(Mode.DRIFT)
+        drifted = await bench.converge(JobMode.DRIFT)
         await bench.converge()
-        return [drifted, await bench.converge(Mode.DRIFT)]
+        return [drifted, await bench.converge(JobMode.DRIFT)]
 
     ports = tuple(f"ether{number}" for number in range(1, 9))
     spec = {

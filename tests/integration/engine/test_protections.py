@@ -10,10 +10,10 @@ import pytest
 from engine_bench import TEXT, Bench, Meddler, leases, on
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros import DeviceMode, Fault, FaultKind, WireBehaviour
-from atlantis_netcfg.emulator.routeros import Mode as TwinMode
+from atlantis_netcfg.emulator.routeros import DeviceMode, FaultKind, LinkFault, WireBehaviour
+from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.journal import Protected
-from atlantis_netcfg.routeros import DeviceResult, Mode, Patience, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ async def left_behind(bench: Bench) -> tuple[int, bool]:
 
 
 async def twice(bench: Bench, **changes: Any) -> list[Any]:  # noqa: ANN401 - fields of DeviceJob
-    planned = await bench.converge(Mode.PLAN, **changes)
+    planned = await bench.converge(JobMode.PLAN, **changes)
     return [planned, await bench.converge(**changes), await bench.converge(**changes), await left_behind(bench)]
 
 
@@ -119,7 +119,7 @@ async def tried(bench: Bench, **changes: Any) -> tuple[DeviceResult, bool, tuple
     result = await bench.converge(**changes)
     same, left = bench.export() == before, await left_behind(bench)
     bench.router.disarm()
-    resumed = await bench.converge(Mode.RESUME, **changes)
+    resumed = await bench.converge(JobMode.RESUME, **changes)
     return result, same, left, resumed
 
 
@@ -156,7 +156,7 @@ def test_the_session_is_cut(tmp_path: Path, kind: FaultKind, ssh: bool, path: st
     bench = Bench(tmp_path, spec={"version": "7.16"}, knobs=WireBehaviour(boot_s=2.0))
 
     async def act(bench: Bench) -> Any:  # noqa: ANN401
-        bench.router.arm(Fault(do=kind, match=path, sentence=nth, when="after"))
+        bench.router.arm(LinkFault(do=kind, match=path, sentence=nth, when="after"))
         return await tried(bench, **({"ssh": bench.ssh} if ssh else {}))
 
     result, same, left, resumed = on(bench, act)
@@ -191,7 +191,7 @@ def test_the_console_dies_while_the_api_lives(tmp_path: Path, how: str, nth: int
 
 async def die_armed(bench: Bench) -> DeviceResult:
     """Let the laptop die after its last script: the dead-man job and the sign of the run stay."""
-    bench.router.arm(Fault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
+    bench.router.arm(LinkFault(do=FaultKind.VANISH, match="/execute", sentence=3, when="after"))
     dead = await bench.converge(patience=Patience(reach_s=0, undo_s=0))
     bench.router.disarm()
     return dead
@@ -205,11 +205,11 @@ def test_a_job_that_nobody_takes_away_runs(tmp_path: Path) -> None:
         before = bench.export()
         dead = await die_armed(bench)
         await bench.router.console(["/system/identity/set", "=name=half-way"])
-        told = await bench.converge(Mode.PLAN)
+        told = await bench.converge(JobMode.PLAN)
         refused = await bench.converge(run="another")
         clock = asyncio.get_running_loop().time
         begun = clock()
-        resumed = await bench.converge(Mode.RESUME)
+        resumed = await bench.converge(JobMode.RESUME)
         waited = clock() - begun
         assert told.notes
         assert bench.export() != before
@@ -231,14 +231,14 @@ OURS = "=comment=a run of provision@10.64.101.10"
 JOB_ROW = ["/system/scheduler/add", "=name=atlantis-dead-man", "=interval=10m", OURS]
 
 
-@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME])
-def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path: Path, mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
+def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path: Path, mode: JobMode) -> None:
     """The script had been executed: nothing is waited for, and nothing is taken back later."""
 
     async def act(bench: Bench) -> tuple[list[DeviceResult], list[tuple[int, bool]], bool]:
         await die_armed(bench)
         left = [await left_behind(bench)]
-        told = [await bench.converge(Mode.PLAN), await bench.converge(Mode.DRIFT)]
+        told = [await bench.converge(JobMode.PLAN), await bench.converge(JobMode.DRIFT)]
         results = [*told, await bench.converge(mode), await bench.converge()]
         left.append(await left_behind(bench))
         as_declared = bench.export()
@@ -268,7 +268,7 @@ def test_a_job_on_a_router_that_has_safe_mode_by_now(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[list[DeviceResult], tuple[int, bool]]:
         await bench.converge()
         await bench.router.console([*JOB_ROW, "=on-event=:put 1"])
-        results = [await bench.converge(each) for each in (Mode.PLAN, Mode.DRIFT)]
+        results = [await bench.converge(each) for each in (JobMode.PLAN, JobMode.DRIFT)]
         return [*results, await bench.converge(), await bench.converge()], await left_behind(bench)
 
     (plan, drift, first, second), left = on(Bench(tmp_path, spec=UPGRADED), act)
@@ -296,7 +296,7 @@ def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
         await bench.converge()
-        return await bench.converge(), await bench.converge(Mode.DRIFT)
+        return await bench.converge(), await bench.converge(JobMode.DRIFT)
 
     old = on(Bench(tmp_path / "old", spec={"version": "7.16"}), act)
     new = on(Bench(tmp_path / "new"), act)
@@ -308,7 +308,7 @@ def test_looking_for_what_is_armed_costs_no_round_trip(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("path", "nth"), [("/system/scheduler/add", 1), ("/system/scheduler/print", 2)])
 def test_a_job_that_was_sent_and_not_read_back_does_not_stay(tmp_path: Path, path: str, nth: int, when: str) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, tuple[int, bool]]:
-        bench.router.arm(Fault.model_validate({"do": FaultKind.DROP, "match": path, "sentence": nth, "when": when}))
+        bench.router.arm(LinkFault.model_validate({"do": FaultKind.DROP, "match": path, "sentence": nth, "when": when}))
         return await bench.converge(), await left_behind(bench)
 
     result, left = on(Bench(tmp_path, spec={"version": "7.16"}), act)
@@ -320,7 +320,7 @@ def test_a_job_that_nobody_can_take_away_is_told(tmp_path: Path) -> None:
     """It runs in vain, and takes itself away: nothing was changed that it could take back."""
 
     async def act(bench: Bench) -> DeviceResult:
-        bench.router.arm(Fault(do=FaultKind.GAP, match="/system/scheduler/add", seconds=5000.0, when="after"))
+        bench.router.arm(LinkFault(do=FaultKind.GAP, match="/system/scheduler/add", seconds=5000.0, when="after"))
         return await bench.converge(patience=Patience(reach_s=10.0))
 
     result = on(Bench(tmp_path, spec={"version": "7.16"}), act)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 from engine_bench import TEXT, Bench, Meddler, on
 
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.apply import Admission
-from atlantis_netcfg.routeros.estimate import Bearer
+from atlantis_netcfg.routeros.estimate import BearerProfile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 RULE = 'add action=passthrough chain=forward comment="atlantis: one more"\n'
 MORE = TEXT.replace("/ip firewall nat\n", f"{RULE}/ip firewall nat\n")
-SATELLITE = Bearer("satellite", 0.7, 352e3, 704e3, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
 
 
 def meddled(tmp_path: Path, words: Sequence[str], path: str = "/execute") -> tuple[DeviceResult, str, list[str]]:
@@ -64,8 +64,8 @@ class Dear:
         return Admission((), "too dear" if spends else None)
 
 
-@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME])
-def test_safe_mode_that_was_taken_for_a_refused_plan_is_released(tmp_path: Path, mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
+def test_safe_mode_that_was_taken_for_a_refused_plan_is_released(tmp_path: Path, mode: JobMode) -> None:
     """Released, not taken back: what somebody else has done meanwhile is theirs."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, str, DeviceResult]:
@@ -83,7 +83,7 @@ def test_safe_mode_that_was_taken_for_a_refused_plan_is_released(tmp_path: Path,
 
 def test_a_plan_takes_no_safe_mode(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[str]:
-        await bench.converge(Mode.PLAN)
+        await bench.converge(JobMode.PLAN)
         return [sentence[0] for each in bench.router.connections() for sentence in each.sentences]
 
     assert "/safe-mode/take" not in on(Bench(tmp_path), act)

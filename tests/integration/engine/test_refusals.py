@@ -11,8 +11,8 @@ from engine_bench import PASSWORD, TEXT, Bench, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import DeviceMode, User
-from atlantis_netcfg.emulator.routeros import Mode as TwinMode
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge, desired
+from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge, desired
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,7 +99,7 @@ def test_another_admin_holds_safe_mode(tmp_path: Path) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, bool]:
         await bench.router.console(["/safe-mode/take"])
         await bench.router.console(["/ip/pool/add", "=name=theirs", "=ranges=10.9.9.9"])
-        result, planned = await bench.converge(), await bench.converge(Mode.PLAN)
+        result, planned = await bench.converge(), await bench.converge(JobMode.PLAN)
         return result, planned, "theirs" in bench.export()
 
     result, planned, kept = on(bench, act)
@@ -223,7 +223,7 @@ def test_a_text_that_hides_a_secret_is_not_told(tmp_path: Path) -> None:
     bench = Bench(tmp_path, text=text)
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
-        return await bench.converge(Mode.PLAN), await bench.converge()
+        return await bench.converge(JobMode.PLAN), await bench.converge()
 
     planned, result = on(bench, act)
     assert (planned.status, result.status) == (Status.PLANNED, Status.CHANGED)

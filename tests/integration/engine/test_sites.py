@@ -10,11 +10,11 @@ import pytest
 from engine_bench import PASSWORD, Bench, leases, on
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link, User
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, RouterLink, User
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.render import router
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
@@ -60,7 +60,7 @@ def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> No
 
     async def act(bench: Bench) -> DeviceResult:
         await bench.converge()
-        bench.router.relink(Link(delay_s=RTT_S / 2))
+        bench.router.relink(RouterLink(delay_s=RTT_S / 2))
         return await bench.converge()
 
     idle = on(bench(tmp_path, "coastal-router"), act)
@@ -98,9 +98,9 @@ def test_it_can_be_gone_back_to_what_it_was(tmp_path: Path) -> None:
 def test_a_declared_router_is_cut_between_its_pieces(tmp_path: Path, kind: FaultKind, nth: int) -> None:
     async def act(bench: Bench) -> tuple[DeviceResult, str, str, DeviceResult]:
         before = bench.export()
-        bench.router.arm(Fault(do=kind, match="/execute", sentence=nth, when="after"))
+        bench.router.arm(LinkFault(do=kind, match="/execute", sentence=nth, when="after"))
         result = await bench.converge()
-        return result, before, bench.export(), await bench.converge(Mode.RESUME)
+        return result, before, bench.export(), await bench.converge(JobMode.RESUME)
 
     result, before, now, resumed = on(bench(tmp_path, "coastal-router", reservations(50)), act)
     assert result.status in (Status.ROLLED_BACK, Status.CHANGED)

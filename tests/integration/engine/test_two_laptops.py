@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from engine_bench import TEXT, Bench, leases, on
 
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge, desired
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge, desired
 from atlantis_netcfg.routeros.api import Session
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ async def meet(bench: Bench, nth: int, second: str, *, at_once: bool, **changes:
     meeting.left = "atlantis-run" in str(await bench.router.console(["/ip/firewall/address-list/print"]))
     last = next((name for name, result in reversed(meeting.ended) if result.status is Status.CHANGED), None)
     text = second if last == "second" else bench.text
-    meeting.again = await bench.converge(Mode.PLAN, desired=desired.read(text))
+    meeting.again = await bench.converge(JobMode.PLAN, desired=desired.read(text))
     return meeting
 
 

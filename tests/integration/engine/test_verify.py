@@ -13,7 +13,16 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.routeros import Deviation, Execute, ModemSpec, WireBehaviour
 from atlantis_netcfg.routeros.api import Session
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS
-from atlantis_netcfg.routeros.verify import CHECKS, MARK, TRIES, Finding, Seen, fall_silent, read, try_out
+from atlantis_netcfg.routeros.verify import (
+    CHECKS,
+    MARK,
+    TRIES,
+    AssumptionFinding,
+    SeenAnswers,
+    fall_silent,
+    read,
+    try_out,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,12 +43,12 @@ async def _with_history(bench: Bench) -> None:
         await bench.router.console(["/interface/set", "=.id=ether1", f"=comment={comment}"])
 
 
-async def reading(bench: Bench) -> Seen:
+async def reading(bench: Bench) -> SeenAnswers:
     await _with_history(bench)
     return await read(bench.job().endpoint)
 
 
-async def trying(bench: Bench) -> Seen:
+async def trying(bench: Bench) -> SeenAnswers:
     before = bench.export()
     seen = await reading(bench)
     before = bench.export()
@@ -49,11 +58,11 @@ async def trying(bench: Bench) -> Seen:
     return seen
 
 
-def failed(seen: Seen) -> set[str]:
+def failed(seen: SeenAnswers) -> set[str]:
     return {finding.id for finding in seen.findings if finding.verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}}
 
 
-def passed(seen: Seen) -> set[str]:
+def passed(seen: SeenAnswers) -> set[str]:
     return {finding.id for finding in seen.findings if finding.verdict is Verdict.PASS}
 
 
@@ -64,7 +73,7 @@ def test_all_hold(tmp_path: Path, version: str) -> None:
 
 
 def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -> None:
-    async def act(bench: Bench) -> Seen:
+    async def act(bench: Bench) -> SeenAnswers:
         seen = await reading(bench)
         with pytest.raises(DeviceFailed, match="no safe mode for the API"):
             await try_out(bench.job().endpoint)
@@ -75,7 +84,7 @@ def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -
 
 
 def test_a_renamed_modem_is_asked_under_its_name(tmp_path: Path) -> None:
-    async def act(bench: Bench) -> Seen:
+    async def act(bench: Bench) -> SeenAnswers:
         await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])
         return await reading(bench)
 
@@ -124,7 +133,7 @@ def test_what_is_turned_off_is_told_by_trying(tmp_path: Path, name: str) -> None
 def test_a_silent_session_is_noticed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, silent_s: float, verdict: Verdict
 ) -> None:
-    async def act(bench: Bench) -> Finding:
+    async def act(bench: Bench) -> AssumptionFinding:
         # The emulated link is what has died: its time jumps, and the kernel's does not.
         monkeypatch.setattr(Session, "fall_silent", lambda _: bench.router.vanish())
         before = bench.export()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from engine_bench import Bench, on
 
 from atlantis_netcfg.emulator.routeros import WireBehaviour
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import WINDOW
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def test_a_device_that_hangs_is_asked_again_in_smaller_batches_and_that_is_told(
 
 def test_a_plan_is_told_so_as_well(tmp_path: Path) -> None:
     async def act(bench: Bench) -> DeviceResult:
-        return await bench.converge(Mode.PLAN)
+        return await bench.converge(JobMode.PLAN)
 
     result = on(Bench(tmp_path, knobs=WireBehaviour(hang_at=25)), act)
     assert result.status is Status.PLANNED

@@ -13,7 +13,7 @@ import pytest
 from engine_bench import PASSWORD, Bench, on, run
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.routeros import DeviceResult, Status
 from atlantis_netcfg.routeros.api import LoginRefused
@@ -103,7 +103,7 @@ def test_a_session_that_fails_is_told_as_well(
 def test_a_session_that_is_lost_in_its_login_and_repeated_is_told_twice(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
-            bench.router.arm(Fault(do=FaultKind.DROP, match="/login", sentence=2, when="after"))
+            bench.router.arm(LinkFault(do=FaultKind.DROP, match="/login", sentence=2, when="after"))
             result = await bench.converge(endpoint=at(proxy, bench.job().endpoint))
             assert result.status is Status.CHANGED
             assert result.sessions == 3

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import Route, active_bearer
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.operations.rehearsal import site_spec
@@ -61,9 +61,9 @@ class World:
         user = self.device.spec.users[0]
         self.caller = self.device.login(user.name, user.password, via="api", address="10.64.101.10")
 
-    def ways(self) -> tuple[Route, ...]:
+    def ways(self) -> tuple[BearerRoute, ...]:
         return tuple(
-            Route(
+            BearerRoute(
                 each.name,
                 str(each.gateway),
                 str(each.address),

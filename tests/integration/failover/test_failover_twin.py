@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from quay_world import World, shipped
 
-from atlantis_netcfg.emulator.routeros.spec import DeviceMode, Mode
+from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Failover
@@ -23,7 +23,7 @@ PATIENCE_S = 200.0
 
 
 def world(site: str = "coastal", version: str = "7.18.2", *, home: bool = False) -> World:
-    made = World(site, version, DeviceMode(mode=Mode.HOME) if home else None)
+    made = World(site, version, DeviceMode(mode=DeviceModeName.HOME) if home else None)
     made.passes(60)
     assert made.order() == [made.ways()[0].name]
     return made

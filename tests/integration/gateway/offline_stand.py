@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 from gateway_stand import ROUTER, Key, gateway_tree
 
-from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
 from atlantis_netcfg.bundle.manifest import Keys
-from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, Source, read_target
-from atlantis_netcfg.bundle.requirements import Key as ArchiveKey
-from atlantis_netcfg.emulator.lab.stubs import StandIn, publish
+from atlantis_netcfg.bundle.requirements import HostRequirements, PackageRequirement, PackageSource, read_target
+from atlantis_netcfg.bundle.requirements import RequirementKey as ArchiveKey
+from atlantis_netcfg.emulator.lab.stubs import StubPackage, publish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,7 +67,9 @@ class Quay:
     def keys(self) -> Keys:
         return Keys.of(self.folder / "state")
 
-    def bundle(self, packages: Sequence[StandIn], libraries: Sequence[Library] = (), name: str = "bundle") -> Manifest:
+    def bundle(
+        self, packages: Sequence[StubPackage], libraries: Sequence[Library] = (), name: str = "bundle"
+    ) -> Manifest:
         """Make one with these packages for the tree that the machine was started from."""
         archive = publish(self.folder / f"{name}-archive", packages, codename="bookworm")
         keyring = "/usr/share/keyrings/standins.gpg"
@@ -75,7 +77,7 @@ class Quay:
             NAME,
             tuple(PackageRequirement(each.name, each.version) for each in packages),
             (
-                Source(
+                PackageSource(
                     "/etc/apt/sources.list.d/s.list", f"deb [signed-by={keyring}] file:{archive.folder} bookworm main\n"
                 ),
             ),
@@ -83,7 +85,7 @@ class Quay:
             libraries=tuple(libraries),
         )
         target = read_target((gateway_tree() / "var/lib/dpkg/status").read_bytes(), "tree")
-        order = Order("coastal", "0" * 64, (Purpose(wish, target, None),), self.folder / name)
+        order = BundleOrder("coastal", "0" * 64, (BundlePurpose(wish, target, None),), self.folder / name)
         return make(order, self.keys.signer(), lambda _words, _share: None, lambda _size: None)
 
     def start(
@@ -148,7 +150,7 @@ def told(said: str) -> dict[str, Any]:
     return result
 
 
-def install(packages: Sequence[StandIn]) -> dict[str, Any]:
+def install(packages: Sequence[StubPackage]) -> dict[str, Any]:
     """The task of a role that installs from the bundle alone."""
     wanted = [{"name": each.name, "version": each.version} for each in packages]
     arguments = {"packages": wanted, "offline": "{{ gateway_base_bundle.repository }}"}

@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     Listen,
     Place,
-    Run,
+    RunProgram,
     Say,
     Transcript,
     Trouble,
@@ -57,7 +57,7 @@ def ears(machine: Start, technician: Key, tmp_path: Path) -> RealEars:  # noqa: 
     return RealEars(SHIPPED, "coastal", Request(state=tmp_path / "state"), ssh_config=str(config))
 
 
-def asked(ears: RealEars, *questions: Listen | Run | DhcpDiscoverRequest) -> Mapping[str, Answer]:
+def asked(ears: RealEars, *questions: Listen | RunProgram | DhcpDiscoverRequest) -> Mapping[str, Answer]:
     return asyncio.run(ears.ask(Place.GATEWAY, None, [(one.name, one) for one in questions], lambda *_: None))
 
 
@@ -70,8 +70,8 @@ def test_a_gateway_is_asked_in_one_command(
     def tcp(name: str, address: str, port: int, *say: Say) -> Listen:
         return Listen(name, Place.GATEWAY, "tcp", address, port, say=say, listen_s=0.1, connect_s=5)
 
-    def run(name: str, *argv: str) -> Run:
-        return Run(name, Place.GATEWAY, argv)
+    def run(name: str, *argv: str) -> RunProgram:
+        return RunProgram(name, Place.GATEWAY, argv)
 
     gateway, known = ground.machines[NAME], str(tmp_path / "known")
     traffic = gateway.traffic

@@ -9,7 +9,7 @@ from gateway_stand import ground, machine, technician
 from offline_stand import CUT, Quay, install, told
 
 from atlantis_netcfg.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.emulator.lab.stubs import StandIn
+from atlantis_netcfg.emulator.lab.stubs import StubPackage
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 
 __all__ = ["ground", "machine", "technician"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
-PACKAGES = (StandIn("mission-log", "1:1.2-3", ("mission-data (>= 4)",)), StandIn("mission-data", "4.0", padding_kb=900))
-NEWER = (StandIn("mission-log", "1:1.3-1", ("mission-data (>= 4)",)), PACKAGES[1])
+PACKAGES = (
+    StubPackage("mission-log", "1:1.2-3", ("mission-data (>= 4)",)),
+    StubPackage("mission-data", "4.0", padding_kb=900),
+)
+NEWER = (StubPackage("mission-log", "1:1.3-1", ("mission-data (>= 4)",)), PACKAGES[1])
 
 
 @pytest.fixture
@@ -57,7 +60,7 @@ def test_a_gateway_without_network_is_installed_from_a_bundle(quay: Quay) -> Non
 
 
 def test_a_carry_that_was_killed_is_resumed_and_sends_only_the_rest(quay: Quay) -> None:
-    parts = tuple(StandIn(f"map-part{number}", "1", padding_kb=3000) for number in range(6))
+    parts = tuple(StubPackage(f"map-part{number}", "1", padding_kb=3000) for number in range(6))
     manifest = quay.bundle(parts)
     whole = bytes_to_carry(open_bundle(quay.folder / "bundle", quay.keys), "coastal-gateway")
     quay.gateway.link(rate_up_bps=40_000_000)

@@ -9,7 +9,7 @@ import pytest
 from gateway_role import Stand
 from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
+from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,9 +32,9 @@ class Ros:
     """A gateway that says it is an Ubuntu 20.04, and an archive that it reaches."""
 
     stand: Stand
-    serve: Callable[[Archive], str]
+    serve: Callable[[StubArchive], str]
 
-    def declare(self, archive: Archive, **more: object) -> None:
+    def declare(self, archive: StubArchive, **more: object) -> None:
         keys = self.stand.inventory / "keys"
         keys.mkdir(exist_ok=True)
         (keys / "stand-in.gpg").write_bytes(archive.key)
@@ -80,7 +80,7 @@ def test_it_comes_talks_changes_its_version_and_stays(ros: Ros, tmp_path: Path) 
 
 def test_a_listener_that_hears_nothing_fails_the_gateway(ros: Ros, tmp_path: Path) -> None:
     listener = "/opt/ros/foxy/lib/demo_nodes_py/listener"
-    deaf = StandIn("ros-foxy-demo-nodes-py", "1.0", files={listener: "#!/bin/sh\necho no middleware\nexit 3\n"})
+    deaf = StubPackage("ros-foxy-demo-nodes-py", "1.0", files={listener: "#!/bin/sh\necho no middleware\nexit 3\n"})
     packages = [package for package in ros_packages("foxy") if package.name != deaf.name]
     ros.declare(publish(tmp_path / "archive", [*packages, deaf], codename="focal"))
     told = ros.stand.run()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.emulator.lab import Lab
-    from atlantis_netcfg.emulator.lab.stubs import Archive
+    from atlantis_netcfg.emulator.lab.stubs import StubArchive
     from atlantis_netcfg.emulator.lab.stubs.interop import GitServer
 
 pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(400)]
@@ -74,7 +74,7 @@ class Typed(Voyage):
 
 
 @pytest.fixture
-def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, StubArchive, str]]:
     with served(tmp_path, "v1.0.0", TOKEN) as there:
         yield there
 
@@ -84,7 +84,7 @@ def typed(
     machine: Start,  # noqa: F811 - fixtures
     technician: Key,  # noqa: F811
     tmp_path: Path,
-    ashore: tuple[GitServer, Archive, str],
+    ashore: tuple[GitServer, StubArchive, str],
 ) -> Typed:
     git, archive, mirror = ashore
     stand = Typed(machine(NAME), technician, tmp_path, [])

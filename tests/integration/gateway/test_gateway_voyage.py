@@ -16,12 +16,12 @@ from gateway_role import NAME, Stand
 from gateway_stand import FREE_CLOCK, SHIPPED, gateway_tree, ground, machine, technician  # noqa: F401 - fixtures
 from gateway_suite import checked
 
-from atlantis_netcfg.bundle.build import Order, Purpose, make
+from atlantis_netcfg.bundle.build import BundleOrder, BundlePurpose, make
 from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.bundle.open import open_bundle
 from atlantis_netcfg.bundle.requirements import read_target
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish, ros_packages
+from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
 from atlantis_netcfg.emulator.lab.stubs.interop import EXAMPLES, LIBRARY, GitServer, make_interop, serve_git
 from atlantis_netcfg.operations.bundle import wish_of
 from atlantis_netcfg.operations.request import Request
@@ -71,7 +71,9 @@ class Voyage(Stand):
         wish = wish_of(declaration, declaration.hosts[NAME], self.request, tokens=True)
         status = (gateway_tree() / "var/lib/dpkg/status").read_bytes()
         target = replace(read_target(status, "tree"), distribution="ubuntu", codename="focal")
-        order = Order("coastal", declaration.revision, (Purpose(wish, target, None),), self.folder / "bundle")
+        order = BundleOrder(
+            "coastal", declaration.revision, (BundlePurpose(wish, target, None),), self.folder / "bundle"
+        )
         keys = Keys.of(self.request.state)
         made = make(order, keys.signer(), lambda _words, _share: None, lambda _size: None)
         assert open_bundle(self.folder / "bundle", keys, [wish]).manifest == made
@@ -79,10 +81,10 @@ class Voyage(Stand):
 
 
 @contextmanager
-def served(folder: Path, tag: str, token: str) -> Iterator[tuple[GitServer, Archive, str]]:
+def served(folder: Path, tag: str, token: str) -> Iterator[tuple[GitServer, StubArchive, str]]:
     """The partners' git server and ROS' archive; no machine reaches them."""
     projects = make_interop(folder / "served", tag)
-    more = [StandIn(name, "1.0") for name in ("build-essential", "gpsd", "python3-colcon-ros")]
+    more = [StubPackage(name, "1.0") for name in ("build-essential", "gpsd", "python3-colcon-ros")]
     archive = publish(folder / "archive", [*ros_packages("foxy"), *more], codename="focal")
     server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=str(archive.folder)))
     thread = threading.Thread(target=server.serve_forever)
@@ -95,7 +97,7 @@ def served(folder: Path, tag: str, token: str) -> Iterator[tuple[GitServer, Arch
 
 
 @pytest.fixture
-def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, Archive, str]]:
+def ashore(tmp_path: Path) -> Iterator[tuple[GitServer, StubArchive, str]]:
     with served(tmp_path, "v1", TOKEN) as there:
         yield there
 
@@ -105,7 +107,7 @@ def voyage(
     machine: Start,  # noqa: F811 - fixtures
     technician: Key,  # noqa: F811
     tmp_path: Path,
-    ashore: tuple[GitServer, Archive, str],
+    ashore: tuple[GitServer, StubArchive, str],
 ) -> Voyage:
     git, archive, mirror = ashore
     stand = Voyage(machine(NAME), technician, tmp_path, ROLES)
@@ -127,7 +129,7 @@ def voyage(
     return stand
 
 
-def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple[GitServer, Archive, str]) -> None:
+def test_all_roles_take_everything_from_the_bundle(voyage: Voyage, ashore: tuple[GitServer, StubArchive, str]) -> None:
     manifest = voyage.pack()
     asked = len(ashore[0].requests)
     planned = voyage.run("--check")

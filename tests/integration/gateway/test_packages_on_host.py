@@ -15,7 +15,7 @@ import pytest
 from gateway_role import NAME, PLAYBOOK, ROOT
 from gateway_stand import ground, known_hosts, machine, technician  # noqa: F401 - fixtures
 
-from atlantis_netcfg.emulator.lab.stubs import Archive, StandIn, publish
+from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,10 +29,10 @@ pytestmark = [pytest.mark.namespace, pytest.mark.slow, pytest.mark.timeout(300)]
 
 ADHOC = PLAYBOOK.removesuffix("-playbook")
 SOURCE, KEYRING = "/etc/apt/sources.list.d/own.sources", "/usr/share/keyrings/own.gpg"
-SLOW = StandIn("slow", "1.0", postinst="touch /run/slow; while [ -e /srv/slow ]; do sleep 0.1; done")
-LARGE = StandIn("large", "1.0", padding_kb=6000)
-BROKEN = (StandIn("broken", "1.0", postinst="echo no such bus >&2; exit 3"), StandIn("broken", "2.0"))
-PACKAGES = (StandIn("one", "1.0"), StandIn("one", "2.0"), SLOW, LARGE, *BROKEN)
+SLOW = StubPackage("slow", "1.0", postinst="touch /run/slow; while [ -e /srv/slow ]; do sleep 0.1; done")
+LARGE = StubPackage("large", "1.0", padding_kb=6000)
+BROKEN = (StubPackage("broken", "1.0", postinst="echo no such bus >&2; exit 3"), StubPackage("broken", "2.0"))
+PACKAGES = (StubPackage("one", "1.0"), StubPackage("one", "2.0"), SLOW, LARGE, *BROKEN)
 
 
 @dataclass
@@ -42,11 +42,11 @@ class Board:
     gateway: Machine
     key: Key
     folder: Path
-    serve: Callable[[Archive], str]
+    serve: Callable[[StubArchive], str]
     url: str = ""
-    archive: Archive | None = None
+    archive: StubArchive | None = None
 
-    def publish(self, name: str, packages: tuple[StandIn, ...] = PACKAGES, **how: Any) -> None:  # noqa: ANN401
+    def publish(self, name: str, packages: tuple[StubPackage, ...] = PACKAGES, **how: Any) -> None:  # noqa: ANN401
         self.archive = publish(self.folder / name, packages, codename="bookworm", **how)
         self.url = self.serve(self.archive)
 

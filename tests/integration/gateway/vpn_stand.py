@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
+from atlantis_netcfg.vpn.identity import (
+    Certificate,
+    CertificateStatus,
+    Identity,
+    KeyType,
+    Member,
+    MemberKind,
+    MemberLink,
+    Wrap,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -107,7 +116,7 @@ class Vpn:
             key=KeyType.EC,
             standing=CertificateStatus.ISSUED,
         )
-        member = Member(HOST, Kind.HOST, None, HOST, IPv4Address(ADDRESS), Link.FIBRE, None, (certificate,))
+        member = Member(HOST, MemberKind.HOST, None, HOST, IPv4Address(ADDRESS), MemberLink.FIBRE, None, (certificate,))
         shared = self._keys[wrap]
         wrapped = shared if wrap is Wrap.TLS_CRYPT else pki.client_key(shared, b"cn=" + HOST.encode())
         ca = pki.cert_pem(self.ca.certificate)

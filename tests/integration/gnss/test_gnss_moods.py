@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from gnss_stand import Asked, codes, judged
 
 from atlantis_netcfg.declaration.model import GpsDriver
-from atlantis_netcfg.emulator.gnss import Access, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
+from atlantis_netcfg.emulator.gnss import GnssAccess, GnssSpec, RunningGpsd, RunningNmea, RunningNmeaPort, Speech
 
 GPSD, TCP, SERIAL = GpsDriver.GPSD, GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL
 
@@ -24,8 +24,8 @@ CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
     "gpsd, damaged": (GPSD, GnssSpec(damaged=2, every_s=0.1), ["WARN damaged"]),
     "gpsd, silent": (GPSD, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
     "gpsd, garbage": (GPSD, GnssSpec(speech=Speech.GARBAGE), ["FAIL no-data"]),
-    "gpsd, not started": (GPSD, GnssSpec(access=Access.REFUSED), ["FAIL driver-not-started"]),
-    "gpsd, mute": (GPSD, GnssSpec(access=Access.MUTE), ["FAIL no-data"]),
+    "gpsd, not started": (GPSD, GnssSpec(access=GnssAccess.REFUSED), ["FAIL driver-not-started"]),
+    "gpsd, mute": (GPSD, GnssSpec(access=GnssAccess.MUTE), ["FAIL no-data"]),
     "NMEA, healthy": (TCP, GnssSpec(), ["PASS fix"]),
     "NMEA, byte by byte": (TCP, GnssSpec(piecewise=True), ["PASS fix"]),
     "NMEA, no fix": (TCP, GnssSpec(mode=1), ["FAIL no-fix"]),
@@ -38,8 +38,8 @@ CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
     "NMEA, poor": (TCP, GnssSpec(hdop=9.0), ["WARN position-uncertain"]),
     "NMEA, garbage": (TCP, GnssSpec(speech=Speech.GARBAGE), ["FAIL not-nmea"]),
     "NMEA, silent": (TCP, GnssSpec(speech=Speech.NOTHING), ["INCONCLUSIVE no-data"]),
-    "NMEA, in use": (TCP, GnssSpec(access=Access.IN_USE), ["INCONCLUSIVE in-use"]),
-    "NMEA, refused": (TCP, GnssSpec(access=Access.REFUSED), ["INCONCLUSIVE refused"]),
+    "NMEA, in use": (TCP, GnssSpec(access=GnssAccess.IN_USE), ["INCONCLUSIVE in-use"]),
+    "NMEA, refused": (TCP, GnssSpec(access=GnssAccess.REFUSED), ["INCONCLUSIVE refused"]),
     "serial, healthy": (SERIAL, GnssSpec(), ["PASS fix"]),
     "serial, byte by byte": (SERIAL, GnssSpec(piecewise=True), ["PASS fix"]),
     "serial, no fix": (SERIAL, GnssSpec(mode=1), ["FAIL no-fix"]),
@@ -53,7 +53,7 @@ LONG_S = 2.2
 
 
 def listened(name: str, spec: GnssSpec) -> float | None:
-    if spec.speech is not Speech.POSITIONS or spec.access is not Access.SERVED:
+    if spec.speech is not Speech.POSITIONS or spec.access is not GnssAccess.SERVED:
         return SHORT_S
     until_the_end = spec.silent_after is not None or spec.damaged or "no date" in name
     return LONG_S if until_the_end else None

@@ -167,13 +167,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import Command, Word
+from atlantis_netcfg.cli._arguments import CommandSpec, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
 
-TIDE = Command("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
+TIDE = CommandSpec("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
 
 
 def run_tide(arguments: Arguments) -> ExitCode:
@@ -248,7 +248,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     if cell.router is None:
         return _of_the_column(cell)
     probe = Interface(cell.router.name)
-    toy = Step(name="port", title="The router has its port", kind=Kind.AUTOMATIC, phase=Phase.BENCH, probe=probe)
+    toy = Step(name="port", title="The router has its port", kind=ItemKind.AUTOMATIC, phase=Phase.BENCH, probe=probe)
     return (*_of_the_column(cell), toy)
 
 
@@ -268,7 +268,7 @@ class Interface:
 
         there = {row["name"] for row in results["ports"].rows}
         verdict = Verdict.PASS if "ether2" in there else Verdict.FAIL
-        return Judged((Finding(verdict, "port", f"{len(there)} ports"),))
+        return Judged((BearerFinding(verdict, "port", f"{len(there)} ports"),))
 '''
 
 

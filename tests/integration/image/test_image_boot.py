@@ -25,7 +25,7 @@ from image_made import ROOT_AT, disk, run
 
 from atlantis_netcfg.image.blocks import admit
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
-from atlantis_netcfg.image.facts import ImageRequest, Static
+from atlantis_netcfg.image.facts import ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
 from atlantis_netcfg.image.source import expand, segments
 from atlantis_netcfg.image.writer import Card, write
@@ -170,7 +170,7 @@ def test_the_card_boots_with_the_declared_name_and_keys_and_without_the_password
         site="coastal",
         user="root",
         keys=(public,),
-        static=Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org"),
+        static=StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org"),
         interface="eth0",
         time_zone="Europe/Lisbon",
         time_servers=(IPv4Address("192.0.2.123"),),

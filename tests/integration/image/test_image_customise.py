@@ -15,7 +15,7 @@ import pytest
 from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4
-from atlantis_netcfg.image.facts import Edit, File, ImageRefused, ImageRequest, Remove, Static
+from atlantis_netcfg.image.facts import Edit, ImageFile, ImageRefused, ImageRequest, Remove, StaticNetwork
 from atlantis_netcfg.image.plan import customise
 
 WISH = ImageRequest(
@@ -23,7 +23,7 @@ WISH = ImageRequest(
     site="coastal",
     user="root",
     keys=(KEY,),
-    static=Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org"),
+    static=StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org"),
     interface="eth0",
     time_zone="Europe/Lisbon",
     time_servers=(IPv4Address("192.0.2.123"),),
@@ -154,11 +154,11 @@ def test_a_full_file_system_is_told(tmp_path: Path) -> None:
     image = disk(tmp_path / "full.img", tree(tmp_path / "root"), root_mib=4)
     root = Ext4(image, ROOT_AT)
     with pytest.raises(ImageRefused, match=r"/etc/large of the image could not be set|damaged after"):
-        root.apply([File("/etc/large", b"x" * 8 * 2**20)])
+        root.apply([ImageFile("/etc/large", b"x" * 8 * 2**20)])
 
 
 @pytest.mark.parametrize(
-    "edit", [File("/etc/a b", b""), File("/etc/../x", b""), Remove('/etc/"x"'), File("etc/x", b"")]
+    "edit", [ImageFile("/etc/a b", b""), ImageFile("/etc/../x", b""), Remove('/etc/"x"'), ImageFile("etc/x", b"")]
 )
 def test_a_path_that_debugfs_could_take_apart_is_refused(image: Path, edit: Edit) -> None:
     with pytest.raises(ImageRefused, match="cannot be the path of a file"):

@@ -10,7 +10,7 @@ import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.image.blocks import BlockTree, Bus, admit, confirmed, same
+from atlantis_netcfg.image.blocks import BlockTree, DeviceBus, admit, confirmed, same
 from atlantis_netcfg.image.facts import DeviceRefused
 
 if TYPE_CHECKING:
@@ -95,9 +95,10 @@ def test_all_reasons_are_told_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("bus", "serial", "kind"), [(USB, "20090516388200", Bus.USB), (SLOT, "0x5f2b1c3d", Bus.MMC), (USB, "", Bus.USB)]
+    ("bus", "serial", "kind"),
+    [(USB, "20090516388200", DeviceBus.USB), (SLOT, "0x5f2b1c3d", DeviceBus.MMC), (USB, "", DeviceBus.USB)],
 )
-def test_a_card_is_admitted(bus: str, serial: str, kind: Bus, tmp_path: Path) -> None:
+def test_a_card_is_admitted(bus: str, serial: str, kind: DeviceBus, tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     disk = tree.disk(bus=bus)
     if serial:

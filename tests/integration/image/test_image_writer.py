@@ -16,8 +16,8 @@ from blocks_fake import LoopCard, Tree, loop
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.image.blocks import admit
 from atlantis_netcfg.image.facts import CardUnfinished, DeviceRefused
-from atlantis_netcfg.image.source import Kind, Segment, segments
-from atlantis_netcfg.image.writer import Card, Progress, Step, Written, write
+from atlantis_netcfg.image.source import Segment, SourceKind, segments
+from atlantis_netcfg.image.writer import Card, Progress, WriterStep, WrittenCard, write
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,7 +51,7 @@ def shown(tmp_path: Path, card: LoopCard, size: int = 32 * MIB) -> Card:
     return Card(card.device, admit(tree.blocks, card.device), tree.blocks)
 
 
-def put(image: Path, card: Card, parts: tuple[Segment, ...] | None = None) -> tuple[Written, list[Progress]]:
+def put(image: Path, card: Card, parts: tuple[Segment, ...] | None = None) -> tuple[WrittenCard, list[Progress]]:
     told: list[Progress] = []
     return write(image, segments(image, SIZE) if parts is None else parts, card, told.append), told
 
@@ -62,7 +62,7 @@ def test_the_card_is_the_image_and_nothing_shines_through(tmp_path: Path, image:
     assert used.file.read_bytes()[SIZE:] == (OLD * (MIB // len(OLD) + 1))[:MIB] * 8
     assert written.compared == SIZE
     assert written.data + written.cleared + written.skipped == SIZE
-    assert {each.step for each in told} == {Step.CLEARING, Step.WRITING, Step.COMPARING}
+    assert {each.step for each in told} == {WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING}
     assert all(each.done == each.total for each in told if "100 %" in each.words)
 
 
@@ -99,7 +99,7 @@ def test_images_of_any_size(end: int, tmp_path: Path, used: LoopCard) -> None:
 class Stopped:
     """A subscriber at which the writing stops, as by Ctrl-C."""
 
-    def __init__(self, step: Step) -> None:
+    def __init__(self, step: WriterStep) -> None:
         self.step = step
 
     def __call__(self, progress: Progress) -> None:
@@ -107,8 +107,8 @@ class Stopped:
             raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize("step", [Step.CLEARING, Step.WRITING, Step.COMPARING])
-def test_a_card_that_was_stopped_does_not_boot(step: Step, tmp_path: Path, image: Path, used: LoopCard) -> None:
+@pytest.mark.parametrize("step", [WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING])
+def test_a_card_that_was_stopped_does_not_boot(step: WriterStep, tmp_path: Path, image: Path, used: LoopCard) -> None:
     card = shown(tmp_path, used)
     with pytest.raises(CardUnfinished, match=r"it was stopped. Its first block is empty") as caught:
         write(image, segments(image, SIZE), card, Stopped(step))
@@ -209,5 +209,5 @@ def test_segments_cover_the_image_once(image: Path) -> None:
     assert parts[-1].end == SIZE
     assert all(one.end == other.start for one, other in pairwise(parts))
     data = image.read_bytes()
-    assert all(not any(data[part.start : part.end]) for part in parts if part.kind is Kind.ZERO)
-    assert any(part.kind is Kind.ZERO for part in parts)
+    assert all(not any(data[part.start : part.end]) for part in parts if part.kind is SourceKind.ZERO)
+    assert any(part.kind is SourceKind.ZERO for part in parts)

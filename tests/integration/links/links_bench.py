@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import Declaration, choose, load
-from atlantis_netcfg.emulator.routeros import Link, RunningSite
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.links.look import LinksStatus, look
 from atlantis_netcfg.operations.lte import emulated_units
@@ -164,7 +164,7 @@ def _made(folder: Path) -> Path:
 def _spec(declaration: Declaration, chosen: Sequence[Host], spoil: Callable[[TwinSpec], TwinSpec] | None) -> SiteSpec:
     hosts = with_other_ends(declaration, [host for host in chosen if handled(host)])
     spec = site_spec(declaration, hosts, along={host.name for host in hosts} - {host.name for host in chosen})
-    near = tuple(twin.model_copy(update={"link": Link()}) for twin in spec.twins)
+    near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.twins)
     return spec.model_copy(update={"twins": tuple(map(spoil, near)) if spoil is not None else near})
 
 

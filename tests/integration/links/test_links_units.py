@@ -166,7 +166,7 @@ def test_a_unit_that_cannot_be_read(te4sea: Bench) -> None:
 
 def test_a_modem_on_a_serial_line(te4sea: Bench, tmp_path: Path) -> None:
     te4sea.declaration = load(_declared(tmp_path, SERIAL))
-    with modem.RunningModem(modem.ModemSpec()) as started:
+    with modem.RunningModem(modem.AtModemSpec()) as started:
         te4sea.targets = {UNIT: Target(host="", port=0, pin="", serial=started.path)}
         report = te4sea.report()
         assert started.forbidden == []

@@ -15,19 +15,19 @@ from engine_bench import run, without_header
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import (
     Air,
-    Management,
+    EmulatedRouter,
+    EmulatedSite,
+    ManagementSpec,
     Radio,
     RadioLink,
     RadioPair,
-    Router,
     RouterSpec,
-    Site,
     SiteSpec,
     TwinSpec,
     User,
 )
 from atlantis_netcfg.journal import Journal, RunStarted, Store
-from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, Mode, desired
+from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.rsc import quote
 
@@ -108,12 +108,12 @@ class PairBench:
     words: Words = Words()
     """Both ends before."""
     events: list[Event] = field(default_factory=list)
-    site: Site = field(init=False)
+    site: EmulatedSite = field(init=False)
 
     def __post_init__(self) -> None:
         radio = "wlan1" if self.family == "legacy" else "wifi1"
         pair = RadioPair(near="near", far="far", near_radio=radio, far_radio=radio, air=self.air)
-        self.site = Site(
+        self.site = EmulatedSite(
             SiteSpec(name="quay", twins=(self._twin("near", radio), self._twin("far", radio)), pairs=(pair,)),
             self.tmp_path / "twins",
         )
@@ -132,7 +132,7 @@ class PairBench:
             "radios": (Radio(name=radio),),
             "packages": ("routeros", "wireless" if self.family == "legacy" else "wifi-qcom"),
             "users": (User(name="provision", password=PASSWORD),),
-            "management": Management(
+            "management": ManagementSpec(
                 address=ADDRESSES[name], port="ether1" if name == "near" else radio, technician=TECHNICIAN
             ),
             "seed": text(self.family, self.mode(name), self.words) + _ADDRESS,
@@ -151,7 +151,7 @@ class PairBench:
     def link(self) -> RadioLink:
         return self.site.links[0]
 
-    def router(self, name: str) -> Router:
+    def router(self, name: str) -> EmulatedRouter:
         return self.site.routers[name]
 
     def export(self, name: str) -> str:
@@ -186,7 +186,7 @@ class PairBench:
     async def converge(
         self,
         words: Words,
-        mode: Mode = Mode.APPLY,
+        mode: JobMode = JobMode.APPLY,
         *,
         far_words: Words | None = None,
         **changes: Any,  # noqa: ANN401 - fields of Pair

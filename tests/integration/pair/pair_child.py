@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import Journal, Record, RunResumed, RunStarted, Store
-from atlantis_netcfg.routeros import DeviceJob, Endpoint, Mode, Patience, desired
+from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class Deadly(Journal):
 
 def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
-    if asked["mode"] == Mode.RESUME:
+    if asked["mode"] == JobMode.RESUME:
         (run,) = store.unfinished("quay")
         return store.resume("quay", run.id, RunResumed(revision="", tool="", command="provision resume"))
     with store.start(STARTED) as started:
@@ -67,7 +67,7 @@ def main(asked: Mapping[str, Any]) -> None:
     pair = Pair(
         job("near", asked, log), job("far", asked, log), link_timeout_s=asked["timeout_s"], reserve_s=1.0, grace_s=0.5
     )
-    results = asyncio.run(converge_pair(pair, mode=Mode(asked["mode"])))
+    results = asyncio.run(converge_pair(pair, mode=JobMode(asked["mode"])))
     sys.stdout.write(json.dumps([dict(result.as_dict()) for result in results]) + "\n")
 
 

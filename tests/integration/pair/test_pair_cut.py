@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
-from atlantis_netcfg.emulator.routeros import Deviation, Fault, FaultKind
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.emulator.routeros import Deviation, FaultKind, LinkFault
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -60,7 +60,7 @@ def state(bench: PairBench) -> Exports:
 
 
 def cut(
-    tmp_path: Path, end: str, fault: Fault, family: str = "legacy", deviations: tuple[Deviation, ...] = ()
+    tmp_path: Path, end: str, fault: LinkFault, family: str = "legacy", deviations: tuple[Deviation, ...] = ()
 ) -> tuple[DeviceResult, DeviceResult]:
     """Cut one run, hold it to its word, and see that both ends are alike, and that the next run gets through."""
     whole = clean(family)
@@ -74,7 +74,7 @@ def cut(
         bench.router(end).disarm()
         await asyncio.sleep(LONG_S)
         later = state(bench)
-        resumed = await bench.converge(NEW, Mode.RESUME)
+        resumed = await bench.converge(NEW, JobMode.RESUME)
         again = await bench.converge(NEW)
         assert [result.status for result in again] == [Status.UNCHANGED] * 2, (fault, again[0].message)
         return results, then, later, bench.exports(), [result.status for result in resumed]
@@ -118,14 +118,14 @@ CUTS = [
     ("kind", "end", "path", "nth"), CUTS, ids=[f"{kind} {end} {path}" for kind, end, path, _ in CUTS]
 )
 def test_cut_where_it_hurts(tmp_path: Path, kind: FaultKind, end: str, path: str, nth: int) -> None:
-    results = cut(tmp_path, end, Fault(do=kind, match=path, sentence=nth, when="after"))
+    results = cut(tmp_path, end, LinkFault(do=kind, match=path, sentence=nth, when="after"))
     assert all(result.exit.value in (0, 4, 5) for result in results)
 
 
 @pytest.mark.parametrize(("end", "path", "nth"), SAMPLE, ids=[f"{end} {path}" for end, path, _ in SAMPLE])
 def test_the_power_fails_and_an_end_keeps_what_was_in_safe_mode(tmp_path: Path, end: str, path: str, nth: int) -> None:
     """Without `safe-mode-power-loss`."""
-    fault = Fault(do=FaultKind.POWER, match=path, sentence=nth, when="after")
+    fault = LinkFault(do=FaultKind.POWER, match=path, sentence=nth, when="after")
     results = cut(tmp_path, end, fault, deviations=(Deviation.POWER_LOSS,))
     assert all(result.exit.value in (0, 4, 5) for result in results)
 
@@ -155,7 +155,7 @@ def test_nothing_is_armed_when_the_advice_was_followed(
     """At once, without waiting for anything to run down: exit 5 says `resume`, exit 4 the same command again."""
 
     async def act(bench: PairBench) -> tuple[list[str], list[str], bool]:
-        bench.router(end).arm(Fault(do=kind, match=path, sentence=nth, when="after"))
+        bench.router(end).arm(LinkFault(do=kind, match=path, sentence=nth, when="after"))
         results = await bench.converge(NEW)
         bench.router(end).disarm()
         told = []
@@ -164,7 +164,7 @@ def test_nothing_is_armed_when_the_advice_was_followed(
             if all(each.exit.value == 0 for each in results):
                 break
             resumes = any(each.exit.value == 5 or "resume" in (each.hint or "") for each in results)
-            results = await bench.converge(NEW, Mode.RESUME if resumes else Mode.APPLY)
+            results = await bench.converge(NEW, JobMode.RESUME if resumes else JobMode.APPLY)
         assert all(each.exit.value == 0 for each in results), told
         left, before = await armed(bench), bench.exports()
         await asyncio.sleep(LONG_S)
@@ -184,5 +184,5 @@ def test_cut_everywhere(tmp_path: Path, family: str, end: str, kind: FaultKind, 
     whole = clean(family)
     assert LINK_TIMEOUT_S < LONG_S
     for sentence in range(1, (whole.near if end == "near" else whole.far) + 1):
-        fault = Fault.model_validate({"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S})
+        fault = LinkFault.model_validate({"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S})
         cut(tmp_path / str(sentence), end, fault, family)

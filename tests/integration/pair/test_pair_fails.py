@@ -9,7 +9,7 @@ import pytest
 from pair_bench import LINK_TIMEOUT_S, PairBench, Words, on, without_job
 
 from atlantis_netcfg.emulator.routeros import Air
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.pair import Signal
 
 if TYPE_CHECKING:
@@ -52,9 +52,9 @@ def test_ends_that_disagree_are_refused_before_anything_is_sent(
 
 
 @FAMILIES
-@pytest.mark.parametrize("mode", [Mode.PLAN, Mode.APPLY])
+@pytest.mark.parametrize("mode", [JobMode.PLAN, JobMode.APPLY])
 def test_what_the_devices_parser_does_not_take_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str, mode: Mode
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, family: str, mode: JobMode
 ) -> None:
     monkeypatch.setattr(
         "atlantis_netcfg.emulator.routeros.console.run._code",

@@ -12,7 +12,7 @@ from pair_bench import PairBench, Words, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.journal import Journal, Record, Released
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status, converge
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
@@ -63,7 +63,7 @@ async def killed(bench: PairBench, dies: Callable[[Record], bool]) -> bool:
         deadly = Deadly(started.directory)
     deadly.dies = dies
     try:
-        await pair_run(bench, Mode.APPLY, deadly)
+        await pair_run(bench, JobMode.APPLY, deadly)
     except Killed:
         return True
     else:
@@ -72,7 +72,7 @@ async def killed(bench: PairBench, dies: Callable[[Record], bool]) -> bool:
         deadly.close()
 
 
-async def pair_run(bench: PairBench, mode: Mode, journal: Journal, **changes: Any) -> Results:  # noqa: ANN401
+async def pair_run(bench: PairBench, mode: JobMode, journal: Journal, **changes: Any) -> Results:  # noqa: ANN401
     """A run as the command line has it: it knows the runs of this computer that have died."""
     near, far = (
         bench.job(
@@ -88,8 +88,8 @@ async def pair_run(bench: PairBench, mode: Mode, journal: Journal, **changes: An
     return await converge_pair(Pair(near, far, link_timeout_s=300.0), mode=mode)
 
 
-async def again(bench: PairBench, mode: Mode = Mode.APPLY) -> Results:
-    if mode is Mode.RESUME:
+async def again(bench: PairBench, mode: JobMode = JobMode.APPLY) -> Results:
+    if mode is JobMode.RESUME:
         with Journal(bench.store.runs("quay")[-1].directory) as journal:
             return await pair_run(bench, mode, journal)
     with bench.journal() as journal:
@@ -119,8 +119,8 @@ async def lose_the_link(bench: PairBench) -> tuple[str, str]:
     return bench.exports()
 
 
-@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME, Mode.ROLLBACK])
-def test_a_job_of_a_run_that_was_killed_after_both_ends_were_kept_is_removed(tmp_path: Path, mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK])
+def test_a_job_of_a_run_that_was_killed_after_both_ends_were_kept_is_removed(tmp_path: Path, mode: JobMode) -> None:
     async def act(bench: PairBench) -> tuple[Results, list[str], bool, Results, str]:
         assert await killed(bench, kept("near"))
         assert await armed(bench, "far") == ["=name=atlantis-"]
@@ -142,7 +142,7 @@ def test_a_job_of_a_run_that_was_killed_after_both_ends_were_kept_is_removed(tmp
 def test_a_plan_and_drift_tell_a_job_that_is_armed(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, list[str], str]:
         assert await killed(bench, kept("near"))
-        plan, drift = await again(bench, Mode.PLAN), await again(bench, Mode.DRIFT)
+        plan, drift = await again(bench, JobMode.PLAN), await again(bench, JobMode.DRIFT)
         return plan, drift, await armed(bench, "far"), bench.store.runs("quay")[0].id
 
     plan, drift, left, run = on(PairBench(tmp_path), act)
@@ -187,7 +187,7 @@ def test_the_end_that_can_be_seen_is_not_green_while_its_job_is_armed(tmp_path: 
     assert "the job atlantis-pair of" in results[0].message
 
 
-def kill_and_run_again(folder: Path, record: int, mode: Mode) -> bool:
+def kill_and_run_again(folder: Path, record: int, mode: JobMode) -> bool:
     """Kill a run, type what comes next at once, and lose the link for long; False if the run ended before."""
 
     async def act(bench: PairBench) -> bool:
@@ -195,7 +195,7 @@ def kill_and_run_again(folder: Path, record: int, mode: Mode) -> bool:
             return False
         results = await again(bench, mode)
         if any(each.exit is not ExitCode.DONE for each in results):
-            results = await again(bench, Mode.RESUME)
+            results = await again(bench, JobMode.RESUME)
         assert [each.exit for each in results] == [ExitCode.DONE] * 2, told(results)
         assert [*await armed(bench, "near"), *await armed(bench, "far")] == [], told(results)
         assert [each.status for each in await again(bench)] == [Status.UNCHANGED] * 2
@@ -206,16 +206,16 @@ def kill_and_run_again(folder: Path, record: int, mode: Mode) -> bool:
     return on(PairBench(folder), act)
 
 
-@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME])
+@pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
 @pytest.mark.parametrize("record", [7, 10, 15, 16, 17, 18])
-def test_nothing_is_armed_after_what_follows_a_kill(tmp_path: Path, record: int, mode: Mode) -> None:
+def test_nothing_is_armed_after_what_follows_a_kill(tmp_path: Path, record: int, mode: JobMode) -> None:
     assert kill_and_run_again(tmp_path, record, mode)
 
 
 @pytest.mark.campaign
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("mode", [Mode.APPLY, Mode.RESUME])
-def test_nothing_is_armed_after_a_kill_at_each_record(tmp_path: Path, mode: Mode) -> None:
+@pytest.mark.parametrize("mode", [JobMode.APPLY, JobMode.RESUME])
+def test_nothing_is_armed_after_a_kill_at_each_record(tmp_path: Path, mode: JobMode) -> None:
     record = 1
     while kill_and_run_again(tmp_path / str(record), record, mode):
         record += 1

@@ -10,7 +10,7 @@ from hints_said import advised, said
 from pair_bench import PairBench, Words, on, without_job
 
 from atlantis_netcfg.emulator.routeros import Air
-from atlantis_netcfg.routeros import DeviceResult, Mode, Status
+from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +31,7 @@ async def far_alone(bench: PairBench) -> None:
 def test_the_near_end_follows(tmp_path: Path, family: str) -> None:
     async def act(bench: PairBench) -> tuple[Results, Results, bool]:
         await far_alone(bench)
-        return await bench.converge(NEW, Mode.RESUME), await bench.converge(NEW), bench.link.up
+        return await bench.converge(NEW, JobMode.RESUME), await bench.converge(NEW), bench.link.up
 
     first, second, up = on(PairBench(tmp_path, family=family), act)
     assert [result.status for result in first] == [Status.CHANGED, Status.UNCHANGED], [each.message for each in first]
@@ -54,7 +54,7 @@ def test_a_far_end_that_has_gone_for_good_is_not_followed(tmp_path: Path) -> Non
     async def act(bench: PairBench) -> tuple[Results, bool]:
         before = bench.exports()
         bench.link.change(Air(distance_m=500_000.0))
-        return await bench.converge(NEW, Mode.RESUME), bench.exports() == before
+        return await bench.converge(NEW, JobMode.RESUME), bench.exports() == before
 
     results, as_before = on(PairBench(tmp_path), act)
     assert [result.status for result in results] == [Status.ROLLED_BACK, Status.LEFT_AS_FOUND]
@@ -62,8 +62,8 @@ def test_a_far_end_that_has_gone_for_good_is_not_followed(tmp_path: Path) -> Non
     assert as_before
 
 
-@pytest.mark.parametrize(("mode", "status"), [(Mode.APPLY, Status.LEFT_AS_FOUND), (Mode.RESUME, Status.CHANGED)])
-def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, mode: Mode, status: Status) -> None:
+@pytest.mark.parametrize(("mode", "status"), [(JobMode.APPLY, Status.LEFT_AS_FOUND), (JobMode.RESUME, Status.CHANGED)])
+def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, mode: JobMode, status: Status) -> None:
     async def act(bench: PairBench) -> tuple[Results, bool, str]:
         before = bench.exports()
         job = [
@@ -84,7 +84,7 @@ def test_a_job_that_is_there_is_somebody_elses_unless_we_resume(tmp_path: Path, 
     assert ("atlantis-pair" in far) == (status is Status.LEFT_AS_FOUND)
 
 
-TYPED = {"resume": Mode.RESUME}
+TYPED = {"resume": JobMode.RESUME}
 """What a command of a hint is for the engine, which knows no command line."""
 
 

@@ -10,7 +10,7 @@ import pytest
 from quay import ROUTER, Quay, quay
 
 from atlantis_netcfg.journal import CostCounted, Store
-from atlantis_netcfg.routeros.estimate import Bearer, beforehand
+from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 HERE = ("site=coastal", f"only={ROUTER}")
 DEAR = (*HERE, "via=satellite")
-SATELLITE = Bearer("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
 
 
 @pytest.fixture

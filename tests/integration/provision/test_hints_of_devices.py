@@ -15,10 +15,10 @@ from vpn_desk import PASSPHRASE
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.emulator.routeros import DeviceMode, Mode
+from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import upgrade
-from atlantis_netcfg.operations.upgrade import Waiting
+from atlantis_netcfg.operations.upgrade import WaitingUpgrade
 from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypat
         raise NothingBehindIt("it would be looked for")
 
     monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
-    technician.at.replace("old", version="7.17.1", device_mode=DeviceMode(mode=Mode.HOME))
+    technician.at.replace("old", version="7.17.1", device_mode=DeviceMode(mode=DeviceModeName.HOME))
     technician.at.adopt()
     refused = technician.type("site=coastal", code=4)
     hint = (
@@ -134,7 +134,7 @@ def test_a_router_that_nothing_protects_is_met(technician: Technician, monkeypat
 def old(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
     """Put a router of an older version in the place of the one that is there; it is back from a boot within seconds."""
     at = technician.at
-    monkeypatch.setattr(upgrade, "Waiting", lambda: Waiting(poll_s=0.2, connect_s=1.0))
+    monkeypatch.setattr(upgrade, "WaitingUpgrade", lambda: WaitingUpgrade(poll_s=0.2, connect_s=1.0))
     at.replace("old", version="7.16")
     at.adopt()
     at.do("knobs", boot_s=0.3)

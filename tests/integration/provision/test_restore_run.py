@@ -12,7 +12,7 @@ import pytest
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
 
-from atlantis_netcfg.emulator.routeros import Management
+from atlantis_netcfg.emulator.routeros import ManagementSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ SMALL = {
     "ports": tuple(f"ether{number}" for number in range(1, 6)),
     "poe_ports": (),
     "board": "RB750Gr3",
-    "management": Management(port="ether5"),
+    "management": ManagementSpec(port="ether5"),
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.emulator.routeros import Device, Management, RouterSpec
+from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
 from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Facts, Observed
 from atlantis_netcfg.routeros.commands import console, sentence
@@ -35,7 +35,7 @@ POLICIES = frozenset({"api", "read", "write", "policy", "test", "sensitive"})
 class Bench:
     """A twin in this process, and one session on it."""
 
-    management: Management
+    management: ManagementSpec
     seed: str = ""
     version: str = "7.18.2"
     device: Device = field(init=False)
@@ -101,7 +101,7 @@ def site(path: Path) -> tuple[str, Bench]:
     text = path.read_text(encoding="utf-8")
     found = re.search(r'add address=(10\.64\.(\d+)\.1/24) comment="atlantis: management" interface=(\S+)', text)
     assert found is not None
-    return text, Bench(Management(address=found[1], port=found[3], technician=f"10.64.{found[2]}.10"))
+    return text, Bench(ManagementSpec(address=found[1], port=found[3], technician=f"10.64.{found[2]}.10"))
 
 
 def body(text: str) -> str:
@@ -161,7 +161,7 @@ add action=accept chain=input comment="atlantis: c" protocol=igmp
 
 
 def test_moves_and_replacements_end_as_the_text_has_it() -> None:
-    bench = Bench(Management())
+    bench = Bench(ManagementSpec())
     first = read(FIREWALL)
     bench.script(bench.plan(first))
     lines = FIREWALL.splitlines()
@@ -180,7 +180,7 @@ def simple(case: dict[str, Any]) -> bool:
 
 @pytest.mark.parametrize("case", [case for case in CASES if simple(case)], ids=lambda case: case["name"])
 def test_what_cuts_the_way_to_the_twin_was_objected_to(case: dict[str, Any]) -> None:
-    bench = Bench(Management(), seed=SEED, version=case.get("version", "7.18.2"))
+    bench = Bench(ManagementSpec(), seed=SEED, version=case.get("version", "7.18.2"))
     bench.say("/user/set", "=.id=provision", "=comment=atlantis: provisioner")
     path = ManagementPath(bench.management.technician, bench.management.local)
     assert bench.device.path_open(path.technician, path.local, path.service)

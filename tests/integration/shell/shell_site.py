@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import paramiko
 
-from atlantis_netcfg.emulator.routeros import Link, RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
+from atlantis_netcfg.emulator.routeros import (
+    RouterLink,
+    RouterSpec,
+    RunningSite,
+    SiteSpec,
+    TwinSpec,
+    User,
+    WireBehaviour,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,13 +55,13 @@ class Twin:
 def twin(
     tmp_path: Path,
     *,
-    link: Link | None = None,
+    link: RouterLink | None = None,
     knobs: WireBehaviour | None = None,
     **spec: Any,  # noqa: ANN401
 ) -> Iterator[Twin]:
     users = (User(name="admin", password=PASSWORD), User(name="guest", password=PASSWORD, group="read"))
     router = RouterSpec.model_validate({"name": NAME, "users": users, **spec})
-    wire = TwinSpec(router=router, link=link or Link(), knobs=knobs or WireBehaviour(boot_s=0.2))
+    wire = TwinSpec(router=router, link=link or RouterLink(), knobs=knobs or WireBehaviour(boot_s=0.2))
     with RunningSite(SiteSpec(name="site", twins=(wire,)), tmp_path) as site:
         yield Twin(site)
 

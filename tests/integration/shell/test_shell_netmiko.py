@@ -9,7 +9,7 @@ import pytest
 from netmiko import ConnectHandler, NetmikoAuthenticationException, file_transfer
 from shell_site import PASSWORD, Twin, paramiko_on, twin
 
-from atlantis_netcfg.emulator.routeros import Link
+from atlantis_netcfg.emulator.routeros import RouterLink
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -118,7 +118,7 @@ def test_file_transfer(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_over_a_satellite_link(tmp_path: Path) -> None:
-    link = Link(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
+    link = RouterLink(delay_s=0.35, rate_up_bps=352_000, rate_down_bps=704_000)
     with twin(tmp_path, link=link) as box, netmiko_on(box, conn_timeout=60, banner_timeout=60, auth_timeout=60) as nm:
         assert nm.send_command("/system identity print", read_timeout=60) == "name: MikroTik"
         assert "10.64.101.1/24" in nm.send_command("/ip address print", read_timeout=60)

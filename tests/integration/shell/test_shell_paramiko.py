@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives.asymmetric import ed25519
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from shell_site import PASSWORD, paramiko_on, run, twin
 
-from atlantis_netcfg.emulator.routeros import Link
+from atlantis_netcfg.emulator.routeros import RouterLink
 
 SEED = """/ip firewall filter add chain=input action=accept comment="a remark that is long enough to be wrapped" \\
     connection-state=established,related
@@ -233,7 +233,7 @@ def test_the_host_key_survives_a_restart_and_not_a_new_one(tmp_path: Path) -> No
 
 
 def test_a_slow_link_costs_what_it_costs(tmp_path: Path) -> None:
-    with twin(tmp_path, link=Link(delay_s=0.05)) as box, paramiko_on(box) as client:
+    with twin(tmp_path, link=RouterLink(delay_s=0.05)) as box, paramiko_on(box) as client:
         before = box.do("counters")
         assert run(client, ':put "a"')[0] == "a\r\n"
         after = box.do("counters")

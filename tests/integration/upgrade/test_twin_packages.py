@@ -8,7 +8,7 @@ import pytest
 from npk_files import contents
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
-from atlantis_netcfg.emulator.routeros.core import File
+from atlantis_netcfg.emulator.routeros.core import FlashFile
 
 
 def router(version: str = "7.18.2", packages: tuple[str, ...] = ("routeros",)) -> Device:
@@ -20,7 +20,7 @@ def rebooted(device: Device, *files: tuple[str, str, str]) -> Device:
     flash = device.snapshot()
     for number, (name, version, architecture) in enumerate(files, start=900):
         text = contents(name, version, architecture).decode(errors="surrogateescape")
-        file = File(number, text, "2026-01-01 08:00:00")
+        file = FlashFile(number, text, "2026-01-01 08:00:00")
         flash["files"][f"{name}-{version}-{architecture}.npk"] = [file.number, file.contents, file.modified]
     device.restore(flash)
     return device

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
 from atlantis_netcfg.journal import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
-from atlantis_netcfg.operations.upgrade import Upgrading, Waiting
+from atlantis_netcfg.operations.upgrade import Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
 from atlantis_netcfg.routeros.packages import UpgradeRefused, read_npk
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from atlantis_netcfg.operations.upgrade import Seen
+    from atlantis_netcfg.operations.upgrade import SeenPackages
 
 PASSWORD = "example-password"
 
@@ -61,13 +61,13 @@ def router(tmp_path: Path, *, boot_s: float = 0.3, **spec: Any) -> Iterator[tupl
                 Endpoint(ready["host"], ready["api_ssl"], "provision", Secret(PASSWORD), ready["pin"]),
                 SshEndpoint(ready["host"], ready["ssh"], "provision", Secret(PASSWORD), ready["host_key"]),
                 (read_npk(write(tmp_path, "routeros", "7.21.5", "arm64", payload=300_000)),),
-                waiting=Waiting(until_s=20, poll_s=0.1, connect_s=3),
+                waiting=WaitingUpgrade(until_s=20, poll_s=0.1, connect_s=3),
             ),
         )
 
 
-def run(upgrading: Upgrading, journal: NoJournal | None = None) -> Seen:
-    async def both() -> Seen:
+def run(upgrading: Upgrading, journal: NoJournal | None = None) -> SeenPackages:
+    async def both() -> SeenPackages:
         seen, upgrade = await upgrading.look()
         assert upgrade.send, "there is something to do"
         return await upgrading.carry_out(seen, upgrade, journal or NoJournal())
@@ -169,7 +169,7 @@ def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
 
 def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
     with router(tmp_path, boot_s=3.0) as (running, upgrading):
-        hurried = replace(upgrading, waiting=Waiting(until_s=1.0, poll_s=0.2, connect_s=0.5))
+        hurried = replace(upgrading, waiting=WaitingUpgrade(until_s=1.0, poll_s=0.2, connect_s=0.5))
         with pytest.raises(OutcomeUnknown, match="is not back after 1 s") as unknown:
             run(hurried)
         assert "run the same command again" in (unknown.value.hint or "")

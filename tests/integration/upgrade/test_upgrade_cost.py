@@ -16,7 +16,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.costs import link_of
-from atlantis_netcfg.operations.upgrade import Prepared, _cost
+from atlantis_netcfg.operations.upgrade import PreparedUpgrade, _cost
 from atlantis_netcfg.routeros.packages import Upgrade, read_npk
 
 if TYPE_CHECKING:
@@ -35,20 +35,20 @@ def request(tmp_path: Path, via: str, **more: Any) -> Request:  # noqa: ANN401 -
     return Request(state=tmp_path / "state", via={ROUTER: via}, command="provision upgrade", **more)
 
 
-def prepared(declaration: Declaration, tmp_path: Path, via: str, size: int) -> Prepared:
+def prepared(declaration: Declaration, tmp_path: Path, via: str, size: int) -> PreparedUpgrade:
     """An upgrade as it is after the device was looked at; the rest of it is not asked for before the cost is."""
     package = read_npk(write(tmp_path, "routeros", "7.21.5", "arm64", payload=size))
     upgrade = Upgrade((package,), Version(7, 21, 5), ("routeros",))
     bearer = bearer_of(declaration, declaration.hosts[ROUTER], via)
     cost = _cost(upgrade, bearer, link_of(declaration, "coastal", via))
     nothing = cast("Any", None)
-    return Prepared(nothing, nothing, upgrade, bearer, cost, nothing)
+    return PreparedUpgrade(nothing, nothing, upgrade, bearer, cost, nothing)
 
 
 def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Declaration, tmp_path: Path) -> None:
     path = write(tmp_path, "routeros", "7.21.5", "arm64")
     with pytest.raises(CostRefused, match="nothing was sent: over satellite of coastal") as refused:
-        Prepared.of(declaration, declaration.hosts[ROUTER], [path], request(tmp_path, "satellite"), ignore)
+        PreparedUpgrade.of(declaration, declaration.hosts[ROUTER], [path], request(tmp_path, "satellite"), ignore)
     assert refused.value.exit is ExitCode.FAILED
     assert not (tmp_path / "state").exists()
 

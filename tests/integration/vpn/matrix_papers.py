@@ -11,7 +11,7 @@ from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, openvpn_client, site_link
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, profile
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,12 +60,12 @@ def host(declaration: Declaration, name: str) -> EnrolmentRequest:
     client = getattr(device, "vpn_client", None)
     address = client.address if client else device.vpn_address  # type: ignore[union-attr]
     return EnrolmentRequest(
-        name, Kind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site)
+        name, MemberKind.HOST, None, name, address=address, link=site_link(declaration, declaration.hosts[name].site)
     )
 
 
 def guest(
-    declaration: Declaration, partner: str, device: str, kind: Kind, vehicle: str | None = None
+    declaration: Declaration, partner: str, device: str, kind: MemberKind, vehicle: str | None = None
 ) -> EnrolmentRequest:
     """A partner's device, with the next address of its pool."""
     pool = declaration.partners[partner].vpn_pool

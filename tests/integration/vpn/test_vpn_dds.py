@@ -21,7 +21,7 @@ from matrix_stand import CENTRE, vpn
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import DdsPeer
 from atlantis_netcfg.gateway.dds import profile_views, profiles
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 
 if TYPE_CHECKING:
@@ -72,8 +72,8 @@ def test_who_hears_whom(tmp_path: Path) -> None:
     declaration = replace(shipped, partners={**shipped.partners, "inesc": inesc})
     wishes = [host(declaration, GATEWAY), host(declaration, CENTRE)]
     for partner, vehicle in (("inesc", "zarco"), ("iqua", "sparus")):
-        wishes.append(guest(declaration, partner, "laptop", Kind.LAPTOP))
-        wishes.append(guest(declaration, partner, vehicle, Kind.ROBOT, vehicle))
+        wishes.append(guest(declaration, partner, "laptop", MemberKind.LAPTOP))
+        wishes.append(guest(declaration, partner, vehicle, MemberKind.ROBOT, vehicle))
     with vpn(declaration, wishes, tmp_path) as made:
         members = made.authority.membership().members
         declared = policy(declaration, made.authority.membership())

@@ -20,7 +20,7 @@ from matrix_stand import CENTRE, ROUTER, SERVER, vpn
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.vpn import server as product
-from atlantis_netcfg.vpn.identity import CertificateStatus, Kind
+from atlantis_netcfg.vpn.identity import CertificateStatus, MemberKind
 from atlantis_netcfg.vpn.policy import TABLE, policy
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ def reach(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reach]:
     declaration = replace(shipped, partners=partners)
     wishes = [host(declaration, name) for name in (ROUTER, GATEWAY, CENTRE)]
     for partner, vehicle in (("inesc", "zarco"), ("iqua", "sparus")):
-        wishes.append(guest(declaration, partner, "laptop", Kind.LAPTOP))
-        wishes.append(guest(declaration, partner, vehicle, Kind.ROBOT, vehicle))
+        wishes.append(guest(declaration, partner, "laptop", MemberKind.LAPTOP))
+        wishes.append(guest(declaration, partner, vehicle, MemberKind.ROBOT, vehicle))
     with vpn(declaration, wishes, tmp_path_factory.mktemp("vpn")) as made:
         membership = made.authority.membership()
         ends = {name: str(member.address) for name, member in membership.members.items()} | BESIDE_ALL

@@ -30,9 +30,9 @@ from atlantis_netcfg.vpn.identity import (
     CertificateStatus,
     Identity,
     KeyType,
-    Kind,
-    Link,
     Member,
+    MemberKind,
+    MemberLink,
     MembershipList,
     Wrap,
 )
@@ -59,8 +59,8 @@ class Wanted:
     """A device to be issued."""
 
     name: str
-    kind: Kind = Kind.LAPTOP
-    link: Link = Link.FIBRE
+    kind: MemberKind = MemberKind.LAPTOP
+    link: MemberLink = MemberLink.FIBRE
     wrap: Wrap = Wrap.TLS_CRYPT_V2
     key: KeyType = KeyType.EC
     admitted: bool = True

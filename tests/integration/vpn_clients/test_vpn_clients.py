@@ -15,7 +15,7 @@ import pytest
 from clients_stand import Office, Stand, Wanted, await_words, declared, device_of, made_stand
 
 from atlantis_netcfg.vpn.enrolment_package import contents
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,8 +26,11 @@ _PLUGIN = Path(__file__).parents[3] / ".venv-setup" / "debian" / "network-manage
 """`make test` has unpacked it there."""
 EVERY = {
     f"udg-{kind}-{link}-{wrap}-{key}": Wanted(f"udg-{kind}-{link}-{wrap}-{key}", kind, link, wrap, key)
-    for kind, link, wrap, key in product((Kind.ROBOT, Kind.LAPTOP), Link, Wrap, KeyType)
-} | {f"udg-router-{key}": Wanted(f"udg-router-{key}", Kind.ROUTER, Link.FIBRE, Wrap.TLS_CRYPT, key) for key in KeyType}
+    for kind, link, wrap, key in product((MemberKind.ROBOT, MemberKind.LAPTOP), MemberLink, Wrap, KeyType)
+} | {
+    f"udg-router-{key}": Wanted(f"udg-router-{key}", MemberKind.ROUTER, MemberLink.FIBRE, Wrap.TLS_CRYPT, key)
+    for key in KeyType
+}
 """Each kind of profile, on each link, with each way to wrap, with each key."""
 
 
@@ -79,7 +82,7 @@ def test_each_profile_connects_and_pings(office: Office, profiles: dict[str, Pat
 def test_networkmanager_imports_each(office: Office, profiles: dict[str, Path], tmp_path: Path) -> None:
     """Its plugin reads every word of a profile that it has a setting for, and puts the keys away for their owner."""
     (library,) = _PLUGIN.glob("usr/lib/*/NetworkManager/libnm-vpn-plugin-openvpn.so")
-    named = {name: path for name, path in profiles.items() if office.wanted[name].kind is not Kind.ROUTER}
+    named = {name: path for name, path in profiles.items() if office.wanted[name].kind is not MemberKind.ROUTER}
     done = subprocess.run(
         ["/usr/bin/python3", str(Path(__file__).with_name("nm_import.py")), str(library), *map(str, named.values())],
         env={**os.environ, "HOME": str(tmp_path)},

@@ -28,7 +28,7 @@ from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
-from atlantis_netcfg.vpn.identity import Identity, Kind
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.server import FOLDER, MANAGEMENT, server_conf
 
 if TYPE_CHECKING:
@@ -93,7 +93,9 @@ class Record:
         pool = declaration().partners[PARTNER].vpn_pool
         devices = [f"d{next(self._numbers)}" for _ in range(count)]
         wishes = [
-            EnrolmentRequest(name=f"{PARTNER}-{device}", kind=Kind.LAPTOP, partner=PARTNER, device=device, pool=pool)
+            EnrolmentRequest(
+                name=f"{PARTNER}-{device}", kind=MemberKind.LAPTOP, partner=PARTNER, device=device, pool=pool
+            )
             for device in devices
         ]
         with self.signing() as signer:
@@ -146,10 +148,10 @@ class Server(Computer):
     def push(self) -> live.Pushed:
         return live.push(declaration(), self.record.authority, self.link)
 
-    def revoke(self, *common_names: str) -> live.Evidence:
+    def revoke(self, *common_names: str) -> live.RevocationEvidence:
         return live.revoke_live(declaration(), self.record.authority, self.link, common_names)
 
-    def throw_out(self, name: str) -> live.Evidence:
+    def throw_out(self, name: str) -> live.RevocationEvidence:
         """As a command does it: recorded, done, settled."""
         names = self.record.revoke(name)
         evidence = self.revoke(*names)
@@ -157,7 +159,7 @@ class Server(Computer):
             self.record.authority.settled(names)
         return evidence
 
-    def go_on(self) -> live.Evidence | None:
+    def go_on(self) -> live.RevocationEvidence | None:
         return live.finish_revocations(declaration(), self.record.authority, self.link)
 
     def drift(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import pytest
 from vpn_server_stand import FOLDER, NAME, TUNNEL, below, stand, wait  # noqa: F401 - a fixture
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.identity import KeyType, Link
+from atlantis_netcfg.vpn.identity import KeyType, MemberLink
 
 if TYPE_CHECKING:
     from vpn_server_stand import Stand
@@ -32,7 +32,7 @@ def first(stand: Stand) -> dict[str, Any]:  # noqa: F811
     """Four members, the result of the first run, and what was printed then."""
     for device in ("one", "two", "gone"):
         stand.laptop(device)
-    stand.laptop("slow", "iqua", Link.SATELLITE)
+    stand.laptop("slow", "iqua", MemberLink.SATELLITE)
     told = stand.run("-vvv", "--diff")
     assert told["status"] == "changed", f"{told['message']}\n{stand.said[-2000:]}"
     return told | {"said": stand.said}

@@ -28,7 +28,7 @@ from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import profile
-from atlantis_netcfg.vpn.identity import Identity, Kind, Link
+from atlantis_netcfg.vpn.identity import Identity, MemberKind, MemberLink
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -165,10 +165,10 @@ class Stand:
         write_atomically(path, text.encode())
         return HandoutFile(str(path), hashlib.sha256(text.encode()).hexdigest())
 
-    def laptop(self, device: str, partner: str = "inesc", link: Link = Link.FIBRE) -> str:
+    def laptop(self, device: str, partner: str = "inesc", link: MemberLink = MemberLink.FIBRE) -> str:
         """A device of a partner; gives its name."""
         pool = self.declaration.partners[partner].vpn_pool
-        wish = EnrolmentRequest(f"{partner}-{device}", Kind.LAPTOP, partner, device, pool=pool, link=link)
+        wish = EnrolmentRequest(f"{partner}-{device}", MemberKind.LAPTOP, partner, device, pool=pool, link=link)
         self.issue(wish)
         return wish.name
 

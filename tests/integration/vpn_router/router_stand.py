@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.emulator.routeros import Link, RunningSite
+from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.vpn.rehearsed import rehearsed_identity
-from atlantis_netcfg.operations.vpn.router import Installed, install
+from atlantis_netcfg.operations.vpn.router import InstalledIdentity, install
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,7 +31,7 @@ class Stand:
     request: Request
     identity: Identity
 
-    def install(self, identity: Identity | None = None, **how: Any) -> Installed:  # noqa: ANN401 - of `install`
+    def install(self, identity: Identity | None = None, **how: Any) -> InstalledIdentity:  # noqa: ANN401 - of `install`
         return install(SHIPPED, HOST, identity or self.identity, self.request, **how)
 
     def rows(self, menu: str) -> list[Mapping[str, str]]:
@@ -53,7 +53,7 @@ def router(tmp_path: Path, version: str = "7.18.2", **more: Any) -> Iterator[Sta
     spec = site_spec(SHIPPED, [HOST])
     (twin,) = spec.twins
     changed = {"router": twin.router.model_copy(update={"version": version, "certificates": ("atlantis-api",), **more})}
-    quick = twin.model_copy(update={**changed, "link": Link()})
+    quick = twin.model_copy(update={**changed, "link": RouterLink()})
     (tmp_path / "twins").mkdir()
     with RunningSite(spec.model_copy(update={"twins": (quick,)}), tmp_path / "twins") as running:
         ready = running.ready[HOST.name]

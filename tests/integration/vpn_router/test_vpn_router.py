@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.operations.vpn.rehearsed import identities, rehearsed_identity
 from atlantis_netcfg.operations.vpn.router import identity_for, install
 from atlantis_netcfg.operations.vpn.router_import import PEM, PROFILE, RouterImport
-from atlantis_netcfg.routeros.apply import Mode, Status, converge
+from atlantis_netcfg.routeros.apply import JobMode, Status, converge
 from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ SAMPLE = {("/file/remove", "before"), ("/interface/ovpn-client/import-ovpn-confi
 """A key in a file, and an interface without its name: what the next run has to find. The rest is a campaign."""
 
 
-def converged(stand: Stand, mode: Mode = Mode.APPLY) -> DeviceResult:
+def converged(stand: Stand, mode: JobMode = JobMode.APPLY) -> DeviceResult:
     """What `provision site=coastal` makes of the router."""
     return asyncio.run(converge(device_job(SHIPPED, HOST, stand.request, NoJournal(), ignore), mode=mode))
 
@@ -82,7 +82,7 @@ def test_it_joins_once_and_the_declared_site_agrees(tmp_path: Path, version: str
         again = stand.install()
         assert (again.status, again.changes) == (Status.UNCHANGED, ())
         # The template declares the same row: the site's run leaves it, and its key, as they are.
-        diff = converged(stand, Mode.PLAN).diff
+        diff = converged(stand, JobMode.PLAN).diff
         assert "ovpn-client" not in diff, diff
 
 
@@ -91,7 +91,7 @@ def test_after_the_site_was_provisioned_nothing_of_it_is_undone(tmp_path: Path) 
         stand.install()
         made = converged(stand)
         assert made.exit is ExitCode.DONE, made.message
-        assert converged(stand, Mode.PLAN).planned == 0
+        assert converged(stand, JobMode.PLAN).planned == 0
         assert stand.install().status is Status.UNCHANGED
         assert stand.twins.do(HOST.name, "wrapped", interface=NAME)
         # A later identity takes the place of the first one, and the site's run gives back what named the interface.
@@ -103,7 +103,7 @@ def test_after_the_site_was_provisioned_nothing_of_it_is_undone(tmp_path: Path) 
         assert certificates[CERTIFICATE] == later.certificate.sha256
         assert stand.identity.certificate.sha256 not in certificates.values()
         assert converged(stand).exit is ExitCode.DONE
-        assert converged(stand, Mode.PLAN).planned == 0
+        assert converged(stand, JobMode.PLAN).planned == 0
         assert stand.install(later).status is Status.UNCHANGED
 
 

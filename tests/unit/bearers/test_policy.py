@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.bearers.policy import Route, active_bearer, active_bearers, daily_bytes, probe_commands
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, daily_bytes, probe_commands
 
-PTP = Route("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
-LTE = Route("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", metered=True)
-SAT = Route("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", metered=True)
+PTP = BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
+LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", metered=True)
+SAT = BearerRoute("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", metered=True)
 BEARERS = (PTP, LTE, SAT)
 Row = dict[str, str]
 
@@ -62,7 +62,9 @@ def test_several_are_told_in_order_of_preference() -> None:
 
 
 def test_probes_leave_by_their_own_link_and_spare_the_satellite() -> None:
-    watched = Route("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", metered=True)
+    watched = BearerRoute(
+        "satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", metered=True
+    )
     probes = probe_commands((PTP, LTE, watched), count=2)
     assert [(probe.bearer, probe.target) for probe in probes] == [
         ("wifi-ptp", "198.51.100.11"),

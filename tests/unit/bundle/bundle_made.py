@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bundle.manifest import BundledLibrary, File, HostPart, Keys, Manifest, content_id
+from atlantis_netcfg.bundle.manifest import BundledLibrary, BundleFile, HostPart, Keys, Manifest, content_id
 from atlantis_netcfg.bundle.requirements import HostRequirements, Library, PackageRequirement
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import Signer
+    from atlantis_netcfg.bundle.manifest import BundleSigner
 
 HOST = "coastal-gateway"
 LIBRARY = Library("https://git.example.org/c4i/library.git", "v1.0")
@@ -42,12 +42,12 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
 
 
 @pytest.fixture(scope="session")
-def signer(keys: Keys) -> Signer:
+def signer(keys: Keys) -> BundleSigner:
     return keys.signer()
 
 
 @pytest.fixture
-def folder(tmp_path: Path, signer: Signer) -> Path:
+def folder(tmp_path: Path, signer: BundleSigner) -> Path:
     """A good bundle."""
     made = tmp_path / "bundle"
     for path, data in {**CONTENT, "key.gpg": signer.public}.items():
@@ -57,10 +57,10 @@ def folder(tmp_path: Path, signer: Signer) -> Path:
     return made
 
 
-def manifest(signer: Signer) -> Manifest:
+def manifest(signer: BundleSigner) -> Manifest:
     contents = {**CONTENT, "key.gpg": signer.public}
     files = tuple(
-        File(path=path, size=len(data), sha256=hashlib.sha256(data).hexdigest())
+        BundleFile(path=path, size=len(data), sha256=hashlib.sha256(data).hexdigest())
         for path, data in sorted(contents.items())
     )
     held = {path.removeprefix(f"hosts/{HOST}/") if "hosts" in path else f"repository/{path}": path for path in CONTENT}
@@ -86,7 +86,7 @@ def manifest(signer: Signer) -> Manifest:
     )
 
 
-def sign(folder: Path, told: Manifest, signer: Signer) -> None:
+def sign(folder: Path, told: Manifest, signer: BundleSigner) -> None:
     """Put a manifest in place, and its signature."""
     (folder / "manifest.json").write_bytes(told.encoded())
     (folder / "manifest.json.asc").write_bytes(signer.beside(told.encoded()))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import Signer
+    from atlantis_netcfg.bundle.manifest import BundleSigner
     from atlantis_netcfg.bundle.requirements import HostRequirements
 
 __all__ = ["folder", "keys", "signer"]
@@ -80,7 +80,7 @@ def test_a_folder_that_is_no_bundle_is_refused(folder: Path, keys: Keys, name: s
 
 
 def test_the_key_of_another_computer_is_taken_once_a_person_has_typed_it(
-    folder: Path, signer: Signer, tmp_path: Path
+    folder: Path, signer: BundleSigner, tmp_path: Path
 ) -> None:
     other = Keys.of(tmp_path / "other")
     own = f"{folder} was signed on another computer, by key {signer.fingerprint}"
@@ -135,7 +135,7 @@ def test_a_host_that_it_was_not_made_for_is_named(folder: Path, keys: Keys) -> N
     ],
 )
 def test_a_signed_manifest_is_still_looked_at(
-    folder: Path, keys: Keys, signer: Signer, change: dict[str, object], words: str
+    folder: Path, keys: Keys, signer: BundleSigner, change: dict[str, object], words: str
 ) -> None:
     data = json.dumps(manifest(signer).model_dump(mode="json") | change).encode()
     (folder / "manifest.json").write_bytes(data)
@@ -154,7 +154,7 @@ def test_what_is_carried_is_counted_before(folder: Path, keys: Keys, tmp_path: P
     assert bytes_to_carry(opened, HOST, every) == 0
 
 
-def test_the_id_is_that_of_the_content(folder: Path, keys: Keys, signer: Signer) -> None:
+def test_the_id_is_that_of_the_content(folder: Path, keys: Keys, signer: BundleSigner) -> None:
     later = manifest(signer).model_copy(update={"made": "2027-01-01T00:00:00+00:00", "tool": "9"})
     sign(folder, later, signer)
     assert open_bundle(folder, keys).manifest.id == manifest(signer).id

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.bundle.requirements import Key, Library, PackageRequirement, Source
+from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of
@@ -61,8 +61,8 @@ def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> Non
         PackageRequirement("locales", None),
         PackageRequirement("ros-base", "1*"),
     )
-    assert (wish.sources, wish.pins) == ((Source(**SOURCE),), (Source(**PIN),))
-    assert wish.keys == (Key(KEY["path"], b"key"),)
+    assert (wish.sources, wish.pins) == ((PackageSource(**SOURCE),), (PackageSource(**PIN),))
+    assert wish.keys == (RequirementKey(KEY["path"], b"key"),)
     assert (wish.distribution, wish.codename) == ("ubuntu", "focal")
 
 

@@ -12,7 +12,7 @@ from bundle_made import HOST, WISH, folder, keys, manifest, signer
 from hints_said import advised, said
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import apt_messages, apt_run
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import Converge
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.apt_converge import AptConvergence
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.bundle.manifest import Keys
 from atlantis_netcfg.cli import main
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.bundle.manifest import Manifest, Signer
+    from atlantis_netcfg.bundle.manifest import BundleSigner, Manifest
 
 __all__ = ["folder", "keys", "signer"]
 KEYS_OF = Keys.of
@@ -52,7 +52,7 @@ class Place:
 def at(  # noqa: PLR0913, PLR0917 - fixtures
     folder: Path,
     keys: Keys,
-    signer: Signer,
+    signer: BundleSigner,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -97,7 +97,7 @@ def told(hint: str) -> str:
 
 def too_dear(_at: Place) -> str:
     wanted: Any = SimpleNamespace(desired=SimpleNamespace(limit_words="", limit_bytes=1))
-    return told(str(Converge._too_dear(wanted, "20 MB").hint))
+    return told(str(AptConvergence._too_dear(wanted, "20 MB").hint))
 
 
 def no_name(_at: Place) -> str:
@@ -151,7 +151,7 @@ def test_a_bundle_of_another_computer_is_opened_with_the_key_that_is_told(
     assert "signed by" in at.checked(code=0)
 
 
-def test_a_key_needs_its_bundle(at: Place, signer: Signer) -> None:
+def test_a_key_needs_its_bundle(at: Place, signer: BundleSigner) -> None:
     hint = "add `check=` and its folder: `provision bundle site={} check=BUNDLE key={}`"
     printed = at.type("bundle", "site=coastal", f"key={signer.fingerprint}", code=3)
     (words,) = advised(said(printed, hint))

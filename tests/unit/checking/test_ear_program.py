@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     Place,
     RouterOsQuery,
-    Run,
+    RunProgram,
     Say,
     Transcript,
     Trouble,
@@ -38,8 +38,8 @@ MOST = 8_500
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
 
 
-def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> Run:
-    return Run(name, Place.LAPTOP, argv, within_s)
+def run(*argv: str, name: str = "it", within_s: float = ENOUGH_S) -> RunProgram:
+    return RunProgram(name, Place.LAPTOP, argv, within_s)
 
 
 @pytest.mark.parametrize(("name", "text"), _sources(), ids=MODULES)

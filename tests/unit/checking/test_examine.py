@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
-from atlantis_netcfg.checklist import Entry
+from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.probes import (
     SITE,
     Answer,
@@ -25,13 +25,13 @@ from atlantis_netcfg.checklist.probes import (
     Place,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Say,
     Step,
     Transcript,
     Trouble,
 )
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
 from atlantis_netcfg.checklist.runner import _run, examine, telling
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.declaration import load
@@ -44,10 +44,10 @@ if TYPE_CHECKING:
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 NOW = datetime(2026, 5, 4, 10, 30, tzinfo=UTC)
-GOOD = Finding(Verdict.PASS, "good", "all is well")
+GOOD = BearerFinding(Verdict.PASS, "good", "all is well")
 ROUTES = Query("/ip/route", "print")
-DISCOVER = Run("run", Place.GATEWAY, ("ip", "-j", "addr"))
-HERE = Run("here", Place.LAPTOP, ("ip", "-j", "addr"))
+DISCOVER = RunProgram("run", Place.GATEWAY, ("ip", "-j", "addr"))
+HERE = RunProgram("here", Place.LAPTOP, ("ip", "-j", "addr"))
 OF_ROUTER = RouterOsQuery("rows", "coastal-router", ROUTES)
 LOOKS = LinkStatusRequest("look", "satellite")
 
@@ -57,7 +57,7 @@ class Fake:
     """A probe that asks what it is told to."""
 
     questions: tuple[Question, ...] = (DISCOVER,)
-    findings: tuple[Finding, ...] = (GOOD,)
+    findings: tuple[BearerFinding, ...] = (GOOD,)
     fault: str = ""
     heard: dict[str, Answer] = field(default_factory=dict)
 
@@ -74,9 +74,9 @@ class Fake:
         return Judged(self.findings, (seen,))
 
 
-def entry(name: str, probe: Probe | None, kind: Kind = Kind.AUTOMATIC, *, is_open: bool = True) -> Entry:
-    consent = Consent("nobody dives") if kind is Kind.ACTIVE else None
-    step = Step(name, "a title", Kind.PERSON if probe is None else kind, Phase.BENCH, probe, consent=consent)
+def entry(name: str, probe: Probe | None, kind: ItemKind = ItemKind.AUTOMATIC, *, is_open: bool = True) -> PlanEntry:
+    consent = Consent("nobody dives") if kind is ItemKind.ACTIVE else None
+    step = Step(name, "a title", ItemKind.PERSON if probe is None else kind, Phase.BENCH, probe, consent=consent)
     item = Item(
         id=f"coastal/site/{name}",
         title="a title",
@@ -90,12 +90,12 @@ def entry(name: str, probe: Probe | None, kind: Kind = Kind.AUTOMATIC, *, is_ope
         verdict=Verdict.INCONCLUSIVE,
         message="not looked at yet",
     )
-    return Entry(item, step, Cell(DECLARATION, "coastal", None, SITE))
+    return PlanEntry(item, step, Cell(DECLARATION, "coastal", None, SITE))
 
 
 def answer(question: Question) -> Answer:
     match question:
-        case Run():
+        case RunProgram():
             return CommandResult(None, out=f"{question.place} {' '.join(question.argv)}")
         case RouterOsQuery():
             return Rows(None, rows=({"of": question.host},))
@@ -129,14 +129,14 @@ class Ears:
 
 
 def examined(
-    entries: Sequence[Entry], ears: Ears, tmp_path: Path, settled: Callable[[Item], None] = lambda _item: None
+    entries: Sequence[PlanEntry], ears: Ears, tmp_path: Path, settled: Callable[[Item], None] = lambda _item: None
 ) -> tuple[Item, ...]:
     return asyncio.run(examine(entries, ears, settled, now=lambda: NOW, state=lambda: tmp_path))
 
 
 def test_an_item_has_the_words_of_its_worst_finding(tmp_path: Path) -> None:
-    first = Finding(Verdict.WARN, "near", "it is near", "move it")
-    second = Finding(Verdict.WARN, "slow", "it is slow", "speed it up")
+    first = BearerFinding(Verdict.WARN, "near", "it is near", "move it")
+    second = BearerFinding(Verdict.WARN, "slow", "it is slow", "speed it up")
     (item,) = examined([entry("a", Fake(findings=(GOOD, first, second)))], Ears(), tmp_path)
     assert (item.verdict, item.message, item.hint) == (Verdict.WARN, "it is near", "move it")
     assert [(one.verdict, one.code, one.message, one.hint) for one in item.findings] == [
@@ -299,9 +299,9 @@ def tcp(address: str = "10.64.1.22", *, say: tuple[Say, ...] = ()) -> Listen:
 
 
 UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
-    "a program": ((Run("it", Place.GATEWAY, ("reboot",)),), "`reboot` is not on the list of reading programs"),
+    "a program": ((RunProgram("it", Place.GATEWAY, ("reboot",)),), "`reboot` is not on the list of reading programs"),
     "a shell": (
-        (Run("it", Place.LAPTOP, ("ip", "-j", "addr;reboot")),),
+        (RunProgram("it", Place.LAPTOP, ("ip", "-j", "addr;reboot")),),
         "`ip -j addr;reboot` is not on the list of reading programs",
     ),
     "a setting": (
@@ -338,13 +338,13 @@ def test_what_may_not_be_asked_is_refused_before_the_wire(tmp_path: Path, case: 
     assert good.verdict is Verdict.PASS
 
 
-@pytest.mark.parametrize("kind", [Kind.AUTOMATIC, Kind.ACTIVE])
-def test_a_transmission_is_only_for_active_steps(tmp_path: Path, kind: Kind) -> None:
+@pytest.mark.parametrize("kind", [ItemKind.AUTOMATIC, ItemKind.ACTIVE])
+def test_a_transmission_is_only_for_active_steps(tmp_path: Path, kind: ItemKind) -> None:
     ears = Ears()
     say = (Say(b"+++AT*SENDIM,5,2,ack,hello\n", b"OK"),)
     (item,) = examined([entry("it", Fake((tcp(say=say),)), kind)], ears, tmp_path)
-    assert item.verdict is (Verdict.PASS if kind is Kind.ACTIVE else Verdict.ERROR)
-    assert len(ears.asked) == (kind is Kind.ACTIVE)
+    assert item.verdict is (Verdict.PASS if kind is ItemKind.ACTIVE else Verdict.ERROR)
+    assert len(ears.asked) == (kind is ItemKind.ACTIVE)
 
 
 def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
@@ -358,7 +358,7 @@ def test_what_is_declared_may_be_asked(tmp_path: Path) -> None:
 def test_progress_is_told_item_by_item(tmp_path: Path) -> None:
     events: list[Event] = []
     kept: list[Item] = []
-    entries = [entry("a", Fake()), entry("b", Fake(findings=(Finding(Verdict.FAIL, "bad", "it is bad"),)))]
+    entries = [entry("a", Fake()), entry("b", Fake(findings=(BearerFinding(Verdict.FAIL, "bad", "it is bad"),)))]
     examined(entries, Ears(), tmp_path, telling(events.append, 2, kept.append))
     assert [(one.device, one.stage, one.message, one.done, one.total) for one in events] == [
         ("coastal/site/a", Stage.DONE, "PASS: all is well", 1, 2),

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist import plan
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
@@ -22,7 +22,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     Listen,
     Place,
-    Run,
+    RunProgram,
     Say,
     Trouble,
 )
@@ -89,8 +89,8 @@ def stand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
     return made
 
 
-def run(name: str, *argv: str, within_s: float = 30.0) -> Run:
-    return Run(name, Place.GATEWAY, argv, within_s)
+def run(name: str, *argv: str, within_s: float = 30.0) -> RunProgram:
+    return RunProgram(name, Place.GATEWAY, argv, within_s)
 
 
 def test_everything_goes_in_one_command(stand: Stand) -> None:
@@ -287,7 +287,7 @@ def test_what_a_whole_checklist_costs_is_told_before() -> None:
 
 
 def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
-    found = stand.ask(Run("one", Place.LAPTOP, ("echo", "here")), place=Place.LAPTOP)["one"]
+    found = stand.ask(RunProgram("one", Place.LAPTOP, ("echo", "here")), place=Place.LAPTOP)["one"]
     assert isinstance(found, CommandResult)
     assert (found.out, stand.calls) == ("here\n", [])
     assert stand.events[-1].device == "this computer"
@@ -295,7 +295,7 @@ def test_this_computer_is_asked_without_ssh(stand: Stand) -> None:
 
 def test_this_computer_without_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "executable", "/nowhere/python")
-    found = asyncio.run(ask_here([("one", Run("one", Place.LAPTOP, ("true",)))], lambda *_: None))["one"]
+    found = asyncio.run(ask_here([("one", RunProgram("one", Place.LAPTOP, ("true",)))], lambda *_: None))["one"]
     assert found.trouble is Trouble.NO_PLACE
     assert found.words.startswith("the program that listens does not start on this computer: ")
 
@@ -325,7 +325,7 @@ def test_links_are_looked_at_once_for_all_who_ask(tmp_path: Path, monkeypatch: p
 
 
 def proof() -> Proof:
-    seen = Finding(Verdict.PASS, "reached", "the VPN is reached")
+    seen = BearerFinding(Verdict.PASS, "reached", "the VPN is reached")
     return Proof(
         site="coastal",
         bearer="satellite",

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Entry, Head, Scope
+from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, PlanEntry, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Step
-from atlantis_netcfg.checklist.report import Document, Drawing, Item, Kind, Phase, Row
+from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration
 
@@ -28,14 +28,14 @@ WIFI, FAILSAFE, PING, USBL, DHCP, SKIPPED = EVERY = (
     "coastal/site/satellite-filter",
 )
 _KINDS = {
-    WIFI: (Kind.AUTOMATIC, Phase.QUAY),
-    FAILSAFE: (Kind.PERSON, Phase.BENCH),
-    PING: (Kind.ACTIVE, Phase.WATER),
-    USBL: (Kind.PERSON, Phase.WATER),
-    DHCP: (Kind.AUTOMATIC, Phase.BENCH),
-    SKIPPED: (Kind.AUTOMATIC, Phase.BENCH),
+    WIFI: (ItemKind.AUTOMATIC, Phase.QUAY),
+    FAILSAFE: (ItemKind.PERSON, Phase.BENCH),
+    PING: (ItemKind.ACTIVE, Phase.WATER),
+    USBL: (ItemKind.PERSON, Phase.WATER),
+    DHCP: (ItemKind.AUTOMATIC, Phase.BENCH),
+    SKIPPED: (ItemKind.AUTOMATIC, Phase.BENCH),
 }
-HEAD = Head(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawing(nodes=(), links=()))
+HEAD = BookHead(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawing(nodes=(), links=()))
 
 
 class Deaf:
@@ -60,9 +60,9 @@ class Clock:
         return self.at
 
 
-def entry(name: str) -> Entry:
+def entry(name: str) -> PlanEntry:
     row, endpoint, step = (*name.split("/"), "")[:3]
-    kind, phase = _KINDS.get(name, (Kind.PERSON, Phase.BENCH))
+    kind, phase = _KINDS.get(name, (ItemKind.PERSON, Phase.BENCH))
     unless = "no satellite here" if name == SKIPPED else ""
     vehicle = None if row == "coastal" else row
     cell = Cell(Declaration.__new__(Declaration), "coastal", vehicle, endpoint)
@@ -71,8 +71,8 @@ def entry(name: str) -> Entry:
         title=f"{name} is well",
         kind=kind,
         phase=phase,
-        probe=None if kind is Kind.PERSON else Deaf(),
-        consent=Consent("it is in the water") if kind is Kind.ACTIVE else None,
+        probe=None if kind is ItemKind.PERSON else Deaf(),
+        consent=Consent("it is in the water") if kind is ItemKind.ACTIVE else None,
         unless=unless,
     )
     item = Item(
@@ -88,7 +88,7 @@ def entry(name: str) -> Entry:
         verdict=Verdict.SKIP if unless else Verdict.INCONCLUSIVE,
         message=unless or "waits",
     )
-    return Entry(item, made, cell)
+    return PlanEntry(item, made, cell)
 
 
 def checklist(names: Sequence[str] = EVERY, scope: Scope | None = None) -> Checklist:
@@ -122,7 +122,7 @@ class Desk:
         return self.state / "checklist.key"
 
     def open(
-        self, names: Sequence[str] = EVERY, head: Head = HEAD, *, scope: Scope | None = None, anew: bool = False
+        self, names: Sequence[str] = EVERY, head: BookHead = HEAD, *, scope: Scope | None = None, anew: bool = False
     ) -> Book:
         return Book.open(self.folder, checklist(names, scope), head, now=self.now, anew=anew)
 
@@ -140,7 +140,7 @@ def answer(book: Book, verdicts: Mapping[str, Verdict] | None = None) -> None:
     """Settle everything that is open."""
     for one in book.entries_open():
         verdict = (verdicts or {}).get(one.item.id, Verdict.PASS)
-        if one.item.kind is Kind.PERSON:
+        if one.item.kind is ItemKind.PERSON:
             note = "" if verdict is Verdict.PASS else "seen so"
             book.confirm(one.item.id, Confirmation(verdict, NAME, note))
         else:

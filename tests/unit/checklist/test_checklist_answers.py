@@ -8,7 +8,7 @@ import pytest
 from answers_cases import cases, told
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found
 
-from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, Refused
+from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, SigningRefused
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 
@@ -119,7 +119,7 @@ def test_it_is_not_green_before_it_is_seen_or_overridden(desk: Desk, tmp_path: P
     with desk.open(ALWAYS) as book:
         assert book.document().exit is ExitCode.CHECKS_FAILED
         for item in ALWAYS:
-            with pytest.raises(Refused, match="applies at every site"):
+            with pytest.raises(SigningRefused, match="applies at every site"):
                 book.confirm(item, Confirmation(Verdict.SKIP, NAME, "no time"))
         answers.write_down(book)
         assert book.document().exit is ExitCode.DONE

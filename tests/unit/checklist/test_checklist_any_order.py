@@ -10,7 +10,7 @@ from checklist_bench import EVERY, NAME, Desk, checklist, found, pages
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.checklist import Answers, Confirmation, Refused, last_green, verify
+from atlantis_netcfg.checklist import Answers, Confirmation, SigningRefused, last_green, verify
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 
@@ -30,7 +30,7 @@ def _do(desk: Desk, deeds: list[tuple[str, str, Verdict]]) -> None:
                 book.confirm(name, Confirmation(verdict, NAME, "seen so"))
             elif deed == "override":
                 book.override(name, "known", NAME)
-        except Refused:
+        except SigningRefused:
             assert book.items == before
         if deed == "close":
             run, before = book.run, book.items

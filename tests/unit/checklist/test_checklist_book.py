@@ -30,7 +30,7 @@ from checklist_bench import (
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from atlantis_netcfg.checklist import Confirmation, NotSigned, Refused, Scope, State, books, verify
+from atlantis_netcfg.checklist import Confirmation, NotSigned, Scope, SigningRefused, VehicleState, books, verify
 from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
@@ -103,8 +103,8 @@ def test_what_no_longer_fits_stays_unfinished_and_that_is_told(desk: Desk, head:
         assert len(new.entries_open()) == len(EVERY) - 1
     kept = books(desk.folder)
     assert [(one.run, one.state, one.why) for one in kept] == [
-        (old.run, State.UNFINISHED, why),
-        (new.run, State.OPEN, ""),
+        (old.run, VehicleState.UNFINISHED, why),
+        (new.run, VehicleState.OPEN, ""),
     ]
     assert kept[0].document is not None
     assert kept[0].document.items[0].verdict is Verdict.PASS
@@ -194,7 +194,7 @@ def test_what_cannot_be_said_is_refused_and_not_written(
 ) -> None:
     with desk.open() as book:
         before = (book.folder / "records.jsonl").read_bytes()
-        with pytest.raises(Refused, match="^" + message.replace("(", r"\(")) as told:
+        with pytest.raises(SigningRefused, match="^" + message.replace("(", r"\(")) as told:
             book.confirm(name, said)
         assert told.value.hint
         assert isinstance(told.value, UsageError)
@@ -212,7 +212,7 @@ def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> 
     with desk.open() as book:
         book.settle(found(WIFI, verdict))
         for reason, by in (("", NAME), ("known", " ")):
-            with pytest.raises(Refused, match="is missing"):
+            with pytest.raises(SigningRefused, match="is missing"):
                 book.override(WIFI, reason, by)
         item = book.override(WIFI, "known  and\n accepted", NAME)
     assert item.override is not None
@@ -224,7 +224,7 @@ def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> 
 def test_what_is_green_cannot_be_overridden(desk: Desk, verdict: Verdict) -> None:
     with desk.open() as book:
         book.settle(found(WIFI, verdict))
-        with pytest.raises(Refused, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
+        with pytest.raises(SigningRefused, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
             book.override(WIFI, "why not", NAME)
 
 
@@ -309,7 +309,7 @@ def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, me
     good = tmp_path / "good.jpg"
     good.write_bytes(b"good")
     with desk.open() as book:
-        with pytest.raises(Refused, match=message) as told:
+        with pytest.raises(SigningRefused, match=message) as told:
             book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, files=(good, tmp_path / "photo.jpg")))
         assert told.value.hint
         assert book.item(FAILSAFE).open
@@ -337,7 +337,7 @@ def test_what_is_left_open_on_purpose_is_told_and_not_green(desk: Desk) -> None:
             ({PING: " "}, "the reason to leave it open is missing"),
             ({"x": "y"}, "there is no item `x`"),
         ):
-            with pytest.raises(Refused, match=error):
+            with pytest.raises(SigningRefused, match=error):
                 book.sign(NAME, pages, leave=leave)
         document = book.sign(NAME, pages, leave={PING: "the sea is too rough", WIFI: "was not reached before"})
     assert [(one.what, one.why) for one in document.left_out] == [
@@ -365,7 +365,7 @@ def test_a_signed_book_is_closed(desk: Desk) -> None:
             lambda: book.sign(NAME, pages),
             lambda: book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME)),
         ):
-            with pytest.raises(Refused, match="this checklist is signed"):
+            with pytest.raises(SigningRefused, match="this checklist is signed"):
                 change()
     assert sorted(path.name for path in book.folder.iterdir()) == [
         "junit.xml",
@@ -450,7 +450,7 @@ def test_a_last_line_that_was_cut_anywhere_is_asked_again(desk: Desk) -> None:
             assert (book.item(WIFI).open, book.item(DHCP).open) == (False, True)
             assert "is torn" in book.words
             book.settle(found(DHCP))
-        assert books(desk.folder)[0].state is State.OPEN
+        assert books(desk.folder)[0].state is VehicleState.OPEN
 
 
 def test_a_last_line_of_zeros_is_cut_off(desk: Desk) -> None:
@@ -470,4 +470,4 @@ def test_a_changed_line_is_damage_and_a_new_one_is_begun(desk: Desk) -> None:
     _log(desk).write_bytes(_log(desk).read_bytes().replace(b'"as it should be"', b'"as it should not"', 1))
     with desk.open() as new:
         assert "is damaged (line 3 does not follow the line above): a new one is begun" in new.words
-    assert [one.state for one in books(desk.folder)] == [State.DAMAGED, State.OPEN]
+    assert [one.state for one in books(desk.folder)] == [VehicleState.DAMAGED, VehicleState.OPEN]

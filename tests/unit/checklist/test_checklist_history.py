@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import pytest
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Scope, State, books, changes, last_green, verify
-from atlantis_netcfg.checklist.report import Finding
+from atlantis_netcfg.checklist import Scope, VehicleState, books, changes, last_green, verify
+from atlantis_netcfg.checklist.report import ItemFinding
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.checklist.report import Change, Item
+    from atlantis_netcfg.checklist.report import Item, ItemChange
 
 SPARUS = Scope(vehicles=("sparus",))
 
@@ -24,7 +24,7 @@ def desk(tmp_path: Path) -> Desk:
     return Desk(tmp_path / "state")
 
 
-def _told(some: tuple[Change, ...]) -> list[tuple[str, str | None, str | None, str]]:
+def _told(some: tuple[ItemChange, ...]) -> list[tuple[str, str | None, str | None, str]]:
     return [(one.id, one.before, one.after, one.message) for one in some]
 
 
@@ -41,9 +41,9 @@ def test_books_newest_last(desk: Desk) -> None:
     second = desk.signed({WIFI: Verdict.FAIL})
     with desk.open() as book:
         assert [(one.run, one.state) for one in books(desk.folder)] == [
-            (first.name, State.SIGNED),
-            (second.name, State.SIGNED),
-            (book.run, State.OPEN),
+            (first.name, VehicleState.SIGNED),
+            (second.name, VehicleState.SIGNED),
+            (book.run, VehicleState.OPEN),
         ]
     (desk.folder / "20300101T000000Z").mkdir()
     assert len(books(desk.folder)) == 3
@@ -84,7 +84,7 @@ def test_an_override_alone_is_a_change(desk: Desk) -> None:
 
 def test_a_warning_for_another_reason_is_a_change(desk: Desk) -> None:
     def warned(code: str, message: str) -> Item:
-        finding = Finding(verdict=Verdict.WARN, code=code, message=message)
+        finding = ItemFinding(verdict=Verdict.WARN, code=code, message=message)
         return found(WIFI, Verdict.WARN, message).model_copy(update={"findings": (finding,)})
 
     with desk.open([WIFI]) as book:
@@ -129,11 +129,11 @@ def test_a_green_one_that_was_changed_does_not_count(desk: Desk) -> None:
     assert green is not None
     assert green.run == older.name
     assert [(one.state, one.why) for one in books(desk.folder)] == [
-        (State.SIGNED, ""),
-        (State.DAMAGED, "was changed after it was signed"),
+        (VehicleState.SIGNED, ""),
+        (VehicleState.DAMAGED, "was changed after it was signed"),
     ]
     report.write_bytes(b"{}")
-    assert books(desk.folder)[1].state is State.DAMAGED
+    assert books(desk.folder)[1].state is VehicleState.DAMAGED
 
 
 def test_what_is_left_of_a_book_is_not_hidden(desk: Desk) -> None:
@@ -145,10 +145,10 @@ def test_what_is_left_of_a_book_is_not_hidden(desk: Desk) -> None:
     ):
         (signed / gone).unlink()
         (kept,) = books(desk.folder)
-        assert (kept.state, kept.why) == (State.DAMAGED if why else State.SIGNED, why)
+        assert (kept.state, kept.why) == (VehicleState.DAMAGED if why else VehicleState.SIGNED, why)
         assert verify(kept.folder)
     (signed / "records.jsonl").touch()
-    assert [(one.state, one.why) for one in books(desk.folder)] == [(State.DAMAGED, "records.jsonl is empty")]
+    assert [(one.state, one.why) for one in books(desk.folder)] == [(VehicleState.DAMAGED, "records.jsonl is empty")]
     with desk.open() as book:
         assert (book.words, len(books(desk.folder))) == ("", 2)
 

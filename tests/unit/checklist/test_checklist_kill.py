@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from checklist_bench import FAILSAFE, NAME, WIFI, Desk, answer, pages
 
-from atlantis_netcfg.checklist import Confirmation, State, books, verify
+from atlantis_netcfg.checklist import Confirmation, VehicleState, books, verify
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _killed(state: Path, photo: Path, left: int) -> tuple[bool, int]:
 def _holds(state: Path, come: int) -> None:
     desk = Desk(state)
     kept = books(desk.folder)
-    signed = [one for one in kept if one.state is State.SIGNED]
+    signed = [one for one in kept if one.state is VehicleState.SIGNED]
     assert come < 3 or signed
     for one in signed:
         assert verify(one.folder) == ()

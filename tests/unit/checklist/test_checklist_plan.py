@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
 from atlantis_netcfg.checklist.probes import registry
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Column, Endpoints
@@ -149,7 +149,7 @@ def test_ids_are_unlike_each_other(coastal: Checklist) -> None:
     assert len(set(ids)) == len(ids)
     for one in coastal.entries:
         assert one.item.open is (not one.step.unless)
-        if one.step.kind is Kind.PERSON and not one.step.unless:
+        if one.step.kind is ItemKind.PERSON and not one.step.unless:
             assert one.step.do
             assert one.step.look_for
 
@@ -186,7 +186,7 @@ def test_no_x_drops_out_whatever_is_declared(
         assert endpoints == {*row.table3, *row.beside}
     for one in listed.entries:
         if one.item.endpoint in mute:
-            assert (one.item.kind, one.item.open) == (Kind.PERSON, True)
+            assert (one.item.kind, one.item.open) == (ItemKind.PERSON, True)
 
 
 @pytest.mark.parametrize(
@@ -242,9 +242,9 @@ def test_the_shipped_answers_are_whole(coastal: Checklist) -> None:
     answers = Answers.read(ANSWERS, coastal)
     for one in coastal.entries:
         name, kind = one.item.id, one.item.kind
-        if kind is Kind.PERSON and one.item.open:
+        if kind is ItemKind.PERSON and one.item.open:
             assert answers.confirmation(name) is not None, f"no answer to {name} in {ANSWERS.name}"
-        if kind is Kind.ACTIVE and one.item.open:
+        if kind is ItemKind.ACTIVE and one.item.open:
             agreed = answers.consents(name) or answers.confirmation(name)
             assert agreed is not None, f"no consent to {name} in {ANSWERS.name}"
     assert answers.sign_by == "A. Technician"

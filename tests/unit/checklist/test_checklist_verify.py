@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, KeyDamaged, _signing, books, verify, verify_report
-from atlantis_netcfg.checklist._signing import Key, canonical, digest, parsed, sealed, written
+from atlantis_netcfg.checklist import Confirmation, SigningKeyDamaged, _signing, books, verify, verify_report
+from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parsed, sealed, written
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import write_atomically
 
@@ -164,7 +164,7 @@ def test_a_signature_that_was_taken_away(signed: Path) -> None:
     assert "is not signed" in _whats(signed, "report.json")
 
 
-def _forge(signed: Path, key: Key) -> None:
+def _forge(signed: Path, key: SigningKey) -> None:
     """Polish everything, and sign it anew with another key, as one would who has the tool but not the key."""
     report = parsed((signed / "report.json").read_bytes())
     report["items"][0]["verdict"] = "PASS"
@@ -178,7 +178,7 @@ def _forge(signed: Path, key: Key) -> None:
 
 
 def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
-    key = Key.made(tmp_path / "other.key")
+    key = SigningKey.made(tmp_path / "other.key")
     _forge(signed, key)
     unknown = f"this computer does not know the key {key.fingerprint} that has signed it"
     assert _whats(signed, "report.json") == [unknown, "tells other results than the records of the checklist"]
@@ -188,8 +188,8 @@ def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
 def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -> None:
     copy = shutil.copytree(signed, tmp_path / "copy")
     here = tmp_path / "here.key"
-    whose = Key.made(desk.key).fingerprint
-    for key in (None, Key.made(here)):
+    whose = SigningKey.made(desk.key).fingerprint
+    for key in (None, SigningKey.made(here)):
         assert [one.what for one in verify(copy, key=here if key else tmp_path / "none.key")] == [
             f"this computer does not know the key {whose} that has signed it"
         ] * 2
@@ -255,20 +255,20 @@ def test_the_key_is_made_once_and_private(desk: Desk) -> None:
 
 
 def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    other, path = Key.made(tmp_path / "other"), tmp_path / "checklist.key"
+    other, path = SigningKey.made(tmp_path / "other"), tmp_path / "checklist.key"
 
     def outrun(scratch: Path, data: bytes) -> None:
         write_atomically(scratch, data)
         write_atomically(path, (tmp_path / "other").read_bytes())
 
     monkeypatch.setattr(_signing, "write_atomically", outrun)
-    assert Key.made(path).fingerprint == other.fingerprint
+    assert SigningKey.made(path).fingerprint == other.fingerprint
     assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 
 
 def test_a_key_that_others_can_read(signed: Path, desk: Desk) -> None:
     desk.key.chmod(0o644)
-    with pytest.raises(KeyDamaged, match="other users of this computer can read the key") as error:
+    with pytest.raises(SigningKeyDamaged, match="other users of this computer can read the key") as error:
         verify(signed)
     assert (error.value.hint or "").startswith("chmod 600 ")
 
@@ -279,7 +279,7 @@ def test_a_key_that_is_none(desk: Desk) -> None:
     desk.key.chmod(0o600)
     with desk.open([WIFI]) as book:
         answer(book)
-        with pytest.raises(KeyDamaged, match="the key for signing cannot be read"):
+        with pytest.raises(SigningKeyDamaged, match="the key for signing cannot be read"):
             book.sign(NAME, pages)
         assert not (book.folder / "manifest.json").exists()
 

@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.checklist import Book, Checklist, Entry, Head, Scope
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist import Book, BookHead, Checklist, PlanEntry, Scope
 from atlantis_netcfg.checklist.probes import Cell, Consent, Judged, Listen, Place, Probe, Step, Transcript
-from atlantis_netcfg.checklist.report import Drawing, Item, Kind, Phase, Row
+from atlantis_netcfg.checklist.report import Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, shown
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
@@ -47,7 +47,7 @@ class Heartbeat(Probe):
         answer = heard["words"]
         assert isinstance(answer, Transcript)
         verdict, _, message = answer.data.decode().partition(" ")
-        return Judged((Finding(Verdict(verdict), "heard", message, f"hint of {message}"),))
+        return Judged((BearerFinding(Verdict(verdict), "heard", message, f"hint of {message}"),))
 
 
 @dataclass
@@ -75,16 +75,16 @@ class ScriptedEars:
         return answers
 
 
-def entry(name: str, kind: Kind, phase: Phase, *, consent: Consent | None = None) -> Entry:
+def entry(name: str, kind: ItemKind, phase: Phase, *, consent: Consent | None = None) -> PlanEntry:
     row, endpoint, *_ = name.split("/")
     step = Step(
         name="",
         title=f"title of {name}",
         kind=kind,
         phase=phase,
-        probe=None if kind is Kind.PERSON else Heartbeat(9000 + len(name)),
-        do="look at the lamp" if kind is Kind.PERSON else "",
-        look_for="it is green" if kind is Kind.PERSON else "",
+        probe=None if kind is ItemKind.PERSON else Heartbeat(9000 + len(name)),
+        do="look at the lamp" if kind is ItemKind.PERSON else "",
+        look_for="it is green" if kind is ItemKind.PERSON else "",
         consent=consent,
     )
     item = Item(
@@ -100,19 +100,19 @@ def entry(name: str, kind: Kind, phase: Phase, *, consent: Consent | None = None
         verdict=Verdict.INCONCLUSIVE,
         message="open",
     )
-    return Entry(item, step, Cell(pilot(), "coastal", row, endpoint))
+    return PlanEntry(item, step, Cell(pilot(), "coastal", row, endpoint))
 
 
-def checklist(*entries: Entry) -> Checklist:
+def checklist(*entries: PlanEntry) -> Checklist:
     row = Row(key="sparus", name="Sparus", kind="auv", table3=("wifi", "usbl", "gps"))
     return Checklist("coastal", "Coastal testbed", ("wifi", "usbl", "gps"), (row,), entries, (), Scope())
 
 
-LAMP = entry("sparus/gps", Kind.PERSON, Phase.QUAY)
-RADIO = entry("sparus/wifi", Kind.AUTOMATIC, Phase.BENCH)
+LAMP = entry("sparus/gps", ItemKind.PERSON, Phase.QUAY)
+RADIO = entry("sparus/wifi", ItemKind.AUTOMATIC, Phase.BENCH)
 PING = entry(
     "sparus/usbl/ping",
-    Kind.ACTIVE,
+    ItemKind.ACTIVE,
     Phase.WATER,
     consent=Consent("Sparus is in the water, and nobody dives near it", prompt="hold the boat still"),
 )
@@ -128,9 +128,9 @@ class Sitting:
 
     folder: Path
     typed: Sequence[str]
-    entries: tuple[Entry, ...] = (RADIO, LAMP, PING)
+    entries: tuple[PlanEntry, ...] = (RADIO, LAMP, PING)
     words: Mapping[str, list[str]] = field(default_factory=dict)
-    price: Callable[[Entry], Price | None] = lambda _entry: None
+    price: Callable[[PlanEntry], Price | None] = lambda _entry: None
     said: list[str] = field(default_factory=list)
     at_once: bool = False
 
@@ -147,7 +147,7 @@ class Sitting:
         return answer
 
     def book(self) -> Book:
-        head = Head(
+        head = BookHead(
             rehearsed=self.folder.parent.name != "real",
             tool="0",
             inventory="0" * 64,

@@ -6,7 +6,7 @@ import sys
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Arguments, Command, Flag, Word
+from atlantis_netcfg.cli._arguments import JSON, VERBOSE, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     import pytest
 
-RUN = Command(
+RUN = CommandSpec(
     "run",
     "change a site",
     words=(
@@ -31,8 +31,8 @@ RUN = Command(
     details="Nothing is changed with --plan.",
     changes=True,
 )
-SHOW = Command("show", "show a site", words=(Word("site", "the site to show"),), flags=(JSON,))
-ONBOARD = Command("vpn onboard", "let a partner in", words=(Word("partner", "the partner", required=True),))
+SHOW = CommandSpec("show", "show a site", words=(Word("site", "the site to show"),), flags=(JSON,))
+ONBOARD = CommandSpec("vpn onboard", "let a partner in", words=(Word("partner", "the partner", required=True),))
 
 
 class Table(dict[str, str]):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import PlanEntry
     from atlantis_netcfg.checklist.report import Item
 
 WELL = "PASS hears the boat"
@@ -77,16 +77,16 @@ def test_what_was_overridden_stays_as_it_is(tmp_path: Path) -> None:
         assert book.item("sparus/wifi").override is not None
 
 
-def _due(_entry: Entry) -> Price:
+def _due(_entry: PlanEntry) -> Price:
     return Price("over satellite: 20 kB, about 0.16 EUR", due=True)
 
 
-def _capped(_entry: Entry) -> Price:
+def _capped(_entry: PlanEntry) -> Price:
     raise CostRefused("more than the cap")
 
 
 @pytest.mark.parametrize("price", [_due, _capped])
-def test_a_file_pays_for_nothing(price: Callable[[Entry], Price], tmp_path: Path) -> None:
+def test_a_file_pays_for_nothing(price: Callable[[PlanEntry], Price], tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, [], words={"sparus/wifi": [WELL]}, price=price)
     with sitting.book() as book:
         sitting.turn(book).alone(answers(tmp_path))

@@ -8,14 +8,14 @@ import pytest
 from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.checklist import Entry
+    from atlantis_netcfg.checklist import PlanEntry
 
 WELL = "PASS hears the boat"
 
@@ -46,7 +46,7 @@ def test_the_whole_way(tmp_path: Path) -> None:
 
 
 def test_nothing_is_made_to_happen_where_the_thing_itself_has_failed(tmp_path: Path) -> None:
-    modem = entry("sparus/usbl", Kind.AUTOMATIC, Phase.WATER)
+    modem = entry("sparus/usbl", ItemKind.AUTOMATIC, Phase.WATER)
     sitting = Sitting(tmp_path, ["on", "open"], (modem, PING), {"sparus/usbl": ["FAIL is armed"]})
     assert verdicts(sitting) == {"sparus/usbl": "FAIL", "sparus/usbl/ping": "open"}
     assert "not now: is armed (sparus/usbl)" in sitting.text
@@ -147,7 +147,7 @@ def test_without_the_whole_word_nothing_is_sent(typed: list[str], verdict: str, 
     assert sitting.ears.asked == []
 
 
-SHIP = entry("sparus/acoustic", Kind.AUTOMATIC, Phase.WATER)
+SHIP = entry("sparus/acoustic", ItemKind.AUTOMATIC, Phase.WATER)
 
 
 @pytest.mark.parametrize(("typed", "asked"), [("yes", 2), ("skip", 1)])
@@ -176,7 +176,7 @@ def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
 
 
 def test_more_than_is_admitted_is_not_even_asked(tmp_path: Path) -> None:
-    def refuse(_entry: Entry) -> Price:
+    def refuse(_entry: PlanEntry) -> Price:
         raise CostRefused("more than the cap", hint="raise it")
 
     sitting = Sitting(tmp_path, ["open"], (PING,), price=refuse)

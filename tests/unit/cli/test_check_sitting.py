@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.cli import _checklist_session, _session, main
 from atlantis_netcfg.cli._arguments import parse
-from atlantis_netcfg.cli._checklist_session import Stopped, run_check
+from atlantis_netcfg.cli._checklist_session import CheckStopped, run_check
 from atlantis_netcfg.cli._checklist_workflow import Listening, Prompt, price_of
 from atlantis_netcfg.cli.checklist import CHECK
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Answer, Place, Question
     from atlantis_netcfg.checklist.runner import OnAnswer
-    from atlantis_netcfg.cli._session import Session
+    from atlantis_netcfg.cli._session import CommandSession
 
 ROV = ("site=coastal", "vehicle=eca-rov", "--rehearse")
 """One thing that a program looks at, and one that a person does."""
@@ -198,7 +198,7 @@ def test_later_at_the_signature_is_no(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize("kept", range(7))
 def test_after_ctrl_c_it_goes_on(kept: int) -> None:
     typed = ["override", "spare cable", "N", "yes", "heard", "", "yes"]
-    with pytest.raises(Stopped) as stopped:
+    with pytest.raises(CheckStopped) as stopped:
         at_desk(*typed[:kept], "^C")
     assert (stopped.value.exit, str(stopped.value)) == (
         4,
@@ -221,7 +221,7 @@ def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
         opened = SimpleNamespace(
             declaration=pilot(), site="coastal", rehearsed=rehearsed, arguments=parse(CHECK, words)
         )
-        price = price_of(cast("Session", opened), entry)
+        price = price_of(cast("CommandSession", opened), entry)
         assert price is not None
         assert price.due is due
         assert re.fullmatch(r"over satellite.* \d+\.\d\d EUR.*", price.words), price.words

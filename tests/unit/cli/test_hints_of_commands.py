@@ -176,7 +176,7 @@ def test_canaries_of_a_satellite_are_tried_by_a_person(at: Place) -> None:
 def _tried(at: Place) -> Callable[..., object]:
     """In place of the router: say whom it would have been."""
 
-    def prove(opened: _session.Session) -> object:
+    def prove(opened: _session.CommandSession) -> object:
         at.tried.append(opened.hosts[0].name)
         raise NothingBehindIt
 
@@ -205,7 +205,7 @@ def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkey
     monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", _no_twins)
     assert main([*words]) == 7
     (opened,) = seen
-    assert isinstance(opened, _session.Session)
+    assert isinstance(opened, _session.CommandSession)
     assert (opened.site, opened.rehearsed) == (words[0].partition("=")[2], True)
 
 
@@ -270,4 +270,4 @@ def test_what_a_look_has_found_wrong_keeps_no_other_device_from_being_changed(
 ) -> None:
     devices = {f"d{place}": {"exit": code} for place, code in enumerate(codes)}
     planned = RunReport("coastal", rehearsed=False, devices=devices)
-    assert (worst(_session.Session._plannable(planned)) is ExitCode.CHANGES) == asks
+    assert (worst(_session.CommandSession._plannable(planned)) is ExitCode.CHANGES) == asks

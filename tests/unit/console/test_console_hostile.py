@@ -13,7 +13,7 @@ from paramiko.common import AUTH_SUCCESSFUL, OPEN_SUCCEEDED
 
 from atlantis_netcfg.console import ssh
 from atlantis_netcfg.console.ssh import fingerprint, host_key_of, open_commands
-from atlantis_netcfg.console.terminal import MOST, Screen
+from atlantis_netcfg.console.terminal import MOST, TerminalScreen
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.secret import Secret
 
@@ -28,7 +28,7 @@ KEY = paramiko.ECDSAKey.generate()
     [b"\x1b[999999999999GX", b"\x1b[" + b"9" * 5_000 + b"GX", b"\x1b[1;2DX", b"\x1b[?9CX", b"\x1b[" + b"9" * 100],
 )
 def test_a_screen_is_as_wide_as_it_is(sent: bytes) -> None:
-    screen = Screen()
+    screen = TerminalScreen()
     for byte in sent:
         screen.feed(bytes([byte]))
     assert max(map(len, screen.lines)) <= max(511, len(sent))
@@ -36,7 +36,7 @@ def test_a_screen_is_as_wide_as_it_is(sent: bytes) -> None:
 
 
 def test_a_screen_counts_what_came_since_it_was_cleared() -> None:
-    screen = Screen()
+    screen = TerminalScreen()
     screen.feed(b"x\n" * MOST)
     assert screen.size > MOST
     screen.clear()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.console.terminal import Screen
+from atlantis_netcfg.console.terminal import TerminalScreen
 from atlantis_netcfg.console.types import parse_rows
 
 SAID = [
@@ -26,7 +26,7 @@ SAID = [
 
 @pytest.mark.parametrize(("data", "lines"), SAID)
 def test_what_stands_there(data: bytes, lines: list[str]) -> None:
-    whole, pieces = Screen(), Screen()
+    whole, pieces = TerminalScreen(), TerminalScreen()
     whole.feed(data)
     for byte in data:
         pieces.feed(bytes([byte]))
@@ -34,14 +34,14 @@ def test_what_stands_there(data: bytes, lines: list[str]) -> None:
 
 
 def test_questions_of_the_device_are_answered() -> None:
-    screen = Screen()
+    screen = TerminalScreen()
     screen.feed(b"\x1b[9999C\x1b[6n\x1bZ")
     assert screen.replies == b"\x1b[1;511R\x1b[?1;2c"
 
 
 @given(st.binary(max_size=200), st.lists(st.integers(0, 200), max_size=5))
 def test_pieces_make_no_difference(data: bytes, cuts: list[int]) -> None:
-    whole, pieces = Screen(), Screen()
+    whole, pieces = TerminalScreen(), TerminalScreen()
     whole.feed(data)
     places = [0, *sorted(cut for cut in cuts if cut < len(data)), len(data)]
     for start, end in pairwise(places):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bootstrap.steps import CLEARED, Facts, Target
+from atlantis_netcfg.bootstrap.steps import CLEARED, AdoptionTarget, BoxFacts
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.rsc import parse
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
 PORTS = tuple(f"ether{number}" for number in range(1, 9))
-WISH = Target(
+WISH = AdoptionTarget(
     name="coastal-router",
     user="provision",
     password=Secret('a "b" $c'),
@@ -53,9 +53,9 @@ def rows(export: str, menu: str) -> tuple[dict[str, str], ...]:
     )
 
 
-def facts(export: str = DEFAULTS, **changes: Any) -> Facts:  # noqa: ANN401 - fields of Facts
+def facts(export: str = DEFAULTS, **changes: Any) -> BoxFacts:  # noqa: ANN401 - fields of Facts
     """A device whose rows are those of its export."""
-    found = Facts(
+    found = BoxFacts(
         version=Version(7, 18, 2),
         board="RB5009UPr+S+",
         architecture="arm64",
@@ -73,7 +73,7 @@ def facts(export: str = DEFAULTS, **changes: Any) -> Facts:  # noqa: ANN401 - fi
     return replace(found, **changes)
 
 
-def adopted(export: str = "", **changes: Any) -> Facts:  # noqa: ANN401 - fields of Facts
+def adopted(export: str = "", **changes: Any) -> BoxFacts:  # noqa: ANN401 - fields of Facts
     management = '/ip address\nadd address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
     return facts(
         export + management,

@@ -14,10 +14,13 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils im
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_change import (
     BACK,
     BACK_TIMER,
-    Change,
+    NetworkChange,
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import DesiredNetwork
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import Computer, Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import (
+    NetworkComputer,
+    ProgramEnd,
+)
 from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
@@ -29,7 +32,7 @@ PATHS = {
     "networkd": "/etc/systemd/network/05-atlantis.network",
 }
 _PROGRAMS = ("/usr/sbin/netplan", "/sbin/ifup", "/lib/systemd/systemd-networkd")
-_FINE = Done(0, "")
+_FINE = ProgramEnd(0, "")
 
 
 def _parts(address: str) -> dict[str, str]:
@@ -46,7 +49,7 @@ class Box:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.computer = Computer(str(root), self.run)
+        self.computer = NetworkComputer(str(root), self.run)
         self.held: dict[str, list[str]] = {"eth0": [], "eth1": []}
         self.routes: list[tuple[str, str]] = []
         self.answers = {"10.64.1.1"}
@@ -101,27 +104,27 @@ class Box:
         for by in PATHS:
             self._use(by)
 
-    def run(self, words: Sequence[str]) -> Done:
+    def run(self, words: Sequence[str]) -> ProgramEnd:
         self.step()
         self.asked.append(tuple(words))
         name = words[0].replace("-", "_")
-        done: Done = getattr(self, f"_{name}")(tuple(words[1:]))
+        done: ProgramEnd = getattr(self, f"_{name}")(tuple(words[1:]))
         return done
 
-    def _ip(self, words: tuple[str, ...]) -> Done:
+    def _ip(self, words: tuple[str, ...]) -> ProgramEnd:
         if words[:3] == ("-json", "-4", "address"):
             rows = [{"ifname": name, "addr_info": [_parts(one) for one in held]} for name, held in self.held.items()]
-            return Done(0, json.dumps(rows))
+            return ProgramEnd(0, json.dumps(rows))
         if words[:3] == ("-json", "-4", "route"):
-            return Done(0, json.dumps([{"gateway": gateway, "dev": name} for gateway, name in self.routes]))
+            return ProgramEnd(0, json.dumps([{"gateway": gateway, "dev": name} for gateway, name in self.routes]))
         if words[:3] == ("-json", "-4", "neighbour"):
             known = [{"lladdr": "02:00:5e:00:01:01", "state": ["REACHABLE"]}] if words[4] in self.answers else []
-            return Done(0, json.dumps(known))
+            return ProgramEnd(0, json.dumps(known))
         if words[:3] == ("-4", "route", "show"):
-            return Done(0, "".join(f"default via {gateway} dev {name}\n" for gateway, name in self.routes))
+            return ProgramEnd(0, "".join(f"default via {gateway} dev {name}\n" for gateway, name in self.routes))
         return self._changed(words[1:] if words[0] == "-4" else words)
 
-    def _changed(self, words: tuple[str, ...]) -> Done:
+    def _changed(self, words: tuple[str, ...]) -> ProgramEnd:
         match words:
             case ("address", "flush", "dev", name):
                 self._empty(name)
@@ -141,20 +144,20 @@ class Box:
         self.held[name] = []
         self.routes = [(gateway, device) for gateway, device in self.routes if device != name]
 
-    def _systemctl(self, words: tuple[str, ...]) -> Done:
+    def _systemctl(self, words: tuple[str, ...]) -> ProgramEnd:
         match words:
             case ("is-active", name) if name == BACK_TIMER:
-                return Done(0, "active") if self.timer else Done(3, "inactive")
+                return ProgramEnd(0, "active") if self.timer else ProgramEnd(3, "inactive")
             case ("is-active", "systemd-networkd.service"):
-                return Done(0, "active") if self.networkd else Done(3, "inactive")
+                return ProgramEnd(0, "active") if self.networkd else ProgramEnd(3, "inactive")
             case ("is-enabled", "systemd-networkd.service"):
                 link = self.root / "etc/systemd/system/multi-user.target.wants/systemd-networkd.service"
-                return Done(0, "enabled") if link.is_symlink() else Done(1, "disabled")
+                return ProgramEnd(0, "enabled") if link.is_symlink() else ProgramEnd(1, "disabled")
             case ("start", "systemd-networkd.service"):
                 self.networkd = True
             case ("stop", "systemd-networkd.socket", "systemd-networkd.service"):
                 self.networkd = False
-                return Done(5, "Failed to stop systemd-networkd.socket: Unit systemd-networkd.socket not loaded.")
+                return ProgramEnd(5, "Failed to stop systemd-networkd.socket: Unit systemd-networkd.socket not loaded.")
             case ("stop", name) if name == BACK_TIMER:
                 self.timer = False
             case ("stop", name) if name == network_guard.APPLY_UNIT:
@@ -167,7 +170,7 @@ class Box:
                 raise AssertionError(words)
         return _FINE
 
-    def _systemd_run(self, words: tuple[str, ...]) -> Done:
+    def _systemd_run(self, words: tuple[str, ...]) -> ProgramEnd:
         if words[0] == f"--unit={BACK}":
             self.timer = True
         else:
@@ -175,7 +178,7 @@ class Box:
             self.queued = True
         return _FINE
 
-    def _netplan(self, words: tuple[str, ...]) -> Done:
+    def _netplan(self, words: tuple[str, ...]) -> ProgramEnd:
         if words == ("apply",):
             self.networkd = True
             self._use("netplan")
@@ -183,28 +186,28 @@ class Box:
         root = words[2] if len(words) > 1 else str(self.root)
         return self._generated(root)
 
-    def _generated(self, root: str) -> Done:
+    def _generated(self, root: str) -> ProgramEnd:
         for place in sorted(Path(root, "etc/netplan").glob("*.yaml")):
             text = place.read_text()
             if wrong := re.search(r"addresses: \[([\d.]+)\]", text.split("nameservers")[0]):
-                return Done(1, f"{place}:8:18: Error: address '{wrong[1]}' is missing /prefixlength")
+                return ProgramEnd(1, f"{place}:8:18: Error: address '{wrong[1]}' is missing /prefixlength")
             names = re.findall(r"name: ([\w*\"]+)|^    (e\w+):", text, re.MULTILINE)
             made = Path(root, "run/systemd/network", f"10-netplan-{place.stem}.network")
             made.parent.mkdir(parents=True, exist_ok=True)
             made.write_text("".join(f"[Match]\nName={(one or two).strip(chr(34))}\n" for one, two in names))
         return _FINE
 
-    def _networkctl(self, words: tuple[str, ...]) -> Done:
+    def _networkctl(self, words: tuple[str, ...]) -> ProgramEnd:
         if words[0] == "reconfigure":
             self._use("networkd")
         return _FINE
 
-    def _ifdown(self, words: tuple[str, ...]) -> Done:
+    def _ifdown(self, words: tuple[str, ...]) -> ProgramEnd:
         if words[1] in self.held:
             self._empty(words[1])
         return _FINE
 
-    def _ifup(self, words: tuple[str, ...]) -> Done:
+    def _ifup(self, words: tuple[str, ...]) -> ProgramEnd:
         if words[0] == "--force":
             self._use("ifupdown")
         return _FINE
@@ -239,8 +242,8 @@ def wish(by: str, **changes: Any) -> DesiredNetwork:  # noqa: ANN401
     return DesiredNetwork.of({"resolver": None, **part.as_dict(), **changes})
 
 
-def made(box: Box, by: str, **changes: Any) -> Change:  # noqa: ANN401
-    return Change(box.computer, wish(by, **changes))
+def made(box: Box, by: str, **changes: Any) -> NetworkChange:  # noqa: ANN401
+    return NetworkChange(box.computer, wish(by, **changes))
 
 
 def moved(by: str) -> dict[str, str]:

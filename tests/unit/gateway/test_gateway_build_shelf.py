@@ -7,11 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Plan, Repository, Shelf
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import (
+    BuildPlan,
+    Repository,
+    Shelf,
+)
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
-PLAN = Plan(
+PLAN = BuildPlan(
     Repository("https://git.example.org/c4i/library.git", "v1.0.0"),
     Repository("https://git.example.org/c4i/examples.git", COMMIT),
     "/opt/ros/foxy/setup.sh",
@@ -38,10 +42,10 @@ def made(shelf: Shelf, key: str) -> str:
         replace(PLAN, compiler="11 aarch64-linux-gnu"),
     ],
 )
-def test_whatever_changes_what_is_built_changes_the_key(other: Plan) -> None:
+def test_whatever_changes_what_is_built_changes_the_key(other: BuildPlan) -> None:
     assert other.key != PLAN.key
     assert len(PLAN.key) == 12
-    assert Plan.of(PLAN.as_dict()).key == PLAN.key
+    assert BuildPlan.of(PLAN.as_dict()).key == PLAN.key
 
 
 def test_a_commit_is_the_same_on_every_server() -> None:

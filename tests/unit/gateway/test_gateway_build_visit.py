@@ -10,8 +10,12 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Plan, Repository, Shelf
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, Places
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import (
+    BuildPlan,
+    Repository,
+    Shelf,
+)
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, BuildFolders
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
 
@@ -29,8 +33,8 @@ class Gateway:
     compiler: bool = True
 
     @property
-    def places(self) -> Places:
-        return Places(*(str(self.folder / name) for name in ("prefix", "memory", "logs")))
+    def places(self) -> BuildFolders:
+        return BuildFolders(*(str(self.folder / name) for name in ("prefix", "memory", "logs")))
 
     @property
     def shelf(self) -> Shelf:
@@ -190,5 +194,5 @@ def test_what_is_missing_is_named(gateway: Gateway, tmp_path: Path) -> None:
 
 def test_the_key_is_that_of_the_plan(gateway: Gateway) -> None:
     told, _ = gateway.visit(check=True)
-    plan = Plan(Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu")
+    plan = BuildPlan(Repository(URL, "v1"), None, str(gateway.folder / "setup.sh"), "12 x86_64-linux-gnu")
     assert told["key"] == plan.key

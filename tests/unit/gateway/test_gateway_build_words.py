@@ -6,8 +6,8 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_make import jobs_within
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_messages import (
+    BuildTrouble,
     CardFull,
-    Trouble,
     about_building,
     about_git,
     last_words,
@@ -26,21 +26,21 @@ GNUTLS = (
 @pytest.mark.parametrize(
     ("said", "kind"),
     [
-        (REFUSED, Trouble.TOKEN),
-        (ASKED, Trouble.TOKEN),
-        *((one, Trouble.CERTIFICATE) for one in GNUTLS),
-        (f"remote: Not Found\nfatal: repository '{URL}/' not found", Trouble.GONE),
-        ("fatal: couldn't find remote ref refs/tags/v9", Trouble.REVISION),
-        (f"fatal: remote error: upload-pack: not our ref {'f' * 40}", Trouble.REVISION),
-        ("fatal: No url found for submodule path 'msgs' in .gitmodules", Trouble.SUBMODULE),
-        ("fatal: write error: No space left on device\nfatal: index-pack failed", Trouble.SPACE),
-        ("fatal: unable to access 'https://x/': Could not resolve host: x", Trouble.LINK),
-        ("error: RPC failed; curl 56 Recv failure\nfatal: the remote end hung up unexpectedly", Trouble.LINK),
-        ("error: object file .git/objects/aa/bb is empty\nfatal: loose object aabb is corrupt", Trouble.DAMAGED),
-        ("fatal: something else", Trouble.OTHER),
+        (REFUSED, BuildTrouble.TOKEN),
+        (ASKED, BuildTrouble.TOKEN),
+        *((one, BuildTrouble.CERTIFICATE) for one in GNUTLS),
+        (f"remote: Not Found\nfatal: repository '{URL}/' not found", BuildTrouble.GONE),
+        ("fatal: couldn't find remote ref refs/tags/v9", BuildTrouble.REVISION),
+        (f"fatal: remote error: upload-pack: not our ref {'f' * 40}", BuildTrouble.REVISION),
+        ("fatal: No url found for submodule path 'msgs' in .gitmodules", BuildTrouble.SUBMODULE),
+        ("fatal: write error: No space left on device\nfatal: index-pack failed", BuildTrouble.SPACE),
+        ("fatal: unable to access 'https://x/': Could not resolve host: x", BuildTrouble.LINK),
+        ("error: RPC failed; curl 56 Recv failure\nfatal: the remote end hung up unexpectedly", BuildTrouble.LINK),
+        ("error: object file .git/objects/aa/bb is empty\nfatal: loose object aabb is corrupt", BuildTrouble.DAMAGED),
+        ("fatal: something else", BuildTrouble.OTHER),
     ],
 )
-def test_failures_of_git_are_told_apart(said: str, kind: Trouble) -> None:
+def test_failures_of_git_are_told_apart(said: str, kind: BuildTrouble) -> None:
     assert trouble(said) is kind
     told = about_git(said, URL, "v1.0.0", tokened=True)
     assert told.message

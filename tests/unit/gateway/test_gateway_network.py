@@ -11,7 +11,7 @@ from network_pilots import coast
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.parts import gateway_network
-from atlantis_netcfg.image.facts import File, ImageFacts
+from atlantis_netcfg.image.facts import ImageFacts, ImageFile
 from atlantis_netcfg.image.plan import plan
 from atlantis_netcfg.operations.image import wish_of
 
@@ -54,7 +54,7 @@ def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
     part = gateway_network(declaration, host)
     zone = f"/usr/share/zoneinfo/{declaration.pilot.time_zone}"
     edits = plan(ImageFacts(FILES, frozenset({PROGRAMS[by], zone})), wish_of(declaration, host, "x.img"))
-    card = {edit.path: edit for edit in edits if isinstance(edit, File)}
+    card = {edit.path: edit for edit in edits if isinstance(edit, ImageFile)}
     assert part is not None
     assert same(card[part.path].content.decode(), part.content)
     assert card[part.path].mode == int(part.mode, 8)

@@ -13,7 +13,7 @@ import pytest
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Gateways, Ros2, RosDistribution, RosMiddleware, RosOrigin
-from atlantis_netcfg.emulator.lab.stubs import Archive, publish
+from atlantis_netcfg.emulator.lab.stubs import StubArchive, publish
 from atlantis_netcfg.gateway.ros2 import RELEASES, ArchiveKey, GatewayRos2, StandIn, archive_key, gateway_ros2
 
 if TYPE_CHECKING:
@@ -27,12 +27,12 @@ SNAPSHOT = {"origin": "snapshot", "key_file": "own.asc"}
 
 
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Archive:
+def archive(tmp_path_factory: pytest.TempPathFactory) -> StubArchive:
     return publish(tmp_path_factory.mktemp("archive") / "archive", [], codename="focal")
 
 
 @pytest.fixture
-def inventory(tmp_path: Path, archive: Archive) -> Path:
+def inventory(tmp_path: Path, archive: StubArchive) -> Path:
     shutil.copytree(ROOT / "inventory", tmp_path / "inventory")
     (tmp_path / "inventory" / "keys").mkdir(exist_ok=True)
     (tmp_path / "inventory" / "keys" / "own.asc").write_bytes(archive.key)
@@ -55,7 +55,7 @@ def test_nothing_is_asked_for_where_ros_is_not_declared(inventory: Path) -> None
     assert part(inventory, None).as_dict() == {"packages": None, "configure": None}
 
 
-def test_foxy_comes_from_its_final_snapshot(inventory: Path, archive: Archive) -> None:
+def test_foxy_comes_from_its_final_snapshot(inventory: Path, archive: StubArchive) -> None:
     told = part(inventory, {**SNAPSHOT, "pins": [{"package": "ros-foxy-ros-base", "version": "0.9.2-1*"}]}).as_dict()
     asked = told["packages"]
     assert asked["packages"] == [
@@ -121,7 +121,7 @@ def test_without_dds_nobody_knows_the_release(inventory: Path) -> None:
         part(inventory, SNAPSHOT, None)
 
 
-def test_stand_ins_take_the_place_of_the_archive(inventory: Path, archive: Archive) -> None:
+def test_stand_ins_take_the_place_of_the_archive(inventory: Path, archive: StubArchive) -> None:
     key = ArchiveKey(archive.key, archive.fingerprint)
     stand_in = StandIn("http://10.64.1.1:8000", key, "bookworm", "debian")
     told = part(inventory, {"origin": "snapshot"}, stand_in=stand_in).as_dict()["packages"]
@@ -130,7 +130,7 @@ def test_stand_ins_take_the_place_of_the_archive(inventory: Path, archive: Archi
     assert any("stand-ins take the place" in note for note in told["notes"])
 
 
-def test_the_archive_s_own_key_has_to_be_there_and_to_be_that_one(inventory: Path, archive: Archive) -> None:
+def test_the_archive_s_own_key_has_to_be_there_and_to_be_that_one(inventory: Path, archive: StubArchive) -> None:
     with pytest.raises(UsageError, match=r"is missing: keys/ros-snapshots\.asc") as missing:
         part(inventory, {"origin": "snapshot"})
     assert "0x4B63CF8FDE49746E98FA01DDAD19BAB3CBF125EA" in str(missing.value.hint)
@@ -142,7 +142,7 @@ def test_the_archive_s_own_key_has_to_be_there_and_to_be_that_one(inventory: Pat
 @pytest.mark.parametrize(
     ("content", "why"), [(b"<html>", "is no public key: it is neither"), (2, "holds 2 keys")], ids=["html", "two"]
 )
-def test_a_file_that_is_no_key_is_told(inventory: Path, archive: Archive, content: bytes | int, why: str) -> None:
+def test_a_file_that_is_no_key_is_told(inventory: Path, archive: StubArchive, content: bytes | int, why: str) -> None:
     (inventory / "keys" / "own.asc").write_bytes(archive.key * content if isinstance(content, int) else content)
     with pytest.raises(UsageError, match=why):
         part(inventory, SNAPSHOT)

@@ -12,7 +12,10 @@ from network_box import PATHS, Box, box, made, moved, settled, wish
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_change, network_guard
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import FOLDER, Computer
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import (
+    FOLDER,
+    NetworkComputer,
+)
 
 EVERY = pytest.mark.parametrize("by", list(PATHS))
 CLOUD = "/etc/netplan/50-cloud-init.yaml"
@@ -102,7 +105,7 @@ def test_a_tool_that_fails_is_taken_back_at_once(box: Box, monkeypatch: pytest.M
     change = made(box, "netplan", **moved("netplan"))
     name = change.stage()
     assert name is not None
-    monkeypatch.setattr(box, "_netplan", lambda _words: Computer("/nowhere").run(("false",)))
+    monkeypatch.setattr(box, "_netplan", lambda _words: NetworkComputer("/nowhere").run(("false",)))
     box.queued = False
     network_guard.apply(box.computer)
     assert box.state() == before
@@ -258,7 +261,7 @@ def test_what_writes_names_of_servers_itself_is_left_to_it(box: Box) -> None:
 
 def test_no_timer_no_change(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:
     before = box.state()
-    monkeypatch.setattr(box, "_systemd_run", lambda _words: Computer("/nowhere").run(("false",)))
+    monkeypatch.setattr(box, "_systemd_run", lambda _words: NetworkComputer("/nowhere").run(("false",)))
     with pytest.raises(ModuleError, match="systemd does not start what would guard the change; nothing was changed"):
         made(box, "networkd").stage()
     assert box.state() == before

@@ -12,19 +12,22 @@ from network_box import PATHS, Box, box, made, moved, settled
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import network_guard
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import FOLDER, Computer
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_files import (
+    FOLDER,
+    NetworkComputer,
+)
 
 
 def full(monkeypatch: pytest.MonkeyPatch, path: str) -> None:
     """No room for one file."""
-    write = Computer.write
+    write = NetworkComputer.write
 
-    def refuse(self: Computer, name: str, *words: Any) -> None:  # noqa: ANN401
+    def refuse(self: NetworkComputer, name: str, *words: Any) -> None:  # noqa: ANN401
         if name.endswith(path):
             raise OSError(errno.ENOSPC, "No space left on device", name)
         write(self, name, *words)
 
-    monkeypatch.setattr(Computer, "write", refuse)
+    monkeypatch.setattr(NetworkComputer, "write", refuse)
 
 
 def test_a_full_disk_is_told_and_nothing_is_changed(box: Box, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,4 +87,4 @@ def test_a_session_is_found_where_sudo_has_hidden_it() -> None:
         text=True,
         check=True,
     )
-    assert done.stdout == "Client(address='192.0.2.7', port=2222)\n"
+    assert done.stdout == "SshClient(address='192.0.2.7', port=2222)\n"

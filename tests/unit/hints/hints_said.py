@@ -21,7 +21,7 @@ PACKAGE = CHECKOUT / "atlantis_netcfg"
 REGISTER = CHECKOUT / "tests" / "data" / "hints.tsv"
 _FIRST_WORDS = "|".join(sorted({re.escape(name.split()[0]) for name in COMMANDS} | {"site=", r"\{\}"}))
 COMMAND = re.compile(rf"\bprovision (?:{_FIRST_WORDS})")
-_HELP = {"Command", "Word", "Flag"}
+_HELP = {"CommandSpec", "Word", "Flag"}
 """What these are given is printed by `--help`: nobody is in a situation there."""
 _OF_FILES = re.compile(r"^(#!|# )")
 """Text that is laid down on a computer."""

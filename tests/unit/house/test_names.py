@@ -109,3 +109,36 @@ def test_the_glossary_names_no_retired_word_as_a_term() -> None:
     assert 30 <= len(terms) <= 60
     assert not {term.lower() for term in terms} & RETIRED
     assert terms == sorted(terms, key=str.lower)
+
+
+SAME = {
+    "ActionModule": "Ansible's name for the class of an action plugin",
+    "CallbackModule": "Ansible's name for the class of a callback plugin",
+    **dict.fromkeys(
+        ("Brought", "Check", "ConvergeStep", "Directory", "File", "Link", "Package", "Unit", "WayIn"),
+        "a part of a gateway, as it is declared and as the module of the collection is given it",
+    ),
+    **dict.fromkeys(
+        ("CertificateChanged", "CertificateUnknown", "HostKeyChanged"), "a pin, of one kind of device each"
+    ),
+    "Crl": "the revocation list, here and on the server",
+    "Data": "the frozen base of a file's models",
+    "Spec": "the frozen base of an emulated device's models",
+    **dict.fromkeys(("Decoder", "Packet", "Trap"), "the same thing, as the engine and as the emulated router have it"),
+    "Direction": "up or down",
+    **dict.fromkeys(("NotAKey", "PublicKey"), "an OpenPGP key, on this computer and on a gateway"),
+    "Repository": "a source of the library, as it is declared and as the module of the collection is given it",
+    "Shape": "of a menu: one row, rows, or a fixed set of them",
+}
+"""Classes of one name and one meaning, each with what they mean."""
+
+
+def test_no_two_classes_share_a_name_and_mean_different_things() -> None:
+    places: dict[str, list[str]] = {}
+    for path in (checkout() / "atlantis_netcfg").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name.lstrip("_"), []).append(str(path.relative_to(checkout())))
+    several = {name: found for name, found in places.items() if len(found) > 1}
+    assert {name: found for name, found in several.items() if name not in SAME} == {}
+    assert SAME.keys() <= several.keys()

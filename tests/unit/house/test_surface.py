@@ -31,7 +31,7 @@ def codes() -> set[str]:
     found = set()
     for call in (node for node in trees() if isinstance(node, ast.Call)):
         name = getattr(call.func, "id", getattr(call.func, "attr", ""))
-        place = 0 if name in JUDGED else 1 if name == "Finding" else None
+        place = 0 if name in JUDGED else 1 if name.endswith("Finding") else None
         if place is not None and len(call.args) > place and isinstance(call.args[place], ast.Constant):
             found.add(call.args[place].value)  # type: ignore[attr-defined] # a constant, as the line above says
     return found

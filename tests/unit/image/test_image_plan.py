@@ -9,19 +9,19 @@ import pytest
 import yaml
 
 from atlantis_netcfg.image.facts import (
-    Directory,
     Edit,
-    File,
+    ImageDirectory,
     ImageFacts,
+    ImageFile,
+    ImageLink,
     ImageRefused,
     ImageRequest,
-    Link,
     Remove,
-    Static,
+    StaticNetwork,
 )
 from atlantis_netcfg.image.plan import notes, plan
 
-STATIC = Static(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
+STATIC = StaticNetwork(IPv4Interface("10.64.1.10/24"), IPv4Address("10.64.1.1"), "coastal.example.org")
 WISH = ImageRequest(
     host="coastal-gateway",
     site="coastal",
@@ -46,7 +46,7 @@ SEEN = ImageFacts(FILES, frozenset({PLAN, "/etc/netplan", "/usr/share/zoneinfo/E
 
 
 def files(edits: tuple[Edit, ...]) -> dict[str, str]:
-    return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, File)}
+    return {edit.path: edit.content.decode() for edit in edits if isinstance(edit, ImageFile)}
 
 
 def test_the_name_is_the_declared_one() -> None:
@@ -60,15 +60,15 @@ def test_the_name_is_the_declared_one() -> None:
 )
 def test_the_keys_are_those_of_the_account(user: str, home: str, owner: tuple[int, int]) -> None:
     edits = plan(SEEN, replace(WISH, user=user))
-    assert Directory(f"{home}/.ssh", 0o700, owner) in edits
+    assert ImageDirectory(f"{home}/.ssh", 0o700, owner) in edits
     keys = b"ssh-ed25519 AAAA one\nssh-ed25519 BBBB two\n"
-    assert File(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
+    assert ImageFile(f"{home}/.ssh/authorized_keys", keys, 0o600, owner) in edits
 
 
 def test_no_password_is_left() -> None:
     edits = plan(SEEN, WISH)
     text = "root:*::0:99999:7:::\nodroid:*:19000::::::\nguest:*:19000::::::\ndaemon:*:19000::::::\n"
-    assert File("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
+    assert ImageFile("/etc/shadow", text.encode(), 0o640, (0, 42)) in edits
     assert "/etc/passwd" not in files(edits)
 
 
@@ -92,7 +92,7 @@ def test_what_must_not_be_on_two_cards_is_removed() -> None:
     edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, listed=listed), WISH)
     removed = [edit.path for edit in edits if isinstance(edit, Remove)]
     assert removed == [bus, seed, "/etc/ssh/ssh_host_rsa_key", "/etc/ssh/ssh_host_rsa_key.pub"]
-    assert File("/etc/machine-id", b"", 0o444) in edits
+    assert ImageFile("/etc/machine-id", b"", 0o444) in edits
 
 
 def test_netplan() -> None:
@@ -139,7 +139,7 @@ def test_other_ways_to_an_address(present: str, path: str, static: str, dhcp: st
 def test_networkd_is_started() -> None:
     wanted = "/etc/systemd/system/multi-user.target.wants/systemd-networkd.service"
     edits = plan(only("/lib/systemd/systemd-networkd"), WISH)
-    assert Link(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
+    assert ImageLink(wanted, "/lib/systemd/system/systemd-networkd.service") in edits
 
 
 def test_who_answers_dns() -> None:
@@ -152,7 +152,7 @@ def test_who_answers_dns() -> None:
 def test_time() -> None:
     edits = plan(replace(SEEN, present=SEEN.present | {"/etc/chrony/sources.d"}), WISH)
     found = files(edits)
-    assert Link("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
+    assert ImageLink("/etc/localtime", "/usr/share/zoneinfo/Europe/Lisbon") in edits
     assert found["/etc/timezone"] == "Europe/Lisbon\n"
     assert "NTP=192.0.2.123 192.0.2.124\n" in found["/etc/systemd/timesyncd.conf.d/atlantis.conf"]
     assert found["/etc/chrony/sources.d/atlantis.sources"].count("iburst") == 2
@@ -166,7 +166,7 @@ def test_the_first_start() -> None:
     edits = plan(SEEN, WISH)
     assert "ssh-keygen -A\n" in files(edits)["/usr/local/sbin/atlantis-first-boot"]
     unit = "/etc/systemd/system/atlantis-first-boot.service"
-    assert Link("/etc/systemd/system/multi-user.target.wants/atlantis-first-boot.service", unit) in edits
+    assert ImageLink("/etc/systemd/system/multi-user.target.wants/atlantis-first-boot.service", unit) in edits
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_cloud_init_is_switched_off(known_by: str) -> None:
     seen = replace(SEEN, present=SEEN.present | {known_by}, boot_words={GRUB: 'A="quiet"\n#B="cloud-init=enabled"\n'})
     edits = plan(seen, WISH)
     assert OFF in files(edits)
-    assert (Directory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
+    assert (ImageDirectory("/etc/cloud") in edits) is (known_by != "/etc/cloud")
     (note,) = notes(seen, WISH)
     assert "cloud-init of the image is switched off" in note
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.image.facts import ImageRefused
-from atlantis_netcfg.image.source import Expanded, Kind, checksum, expand, segments
-from atlantis_netcfg.image.writer import Meter, Progress, Step
+from atlantis_netcfg.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.image.writer import Progress, WriteMeter, WriterStep
 
 RAW = b"\x01" * 70000 + bytes(300000) + b"\x02" * 5000 + bytes(200) + b"\x03" * 312
 BLOCK = 4096
@@ -44,7 +44,7 @@ def test_zeros_are_holes_and_count(tmp_path: Path) -> None:
     expanded = unpack(tmp_path, RAW)
     parts = segments(expanded.path, expanded.size)
     assert sum(part.size for part in parts) == len(RAW)
-    assert sum(part.size for part in parts if part.kind is Kind.ZERO) > 100_000
+    assert sum(part.size for part in parts if part.kind is SourceKind.ZERO) > 100_000
 
 
 @pytest.mark.parametrize("name", ["x.img.xz.sha256", "SHA256SUMS", "sha256sums.txt"])
@@ -152,11 +152,11 @@ def test_memory_stays_below_100_mb(preset: int, tmp_path: Path) -> None:
 def test_progress_is_told_now_and_then_and_at_its_end() -> None:
     told: list[Progress] = []
     moments = iter([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
-    meter = Meter(Step.WRITING, told.append, every_s=2.0, clock=lambda: next(moments))
+    meter = WriteMeter(WriterStep.WRITING, told.append, every_s=2.0, clock=lambda: next(moments))
     for done in (10, 20, 30, 40, 40):
         meter(done * 10**6, 40 * 10**6)
     assert [each.words for each in told] == [
         "writing 50 % of 40 MB, 10.0 MB/s, 2 s left",
         "writing 100 % of 40 MB, 10.0 MB/s, 0 s left",
     ]
-    assert Progress(Step.WRITING, 0, 0, 0.0).words == "writing 100 % of 0 MB, 0.0 MB/s"
+    assert Progress(WriterStep.WRITING, 0, 0, 0.0).words == "writing 100 % of 0 MB, 0.0 MB/s"

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers import BearerStatus, Finding, LinkState
-from atlantis_netcfg.bearers.policy import Route
+from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
+from atlantis_netcfg.bearers.policy import BearerRoute
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, RouterReading
-from atlantis_netcfg.operations.links.status import BoxesStatus, Seen, Silent, bearer_status, ranked, twice
+from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNeighbour, SessionPort
+from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, ranked, twice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,18 +22,18 @@ CASES = yaml.safe_load(Path(__file__).with_name("bearer_cases.yml").read_text(en
 SILENT = Silent("box", "nobody answers", "has it power?")
 
 
-def finding(text: str) -> Finding:
+def finding(text: str) -> BearerFinding:
     verdict, _, code = text.partition(" ")
-    return Finding(Verdict(verdict), code, f"about {code}", "do something")
+    return BearerFinding(Verdict(verdict), code, f"about {code}", "do something")
 
 
 def reading(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> RouterReading:
     found = case.get("port", [True, False])
-    ports = {} if found == "missing" else {port: Port(found[0], found[1], 0, 0)}
+    ports = {} if found == "missing" else {port: SessionPort(found[0], found[1], 0, 0)}
     echoes = tuple(
         Echo(target, sent, received, 4.0 if received else None) for target, sent, received in case.get("echoes", [])
     )
-    neighbours = tuple(Neighbour(address, "02:00:5E:00:00:01") for address in case.get("neighbours", []))
+    neighbours = tuple(SeenNeighbour(address, "02:00:5E:00:00:01") for address in case.get("neighbours", []))
     return RouterReading(
         ports=ports,
         renamed={port: case["renamed"]} if "renamed" in case else {},
@@ -42,11 +42,11 @@ def reading(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -
     )
 
 
-def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> Seen:
+def seen(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -> SeenLinks:
     own = case.get("own", {})
     router = {"silent": SILENT, "unasked": None}.get(case.get("router", ""), reading(case, name, port))
-    return Seen(
-        route=Route(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
+    return SeenLinks(
+        route=BearerRoute(name, "10.10.2.1", "10.10.2.2", (), port, "lte"),
         router=router,
         boxes_status=BoxesStatus(
             state=LinkState(own["state"]) if "state" in own else None,

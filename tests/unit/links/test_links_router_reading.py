@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from atlantis_netcfg.bearers.policy import Route
-from atlantis_netcfg.operations.links.session import Echo, Neighbour, Port, questions, read
+from atlantis_netcfg.bearers.policy import BearerRoute
+from atlantis_netcfg.operations.links.session import Echo, SeenNeighbour, SessionPort, questions, read
 from atlantis_netcfg.routeros.api import Reply, Trap
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 CASES = yaml.safe_load(Path(__file__).with_name("router_reading_cases.yml").read_text(encoding="utf-8"))
 WAYS = (
-    Route("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
-    Route("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
+    BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
+    BearerRoute("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
 )
 MENUS = ("resource", "interface", "route", "arp", "filter")
 
@@ -36,7 +36,7 @@ def plain(value: object) -> object:
         return {name: plain(one) for name, one in value.items()}
     if isinstance(value, tuple):
         return [plain(one) for one in value]
-    if isinstance(value, Port | Echo | Neighbour):
+    if isinstance(value, SessionPort | Echo | SeenNeighbour):
         return list(astuple(value))
     return value
 

@@ -23,15 +23,15 @@ from atlantis_netcfg.bearers.lte import at as driver
 from atlantis_netcfg.bearers.lte.at import (
     ALLOWED,
     READS,
+    AtModem,
     AtSilent,
     AtUnreachable,
     CommandForbidden,
-    Modem,
     PortOwned,
     read,
     require_free,
 )
-from atlantis_netcfg.emulator.modem import ModemSpec, RunningModem
+from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,7 +43,7 @@ HEARD: list[str] = []
 
 @contextmanager
 def modem(**said: Any) -> Iterator[RunningModem]:  # noqa: ANN401 (fields of ModemSpec)
-    with RunningModem(ModemSpec(**said)) as running:
+    with RunningModem(AtModemSpec(**said)) as running:
         try:
             yield running
         finally:
@@ -142,7 +142,7 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
 )
 def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
     with modem() as running:
-        with Modem(running.path) as opened, pytest.raises(CommandForbidden) as caught:
+        with AtModem(running.path) as opened, pytest.raises(CommandForbidden) as caught:
             opened.ask(command)
         assert "1234" not in str(caught.value)
         assert running.heard == []
@@ -199,7 +199,7 @@ def test_a_terminal_of_a_container_is_another_one() -> None:
     if os.geteuid() != 0:
         pytest.skip("making a mount namespace needs root")
     mount = "mount -t devpts -o newinstance,ptmxmode=0666 none /dev/pts && exec "
-    with RunningModem(ModemSpec()) as running:
+    with RunningModem(AtModemSpec()) as running:
         hold = (
             f"import os\nwhile os.ttyname(os.openpty()[1]) != {running.path!r}: pass\nprint('up', flush=True)\ninput()"
         )

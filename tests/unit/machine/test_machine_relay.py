@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.emulator.lab.relay import Relay, Traffic, Way
+from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,7 +59,7 @@ def test_bytes_pass_both_ways_and_are_counted(both: Both, relay: Relay) -> None:
     assert both.machine.recv(100) == b"to the machine"
     both.machine.sendall(b"and back")
     assert both.client.recv(100) == b"and back"
-    assert relay.traffic == Traffic(connections=1, up_bytes=14, down_bytes=8)
+    assert relay.traffic == RelayTraffic(connections=1, up_bytes=14, down_bytes=8)
 
 
 def test_an_end_that_has_said_all_still_listens(both: Both) -> None:
@@ -90,7 +90,7 @@ def test_a_machine_that_refuses_resets(server: socket.socket, relay: Relay) -> N
 
 
 def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket, relay: Relay) -> None:
-    relay.set(Way(delay_s=0.05))
+    relay.set(RelayWay(delay_s=0.05))
     begin = time.monotonic()
     with closing(Both(relay, server)) as both:
         both.client.sendall(b"?")
@@ -101,7 +101,7 @@ def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket,
 
 
 def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay) -> None:
-    relay.set(Way(rate_down_bps=800_000))
+    relay.set(RelayWay(rate_down_bps=800_000))
     begin = time.monotonic()
     with closing(Both(relay, server)) as one, closing(Both(relay, server)) as other:
         for both in (one, other):
@@ -112,36 +112,36 @@ def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay
 
 
 def test_the_other_direction_is_not_slowed_down(both: Both, relay: Relay) -> None:
-    relay.set(Way(rate_down_bps=1))
+    relay.set(RelayWay(rate_down_bps=1))
     both.client.sendall(b"x" * 10_000)
     both.client.close()
     assert len(_everything(both.machine)) == 10_000
 
 
 def test_a_dead_link_keeps_what_is_under_way(both: Both, relay: Relay) -> None:
-    relay.set(Way(up=False))
+    relay.set(RelayWay(up=False))
     both.client.sendall(b"into the silence")
     both.client.shutdown(socket.SHUT_WR)
     while relay.traffic.up_bytes < len(b"into the silence"):
         pass
-    relay.set(Way(up=False))  # whatever the relay would have done by now, it has done
+    relay.set(RelayWay(up=False))  # whatever the relay would have done by now, it has done
     both.machine.setblocking(False)
     with pytest.raises(BlockingIOError):
         both.machine.recv(1)
     both.machine.settimeout(_PATIENCE_S)
-    relay.set(Way())
+    relay.set(RelayWay())
     assert _everything(both.machine) == b"into the silence"
 
 
 def test_a_connection_over_a_dead_link_waits_for_it(server: socket.socket, relay: Relay) -> None:
-    relay.set(Way(up=False))
+    relay.set(RelayWay(up=False))
     with socket.create_connection(("127.0.0.1", relay.port), _PATIENCE_S) as client:
         client.sendall(b"patient")
         server.setblocking(False)
         with pytest.raises(BlockingIOError):
             server.accept()
         server.settimeout(_PATIENCE_S)
-        relay.set(Way())
+        relay.set(RelayWay())
         machine, _ = server.accept()
         with machine:
             assert machine.recv(100) == b"patient"

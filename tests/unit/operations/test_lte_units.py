@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.bearers.lte import rutos_read
-from atlantis_netcfg.emulator.modem import ModemSpec, RunningModem
+from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.journal import Journal, JournalFailed, Store
 from atlantis_netcfg.operations.lte import perform
@@ -317,7 +317,7 @@ def test_who_does_not_prove_to_be_the_unit_is_told_nothing(deck: Deck, changed: 
 
 def test_a_modem_by_at_is_compared_only(deck: Deck) -> None:
     deck.declare("  driver: at\n  serial: /dev/ttyUSB2\n  sim: {apn: other}\n")
-    running = deck.stack.enter_context(RunningModem(ModemSpec()))
+    running = deck.stack.enter_context(RunningModem(AtModemSpec()))
     deck.target = {"host": "", "port": 0, "pin": "", "serial": running.path}
     result = deck.run()
     assert ends(result) == ("unchanged", 0, 0)

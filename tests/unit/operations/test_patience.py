@@ -9,17 +9,17 @@ import pytest
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.bearers import LAN, patient
 from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.estimate import Bearer
+from atlantis_netcfg.routeros.estimate import BearerProfile
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
-BRIDGE = Bearer("wifi-ptp", 0.004, 50e6, 50e6, metered=False)
-MOBILE = Bearer("4g", 0.06, 20e6, 20e6, metered=True)
-SATELLITE = Bearer("satellite", 0.7, 352e3, 704e3, metered=True)
+BRIDGE = BearerProfile("wifi-ptp", 0.004, 50e6, 50e6, metered=False)
+MOBILE = BearerProfile("4g", 0.06, 20e6, 20e6, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
 GAP_S = 70
 
 
 @pytest.mark.parametrize("bearer", [LAN, BRIDGE], ids=lambda bearer: bearer.name)
-def test_what_has_no_gaps_is_given_up_in_seconds(bearer: Bearer) -> None:
+def test_what_has_no_gaps_is_given_up_in_seconds(bearer: BearerProfile) -> None:
     found = patient(ENDPOINT, bearer)
     assert found.connect_timeout_s <= 15
     assert found.reply_timeout_s <= 60
@@ -29,6 +29,6 @@ def test_what_has_no_gaps_is_given_up_in_seconds(bearer: Bearer) -> None:
 @pytest.mark.parametrize(
     "bearer", [MOBILE, SATELLITE, replace(SATELLITE, metered=False)], ids=lambda bearer: bearer.name
 )
-def test_what_may_be_away_outlives_a_gap(bearer: Bearer) -> None:
+def test_what_may_be_away_outlives_a_gap(bearer: BearerProfile) -> None:
     found = patient(ENDPOINT, bearer)
     assert min(found.connect_timeout_s, found.reply_timeout_s) > GAP_S + 10 * bearer.rtt_s

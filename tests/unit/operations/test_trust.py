@@ -16,7 +16,7 @@ from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
-from atlantis_netcfg.operations.trust import Computer, KeyState, has_identity
+from atlantis_netcfg.operations.trust import KeyState, TrustedComputer, has_identity
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -88,7 +88,7 @@ def test_a_look_at_a_key_logs_nobody_in(
 ) -> None:
     typed = stand_in(tmp_path, monkeypatch, said)
     declaration = declared(None)
-    assert Computer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look() is state
+    assert TrustedComputer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look() is state
     words = typed.read_text()
     for option in ("BatchMode=yes", "PreferredAuthentications=none", "ControlPath=none", f"HostKeyAlias={GATEWAY}"):
         assert option in words
@@ -98,7 +98,7 @@ def test_who_does_not_answer_is_told_as_that(tmp_path: Path, monkeypatch: pytest
     stand_in(tmp_path, monkeypatch, "ssh: connect to host x port 22: No route to host")
     declaration = declared(None)
     with pytest.raises(DeviceFailed, match="was not reached: ssh: connect to host x port 22: No route to host"):
-        Computer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look()
+        TrustedComputer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look()
 
 
 def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, said: str) -> Path:

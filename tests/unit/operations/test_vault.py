@@ -10,7 +10,7 @@ from ansible import constants
 from ansible.parsing.vault import VaultLib, VaultSecret
 
 from atlantis_netcfg.cli import _passphrase
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, Command
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, JSON, Arguments, CommandSpec
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
@@ -108,7 +108,7 @@ def test_a_file_that_is_not_there_or_empty_is_named(
 
 
 def arguments(*flags: str) -> Arguments:
-    return Arguments(Command("run", "", flags=(ASK_VAULT_PASS, JSON)), {}, dict.fromkeys(flags))
+    return Arguments(CommandSpec("run", "", flags=(ASK_VAULT_PASS, JSON)), {}, dict.fromkeys(flags))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.packages import Installed, Npk, Package, Upgrade, UpgradeRefused, plan
+from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, UpgradeRefused, plan
 
 MIB = 1024 * 1024
 
@@ -22,7 +22,7 @@ def npk(name: str, release: str = "7.21.5", architecture: str = "arm64", size: i
 
 
 def device(*packages: str, release: str = "7.18.2", **more: object) -> Installed:
-    rows = tuple(Package(name, version(release)) for name in packages or ("routeros",))
+    rows = tuple(RouterOsPackage(name, version(release)) for name in packages or ("routeros",))
     found = Installed(version(release), "arm64", "RB5009UPr+S+", rows, 64 * MIB)
     return replace(found, **more)  # type: ignore[arg-type]
 
@@ -113,7 +113,7 @@ def test_case(name: str) -> None:
 
 
 def after(installed: Installed, decided: Upgrade) -> Installed:
-    rows = tuple(Package(name, decided.version) for name in decided.expected)
+    rows = tuple(RouterOsPackage(name, decided.version) for name in decided.expected)
     return replace(installed, version=decided.version, packages=rows)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
-from atlantis_netcfg.routeros.pair._radio import Radio, disagreements, drops_link, level_dbm, radio_of
+from atlantis_netcfg.routeros.pair._radio import PairRadio, disagreements, drops_link, level_dbm, radio_of
 
 LEGACY = {
     "disabled": "false",
@@ -86,13 +86,13 @@ CASES = [
 
 @pytest.mark.parametrize(("menu", "near", "far", "expected"), CASES)
 def test_disagreements(menu: str, near: dict[str, str], far: dict[str, str], expected: list[str]) -> None:
-    one = Radio(menu, "wlan1", "A", {**MENUS[menu], **near})
-    other = Radio(menu, "wlan1", "B", {**MENUS[menu], **STATIONS[menu], **far})
+    one = PairRadio(menu, "wlan1", "A", {**MENUS[menu], **near})
+    other = PairRadio(menu, "wlan1", "B", {**MENUS[menu], **STATIONS[menu], **far})
     assert list(disagreements(one, other, ("near", "far"))) == expected
 
 
 def test_different_drivers_never_bridge() -> None:
-    one, other = (Radio(menu, "x", "A", values) for menu, values in MENUS.items())
+    one, other = (PairRadio(menu, "x", "A", values) for menu, values in MENUS.items())
     assert "different drivers" in disagreements(one, other, ("near", "far"))[0]
     assert disagreements(None, other, ("near", "far")) == ("near has no radio that can be driven",)
 

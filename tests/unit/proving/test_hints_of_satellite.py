@@ -13,8 +13,8 @@ from proving_router import Fake
 from test_hints_of_vpn import Laptop, laptop, real
 from test_proving import ADDED, SATELLITE, prove, proving
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.satellite import Attempt, Expected, Outcome, Probe
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.bearers.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
 from atlantis_netcfg.checklist.probes.step import AllowListTestResult
 from atlantis_netcfg.cli import _output
@@ -93,13 +93,13 @@ def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the
 
 
 def leak(_at: Laptop) -> str:
-    attempt = Attempt("weather", ADDED, Expected.REFUSED, Probe.ICMP, Outcome.ANSWERED)
+    attempt = Attempt("weather", ADDED, Expected.REFUSED, SatelliteProbe.ICMP, ProbeOutcome.ANSWERED)
     return str(proving()._judged(attempt, link_seen=True).hint)
 
 
 def not_tried(_at: Laptop) -> str:
-    tried = Finding(Verdict.PASS, "reached", "weather was reached")
-    untried = Finding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
+    tried = BearerFinding(Verdict.PASS, "reached", "weather was reached")
+    untried = BearerFinding(Verdict.INCONCLUSIVE, "not-tried", "the VPN could not be tried")
     judged = AllowListProbe("satellite", "coastal").judge(
         {"prove": AllowListTestResult(None, findings=(tried, untried))}
     )

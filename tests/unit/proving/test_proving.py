@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, cast
 import pytest
 from proving_router import Fake
 
-from atlantis_netcfg.bearers import Finding
-from atlantis_netcfg.bearers.satellite import Expected, Outcome, Probe
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.bearers.satellite import Expected, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
-from atlantis_netcfg.operations.allow_list_test.prove import Pace, Proof, Proving
+from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of
 from atlantis_netcfg.routeros.estimate import on_the_wire
 
@@ -44,7 +44,7 @@ def proving(
 ) -> Proving:
     made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, rehearsed=True)
     made.bearer = link or bearer()
-    made.pace = Pace(window_s=window_s, sleep=no_wait)
+    made.pace = ProofPace(window_s=window_s, sleep=no_wait)
     return made
 
 
@@ -95,7 +95,7 @@ def test_what_is_found_beside_the_targets_counts_as_well(verdict: Verdict, code:
     only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
     router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
     proof = prove(router, proving(try_all=True, link=only))
-    assert replace(proof, findings=(Finding(verdict, "allow-list-name", "it has moved"),)).exit == code
+    assert replace(proof, findings=(BearerFinding(verdict, "allow-list-name", "it has moved"),)).exit == code
 
 
 def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
@@ -297,15 +297,15 @@ def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> N
         active: next(task for task in tasks(DECLARED.pilot, link, active=active) if task.name == "VPN host")
         for active in (False, True)
     }
-    assert by_activity[False].probe is Probe.NONE
-    assert by_activity[True].probe is Probe.ICMP
+    assert by_activity[False].probe is SatelliteProbe.NONE
+    assert by_activity[True].probe is SatelliteProbe.ICMP
 
 
 def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
     for site, refused in (("coastal", 2), ("te4sea", 0)):
         planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).bearer, active=True)
         assert [task.expected for task in planned] == [Expected.REACHED] * 3 + [Expected.REFUSED] * refused
-        assert all((task.probe is Probe.NONE) == bool(task.why_not) for task in planned)
+        assert all((task.probe is SatelliteProbe.NONE) == bool(task.why_not) for task in planned)
 
 
 @pytest.mark.parametrize(("site", "name", "words"), [("scc", None, "no satellite link"), ("coastal", "4g", "`4g`")])
@@ -324,7 +324,7 @@ def test_json_holds_what_text_says() -> None:
     proof = prove(Fake(beyond={ADDED: 0}))
     data = proof.as_json()
     assert data["exit"] == 6
-    assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == Outcome.ANSWERED
+    assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == ProbeOutcome.ANSWERED
     text = proof.as_text()
     assert all(finding.message in text for _, finding in proof.judged)
     assert "2 of 6 targets proved, 4 could not be tried" in text

@@ -14,7 +14,7 @@ from render_walk import Packet, Walk
 from atlantis_netcfg import rsc
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import LteDriver, LteRouter, Sim
-from atlantis_netcfg.emulator.routeros import Device, Management, ModemSpec, RouterSpec
+from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, ModemSpec, RouterSpec
 from atlantis_netcfg.render import RenderError, environment, lte, lte_prerequisites, lte_view
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def test_the_device_takes_every_row_and_stays_reachable(version: str) -> None:
         ports=(port,),
         poe_ports=(),
         modem=ModemSpec(),
-        management=Management(address="10.10.1.1/29", port=port, technician=technician),
+        management=ManagementSpec(address="10.10.1.1/29", port=port, technician=technician),
     )
     device = Device(spec, lambda: 0.0)
     caller = device.login("provision", "", via="api-ssl", address=technician)

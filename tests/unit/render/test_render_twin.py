@@ -11,7 +11,7 @@ from test_render_text import parsed
 
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration.model import Router
-from atlantis_netcfg.emulator.routeros import Device, Management, RouterSpec
+from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
 from atlantis_netcfg.render import prerequisites
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def adopted(site: str, version: str) -> tuple[Device, Caller]:
         version=version,
         ports=tuple(row.name for row in prerequisites(DECLARED, host) if row.menu == "/interface/ethernet"),
         certificates=tuple(row.name for row in prerequisites(DECLARED, host) if row.menu == "/certificate"),
-        management=Management(address=str(address), port="ether8", technician=str(management.technician)),
+        management=ManagementSpec(address=str(address), port="ether8", technician=str(management.technician)),
     )
     device = Device(spec, lambda: 0.0)
     return device, device.login("provision", "", via="api-ssl", address=str(management.technician))

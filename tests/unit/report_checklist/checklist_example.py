@@ -11,16 +11,16 @@ from typing import Any
 from PIL import Image
 
 from atlantis_netcfg.checklist.report import (
-    Change,
     Document,
     Drawing,
     DrawnLink,
     DrawnNode,
     Evidence,
     EvidenceType,
-    Finding,
     Item,
-    Kind,
+    ItemChange,
+    ItemFinding,
+    ItemKind,
     LeftOut,
     Override,
     Phase,
@@ -75,7 +75,7 @@ def item(identity: str, verdict: Verdict = Verdict.PASS, message: str = "", **mo
         "location": "coastal",
         "endpoint": endpoint,
         "table3": is_vehicle and endpoint in NAMES[row][2],
-        "kind": Kind.AUTOMATIC,
+        "kind": ItemKind.AUTOMATIC,
         "phase": Phase.BENCH,
         "open": False,
         "message": message or f"{TITLES.get(endpoint, endpoint)} of {name} holds",
@@ -98,7 +98,7 @@ def _wifi() -> Item:
         Verdict.PASS,
         "Girona 500 is associated, -52 dBm, no packet lost",
         title="Wi-Fi of Girona 500: association, signal, loss, rate",
-        findings=(Finding(verdict=Verdict.PASS, code="associated", message="-52 dBm, between -75 and -35 dBm"),),
+        findings=(ItemFinding(verdict=Verdict.PASS, code="associated", message="-52 dBm, between -75 and -35 dBm"),),
         evidence=(
             Evidence(type=EvidenceType.READ, what="signal at coastal-gateway, wlan0", value="-52 dBm", at=AT),
             Evidence(type=EvidenceType.MEASURED, what="pings to 10.64.1.21", value="20 sent, 20 answered", at=AT),
@@ -113,13 +113,13 @@ def _strong() -> Item:
         "the signal of Sparus overdrives the receiver: -22 dBm, above -35 dBm",
         hint="move the antennas apart, or lower `tx_power_dbm`",
         findings=(
-            Finding(
+            ItemFinding(
                 verdict=Verdict.FAIL,
                 code="signal-too-strong",
                 message="the signal of Sparus overdrives the receiver: -22 dBm, above -35 dBm",
                 hint="move the antennas apart, or lower `tx_power_dbm`",
             ),
-            Finding(verdict=Verdict.PASS, code="no-loss", message="20 of 20 pings were answered"),
+            ItemFinding(verdict=Verdict.PASS, code="no-loss", message="20 of 20 pings were answered"),
         ),
         evidence=(Evidence(type=EvidenceType.READ, what="signal at coastal-gateway, wlan1", value="-22 dBm", at=AT),),
     )
@@ -131,7 +131,7 @@ def _by_a_person() -> Item:
         Verdict.PASS,
         "motors stopped after 2 s",
         title="Failsafe of Stork: the transmitter is switched off",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         evidence=(
             Evidence(type=EvidenceType.CONFIRMED, what="answer", value="motors stopped after 2 s", by=PERSON, at=AT),
             Evidence(type=EvidenceType.FILE, what="photo", value=PHOTO, file=PHOTO, sha256=sha256(photo()), by=PERSON),
@@ -150,7 +150,7 @@ def _overridden() -> Item:
 
 
 def _odd() -> list[Item]:
-    waits = {"open": True, "kind": Kind.PERSON, "at": None, "seconds": None}
+    waits = {"open": True, "kind": ItemKind.PERSON, "at": None, "seconds": None}
     return [
         item(
             "sparus/usbl",
@@ -163,7 +163,7 @@ def _odd() -> list[Item]:
             "sparus/usbl/ping",
             Verdict.INCONCLUSIVE,
             "waits for a person's consent",
-            **(waits | {"kind": Kind.ACTIVE}),
+            **(waits | {"kind": ItemKind.ACTIVE}),
             phase=Phase.WATER,
         ),
         item("eca-rov/usbl", Verdict.INCONCLUSIVE, "waits for a person", **waits, phase=Phase.WATER),
@@ -273,9 +273,9 @@ def example(**changes: Any) -> Document:  # noqa: ANN401 - fields
             run="20260427T081500Z-coastal-check",
             at=AT - timedelta(days=7),
             changes=(
-                Change(id="sparus/wifi", before=Verdict.PASS, after=Verdict.FAIL, message="-22 dBm, was -50 dBm"),
-                Change(id="coastal/site/poe", before=None, after=Verdict.PASS, message="is new"),
-                Change(id="mares/usbl/old", before=Verdict.PASS, after=None, message="is gone"),
+                ItemChange(id="sparus/wifi", before=Verdict.PASS, after=Verdict.FAIL, message="-22 dBm, was -50 dBm"),
+                ItemChange(id="coastal/site/poe", before=None, after=Verdict.PASS, message="is new"),
+                ItemChange(id="mares/usbl/old", before=Verdict.PASS, after=None, message="is gone"),
             ),
         ),
         "signed": signature(),

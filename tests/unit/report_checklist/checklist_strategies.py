@@ -9,16 +9,16 @@ import checklist_example as made
 from hypothesis import strategies as st
 
 from atlantis_netcfg.checklist.report import (
-    Change,
     Document,
     Drawing,
     DrawnLink,
     DrawnNode,
     Evidence,
     EvidenceType,
-    Finding,
     Item,
-    Kind,
+    ItemChange,
+    ItemFinding,
+    ItemKind,
     LeftOut,
     Override,
     Phase,
@@ -79,14 +79,14 @@ ITEMS = st.builds(
     location=_KEYS,
     endpoint=_COLUMNS,
     table3=st.booleans(),
-    kind=st.sampled_from(Kind),
+    kind=st.sampled_from(ItemKind),
     phase=st.sampled_from(Phase),
     open=st.booleans(),
     verdict=_VERDICTS,
     message=_WORDS,
     hint=_maybe(_WORDS),
     findings=st.lists(
-        st.builds(Finding, verdict=_VERDICTS, code=_WORDS, message=_WORDS, hint=_maybe(_WORDS)), max_size=2
+        st.builds(ItemFinding, verdict=_VERDICTS, code=_WORDS, message=_WORDS, hint=_maybe(_WORDS)), max_size=2
     ).map(tuple),
     evidence=st.lists(EVIDENCE, max_size=2).map(tuple),
     at=_maybe(_TIMES),
@@ -112,7 +112,7 @@ LINKS = st.builds(
 DRAWINGS = st.builds(
     Drawing, nodes=st.lists(NODES, max_size=5).map(tuple), links=st.lists(LINKS, max_size=6).map(tuple)
 )
-CHANGES = st.builds(Change, id=_WORDS, before=_maybe(_VERDICTS), after=_maybe(_VERDICTS), message=_WORDS)
+CHANGES = st.builds(ItemChange, id=_WORDS, before=_maybe(_VERDICTS), after=_maybe(_VERDICTS), message=_WORDS)
 
 
 @st.composite
@@ -151,7 +151,7 @@ def hostile(every: Sequence[str] = HOSTILE) -> Document:
             words,
             title=words,
             hint=words,
-            findings=(Finding(verdict=Verdict.FAIL, code="code", message=f"{words} again", hint=f"other {words}"),),
+            findings=(ItemFinding(verdict=Verdict.FAIL, code="code", message=f"{words} again", hint=f"other {words}"),),
             evidence=(
                 Evidence(type=EvidenceType.CONFIRMED, what=words, value=words, by=words, at=made.AT),
                 Evidence(type=EvidenceType.FILE, what=words, value=words, file=words, sha256="0" * 64),

@@ -13,7 +13,7 @@ from checklist_html import holds, parsed, safe, shown
 from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
-from atlantis_netcfg.checklist.report import Document, Finding, lines
+from atlantis_netcfg.checklist.report import Document, ItemFinding, lines
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._shapes import grid
@@ -56,7 +56,7 @@ def test_any_document(document: Document) -> None:
 
 
 def test_a_carriage_return_at_the_end_of_a_line_is_shown_in_jenkins() -> None:
-    found = Finding(verdict=Verdict.PASS, code="code", message="the next line")
+    found = ItemFinding(verdict=Verdict.PASS, code="code", message="the next line")
     whole(made.example(items=(made.item("coastal/site/clock", Verdict.PASS, "at the end\r", findings=(found,)),)))
 
 

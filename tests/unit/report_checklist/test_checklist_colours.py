@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, State, Tint
+from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, ShownState, Tint
 
 PAGES = {"light": (TINTS, "#ffffff"), "dark": (DARK, "#12181f")}
 CASES = [
@@ -32,10 +32,10 @@ def test_words_can_be_read_and_edges_seen(tint: Tint, page: str) -> None:
 
 
 @pytest.mark.parametrize("signs", [SYMBOLS, ASCII], ids=["page", "console"])
-def test_every_state_has_a_sign_of_its_own(signs: dict[State, str]) -> None:
-    assert signs.keys() == set(State)
-    assert len(set(signs.values())) == len(State)
+def test_every_state_has_a_sign_of_its_own(signs: dict[ShownState, str]) -> None:
+    assert signs.keys() == set(ShownState)
+    assert len(set(signs.values())) == len(ShownState)
 
 
 def test_every_state_has_colours() -> None:
-    assert TINTS.keys() == DARK.keys() == {None, *State}
+    assert TINTS.keys() == DARK.keys() == {None, *ShownState}

@@ -22,7 +22,7 @@ from atlantis_netcfg.declaration import load
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist import Checklist
-    from atlantis_netcfg.checklist.report._shapes import Badge, Box
+    from atlantis_netcfg.checklist.report._shapes import Badge, DrawnBox
     from atlantis_netcfg.declaration import Declaration
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
@@ -46,7 +46,7 @@ def drawn(site: str) -> Document:
     return made.green(items=items, rows=checklist.rows, drawing=drawing(declaration(), checklist))
 
 
-def apart(one: Box | Badge, other: Box | Badge, heights: tuple[float, float]) -> bool:
+def apart(one: DrawnBox | Badge, other: DrawnBox | Badge, heights: tuple[float, float]) -> bool:
     return (
         one.x + one.width <= other.x
         or other.x + other.width <= one.x

@@ -9,34 +9,34 @@ import checklist_example as made
 import pytest
 from checklist_html import parsed
 
-from atlantis_netcfg.checklist.report import Item, Kind, Override, lines
+from atlantis_netcfg.checklist.report import Item, ItemKind, Override, lines
 from atlantis_netcfg.checklist.report._html import html
 from atlantis_netcfg.checklist.report._junit import junit
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, State, state, worst_state
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, ShownState, state, worst_state
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 
 OVERRIDE = Override(reason="the crew stands beside it", by="B. Captain", at=made.AT)
 NAMES = {
-    (Verdict.PASS, False, False): State.PASS,
-    (Verdict.WARN, False, False): State.WARN,
-    (Verdict.FAIL, False, False): State.FAIL,
-    (Verdict.INCONCLUSIVE, False, False): State.INCONCLUSIVE,
-    (Verdict.ERROR, False, False): State.ERROR,
-    (Verdict.SKIP, False, False): State.SKIP,
-    (Verdict.PASS, True, False): State.OPEN,
-    (Verdict.WARN, True, False): State.OPEN,
-    (Verdict.FAIL, True, False): State.FAIL,
-    (Verdict.INCONCLUSIVE, True, False): State.OPEN,
-    (Verdict.ERROR, True, False): State.ERROR,
-    (Verdict.SKIP, True, False): State.OPEN,
-    (Verdict.PASS, False, True): State.PASS,
-    (Verdict.WARN, False, True): State.WARN,
-    (Verdict.SKIP, False, True): State.SKIP,
+    (Verdict.PASS, False, False): ShownState.PASS,
+    (Verdict.WARN, False, False): ShownState.WARN,
+    (Verdict.FAIL, False, False): ShownState.FAIL,
+    (Verdict.INCONCLUSIVE, False, False): ShownState.INCONCLUSIVE,
+    (Verdict.ERROR, False, False): ShownState.ERROR,
+    (Verdict.SKIP, False, False): ShownState.SKIP,
+    (Verdict.PASS, True, False): ShownState.OPEN,
+    (Verdict.WARN, True, False): ShownState.OPEN,
+    (Verdict.FAIL, True, False): ShownState.FAIL,
+    (Verdict.INCONCLUSIVE, True, False): ShownState.OPEN,
+    (Verdict.ERROR, True, False): ShownState.ERROR,
+    (Verdict.SKIP, True, False): ShownState.OPEN,
+    (Verdict.PASS, False, True): ShownState.PASS,
+    (Verdict.WARN, False, True): ShownState.WARN,
+    (Verdict.SKIP, False, True): ShownState.SKIP,
 }
 """Verdict, open, overridden; whatever is not here is overridden."""
 CASES = list(product(Verdict, (False, True), (False, True)))
-ROWS = dict(zip(("girona500", "sparus", "zarco"), Kind, strict=True))
+ROWS = dict(zip(("girona500", "sparus", "zarco"), ItemKind, strict=True))
 
 
 def alike(verdict: Verdict, *, is_open: bool, taken: bool) -> list[Item]:
@@ -56,7 +56,7 @@ def alike(verdict: Verdict, *, is_open: bool, taken: bool) -> list[Item]:
 def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) -> None:  # noqa: FBT001 - cases
     items = alike(verdict, is_open=is_open, taken=taken)
     document = made.green(items=(*items, made.item("sparus/gps")))
-    shown = NAMES.get((verdict, is_open, taken), State.OVERRIDDEN)
+    shown = NAMES.get((verdict, is_open, taken), ShownState.OVERRIDDEN)
     assert {state(item) for item in items} == {shown}
     assert (document.exit is ExitCode.DONE) == (shown in GREEN)
 
@@ -67,23 +67,23 @@ def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) ->
         assert f"s-{shown.lower()}" in cell.classes
     assert ("Overridden by B. Captain" in page.text) == taken
     assert ("the crew stands beside it" in page.text) == taken
-    assert all(f"{kind}, bench" in page.text for kind in Kind)
+    assert all(f"{kind}, bench" in page.text for kind in ItemKind)
 
     xml = junit(document)
     assert xml.count(b"<failure") + xml.count(b"<error") == (0 if shown in GREEN else 3)
-    assert xml.count(b"<skipped") == (3 if shown is State.SKIP else 0)
+    assert xml.count(b"<skipped") == (3 if shown is ShownState.SKIP else 0)
     assert xml.count(b"OVERRIDDEN by B. Captain: the crew stands beside it") == (3 if taken else 0)
 
     told = lines(document)
     assert f"(exit {int(document.exit)}): " in told
     assert all(item.id in told for item in items)
-    assert shown is State.PASS or told.count(f"\n{ASCII[shown]} {shown}") == 3
+    assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown}") == 3
 
 
 def test_the_worst_of_none_is_that_nothing_was_checked() -> None:
-    assert worst_state(()) is State.NOT_CHECKED
+    assert worst_state(()) is ShownState.NOT_CHECKED
 
 
 def test_the_order_is_that_of_the_verdicts() -> None:
-    order = list(State)
+    order = list(ShownState)
     assert [word for word in map(str, order) if word in set(map(str, Verdict))] == list(map(str, Verdict))

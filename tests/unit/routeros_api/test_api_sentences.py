@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.routeros.api._wire import MAX_SENTENCE, Answer, Decoder, GarbageError, encode, encode_size, parse
+from atlantis_netcfg.routeros.api._wire import (
+    MAX_SENTENCE,
+    AnswerReader,
+    Decoder,
+    GarbageError,
+    encode,
+    encode_size,
+    parse,
+)
 
 words = st.binary(min_size=1, max_size=300).map(lambda raw: raw.decode("utf-8", "surrogateescape"))
 sentences = st.lists(st.lists(words, min_size=1, max_size=6).map(tuple), max_size=6)
@@ -91,16 +99,19 @@ def test_bytes_that_are_not_utf_8_go_back_as_they_came() -> None:
     [
         (
             ("!re", ".tag=3", "=.id=*1", "=comment=a=b", "=name="),
-            Answer("!re", "3", {".id": "*1", "comment": "a=b", "name": ""}),
+            AnswerReader("!re", "3", {".id": "*1", "comment": "a=b", "name": ""}),
         ),
-        (("!done", "=ret=*1F", ".tag=4"), Answer("!done", "4", {"ret": "*1F"})),
-        (("!empty", ".tag=5"), Answer("!empty", "5", {})),
-        (("!re", ".tag=6", ".news=1"), Answer("!re", "6", {})),
-        (("!fatal", "session terminated on request"), Answer("!fatal", None, {}, "session terminated on request")),
-        (("!fatal", "a\x1b[2J" + "b" * 900), Answer("!fatal", None, {}, "a [2J" + "b" * 195)),
+        (("!done", "=ret=*1F", ".tag=4"), AnswerReader("!done", "4", {"ret": "*1F"})),
+        (("!empty", ".tag=5"), AnswerReader("!empty", "5", {})),
+        (("!re", ".tag=6", ".news=1"), AnswerReader("!re", "6", {})),
+        (
+            ("!fatal", "session terminated on request"),
+            AnswerReader("!fatal", None, {}, "session terminated on request"),
+        ),
+        (("!fatal", "a\x1b[2J" + "b" * 900), AnswerReader("!fatal", None, {}, "a [2J" + "b" * 195)),
     ],
 )
-def test_replies_are_taken_apart(words: tuple[str, ...], answer: Answer) -> None:
+def test_replies_are_taken_apart(words: tuple[str, ...], answer: AnswerReader) -> None:
     assert parse(words) == answer
 
 

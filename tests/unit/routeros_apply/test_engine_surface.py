@@ -8,12 +8,12 @@ from atlantis_netcfg.routeros import apply
 
 def test_the_surface_of_the_engine() -> None:
     assert routeros.__all__ == [
-        "Bearer",
+        "BearerProfile",
         "DeviceJob",
         "DeviceResult",
         "Endpoint",
         "Estimate",
-        "Mode",
+        "JobMode",
         "Patience",
         "Status",
         "converge",

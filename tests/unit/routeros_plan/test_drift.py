@@ -13,7 +13,7 @@ from plan_world import POLICIES, observed
 from atlantis_netcfg.report.drift import drift_lines
 from atlantis_netcfg.routeros import snapshot
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, History, Owner, Past, Since, compare
+from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftHistory, DriftKind, Owner, Past, Since, compare
 from atlantis_netcfg.routeros.planner import plan
 
 CASES = yaml.safe_load((Path(__file__).parent / "drift_cases.yml").read_text(encoding="utf-8"))
@@ -28,7 +28,7 @@ def compared(case: dict[str, Any]) -> Comparison:
     if "confirmed" in case:
         then = read(case.get("declared_then", case["desired"]))
         past = Past.read("RUN", AT, snapshot.write("r", then, observed(case["confirmed"])))
-    return compare(desired, device, plan("r", desired, device), past, History(case.get("history", ())))
+    return compare(desired, device, plan("r", desired, device), past, DriftHistory(case.get("history", ())))
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case["name"])

@@ -10,13 +10,13 @@ from atlantis_netcfg.routeros import estimate as module
 from atlantis_netcfg.routeros._types import Observed, Plan
 from atlantis_netcfg.routeros.api._wire import encode
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, Bearer, Estimate, estimate
+from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, BearerProfile, Estimate, estimate
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan, simulate
 
-LAN = Bearer("lan", 0.001, 100e6, 100e6, metered=False)
-IRIDIUM = Bearer("satellite", 0.7, 352e3, 704e3, metered=True)
+LAN = BearerProfile("lan", 0.001, 100e6, 100e6, metered=False)
+IRIDIUM = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
 NOTHING = Plan("r", (), "")
 CHECKPOINT = 7
 """Round trips: a session (four), release, take, and the next script."""

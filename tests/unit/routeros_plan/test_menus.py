@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros.menus import MODELLED
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape, canonical
+from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape, canonical
 from atlantis_netcfg.routeros.observe import printing
 
 TREES = Path(__file__).parents[3] / "atlantis_netcfg/emulator/routeros/data"
@@ -134,47 +134,47 @@ def test_row_of_the_table_is_consistent(path: str) -> None:
 @pytest.mark.parametrize(
     ("kind", "spellings"),
     [
-        (Kind.BOOLEAN, ("yes", "true")),
-        (Kind.BOOLEAN, ("no", "false")),
-        (Kind.FLAG, ("", "yes", "true")),
-        (Kind.NUMBER, ("32768", "0x8000")),
-        (Kind.TIME, ("10m", "600s", "600", "00:10:00")),
-        (Kind.TIME, ("9h", "9:00", "09:00:00")),
-        (Kind.TIME, ("2s200ms", "2.2", "00:00:02.200")),
-        (Kind.TIME, ("1d30m", "1d00:30:00", "24h30m", "88200")),
-        (Kind.TIME, ("1w", "7d", "1w00:00:00")),
-        (Kind.TIME, ("500ms", "00:00:00.5", "00:00:00.500")),
-        (Kind.SIZE, ("2048", "2048KiB", "2MiB", "2048.0KiB")),
-        (Kind.MAC, ("48:a9:8a:00:00:01", "48:A9:8A:00:00:01")),
-        (Kind.PREFIX, ("10.0.0.1", "10.0.0.1/32")),
-        (Kind.PREFIX, ("!10.0.0.1", "!10.0.0.1/32")),
-        (Kind.NETWORK, ("10.0.0.5/24", "10.0.0.0/24")),
-        (Kind.SET, ("!established,related", "!related,established")),
-        (Kind.PREFIXES, ("10.0.0.1,10.1.0.0/16", "10.1.0.0/16,10.0.0.1/32")),
-        (Kind.POLICY, ("read,write,!ftp", "write,read")),
-        (Kind.GATEWAY, ("10.0.0.1,ether1", "10.0.0.1, ether1")),
+        (PropertyKind.BOOLEAN, ("yes", "true")),
+        (PropertyKind.BOOLEAN, ("no", "false")),
+        (PropertyKind.FLAG, ("", "yes", "true")),
+        (PropertyKind.NUMBER, ("32768", "0x8000")),
+        (PropertyKind.TIME, ("10m", "600s", "600", "00:10:00")),
+        (PropertyKind.TIME, ("9h", "9:00", "09:00:00")),
+        (PropertyKind.TIME, ("2s200ms", "2.2", "00:00:02.200")),
+        (PropertyKind.TIME, ("1d30m", "1d00:30:00", "24h30m", "88200")),
+        (PropertyKind.TIME, ("1w", "7d", "1w00:00:00")),
+        (PropertyKind.TIME, ("500ms", "00:00:00.5", "00:00:00.500")),
+        (PropertyKind.SIZE, ("2048", "2048KiB", "2MiB", "2048.0KiB")),
+        (PropertyKind.MAC, ("48:a9:8a:00:00:01", "48:A9:8A:00:00:01")),
+        (PropertyKind.PREFIX, ("10.0.0.1", "10.0.0.1/32")),
+        (PropertyKind.PREFIX, ("!10.0.0.1", "!10.0.0.1/32")),
+        (PropertyKind.NETWORK, ("10.0.0.5/24", "10.0.0.0/24")),
+        (PropertyKind.SET, ("!established,related", "!related,established")),
+        (PropertyKind.PREFIXES, ("10.0.0.1,10.1.0.0/16", "10.1.0.0/16,10.0.0.1/32")),
+        (PropertyKind.POLICY, ("read,write,!ftp", "write,read")),
+        (PropertyKind.GATEWAY, ("10.0.0.1,ether1", "10.0.0.1, ether1")),
     ],
 )
-def test_spellings_of_one_value_are_equal(kind: Kind, spellings: tuple[str, ...]) -> None:
+def test_spellings_of_one_value_are_equal(kind: PropertyKind, spellings: tuple[str, ...]) -> None:
     assert len({canonical(kind, spelling) for spelling in spellings}) == 1
 
 
 @pytest.mark.parametrize(
     ("kind", "one", "other"),
     [
-        (Kind.TEXT, "yes", "true"),
-        (Kind.BOOLEAN, "yes", "auto"),
-        (Kind.TIME, "none", "0s"),
-        (Kind.PREFIX, "10.0.0.5/24", "10.0.0.0/24"),
-        (Kind.SET, "!established", "established"),
-        (Kind.SEQUENCE, "1.1.1.1,9.9.9.9", "9.9.9.9,1.1.1.1"),
-        (Kind.PREFIX, "10.0.0.1-10.0.0.9", "10.0.0.1"),
-        (Kind.NETWORK, "not-an-address", "10.0.0.0/24"),
-        (Kind.NUMBER, "auto", "0"),
-        (Kind.SIZE, "unlimited", "0"),
+        (PropertyKind.TEXT, "yes", "true"),
+        (PropertyKind.BOOLEAN, "yes", "auto"),
+        (PropertyKind.TIME, "none", "0s"),
+        (PropertyKind.PREFIX, "10.0.0.5/24", "10.0.0.0/24"),
+        (PropertyKind.SET, "!established", "established"),
+        (PropertyKind.SEQUENCE, "1.1.1.1,9.9.9.9", "9.9.9.9,1.1.1.1"),
+        (PropertyKind.PREFIX, "10.0.0.1-10.0.0.9", "10.0.0.1"),
+        (PropertyKind.NETWORK, "not-an-address", "10.0.0.0/24"),
+        (PropertyKind.NUMBER, "auto", "0"),
+        (PropertyKind.SIZE, "unlimited", "0"),
     ],
 )
-def test_different_values_differ(kind: Kind, one: str, other: str) -> None:
+def test_different_values_differ(kind: PropertyKind, one: str, other: str) -> None:
     assert canonical(kind, one) != canonical(kind, other)
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.emulator.routeros.console._parse import Each, Parse, Parser, Put, Text
+from atlantis_netcfg.emulator.routeros.console._parse import Each, Parse, Parser, Put, TextPart
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
@@ -29,13 +29,13 @@ OTHERS = st.lists(LINES, min_size=1, max_size=4)
 @given(OTHERS)
 def test_every_line_comes_to_the_parser_as_it_is(lines: list[str]) -> None:
     """Through the text of the array, the inner script, and the text that is parsed; and nothing else is in them."""
-    (loop,) = Parser(CORE, Text(script(lines))).statements()
+    (loop,) = Parser(CORE, TextPart(script(lines))).statements()
     assert isinstance(loop, Each)
     assert len(loop.texts) == len(lines)
     for line, text in zip(lines, loop.texts, strict=True):
         (inner,) = text
         assert isinstance(inner, str)
-        (put,) = Parser(CORE, Text(f':put [:parse "{inner}"]')).statements()
+        (put,) = Parser(CORE, TextPart(f':put [:parse "{inner}"]')).statements()
         assert isinstance(put, Put)
         assert isinstance(put.what, Parse)
         assert put.what.text == (line,)

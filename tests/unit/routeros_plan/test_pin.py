@@ -12,7 +12,7 @@ from atlantis_netcfg.bearers.lte import Registration
 from atlantis_netcfg.bearers.lte.routeros import read as read_unit
 from atlantis_netcfg.routeros import desired
 from atlantis_netcfg.routeros._types import Observed
-from atlantis_netcfg.routeros.pin import Sim, pending, sim_of
+from atlantis_netcfg.routeros.pin import PinSim, pending, sim_of
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "pin_cases.yml").read_text(encoding="utf-8"))
@@ -70,6 +70,6 @@ def test_what_is_waited_for(monitor: dict[str, str], held: str, waits: bool) -> 
 @pytest.mark.parametrize("case", [case for case in UNITS if (case["monitor"] or {}).get("pin-status")], ids=ident)
 def test_the_engine_and_the_reader_of_bearers_mean_the_same(case: dict[str, Any]) -> None:
     unit, sim = read_unit(case["monitor"]), sim_of(case["monitor"])
-    assert (unit.state is Registration.SIM_PUK_REQUIRED) == (sim is Sim.PUK)
-    assert (unit.state is Registration.SIM_PIN_REQUIRED) == (sim in {Sim.ASKS, Sim.REFUSED})
-    assert bool(unit.pin_refused) == (sim is Sim.REFUSED)
+    assert (unit.state is Registration.SIM_PUK_REQUIRED) == (sim is PinSim.PUK)
+    assert (unit.state is Registration.SIM_PIN_REQUIRED) == (sim in {PinSim.ASKS, PinSim.REFUSED})
+    assert bool(unit.pin_refused) == (sim is PinSim.REFUSED)

@@ -12,7 +12,7 @@ from atlantis_netcfg.routeros.apply._protection import Protection
 from atlantis_netcfg.routeros.apply._state import digest
 from atlantis_netcfg.routeros.apply._work import cut
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.estimate import BUDGET, Bearer, estimate
+from atlantis_netcfg.routeros.estimate import BUDGET, BearerProfile, estimate
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan, simulate
@@ -88,5 +88,5 @@ def test_ten_thousand_rows_come_to_an_end(menu: str) -> None:
     after = replace(found, rows=simulate(found.rows, planned))
     assert digest(after) != digest(found)
     assert plan("r", read(declared(menu), source="t"), after).actions == ()
-    cost = estimate(planned, Bearer("satellite", 0.7, 352_000, 704_000, metered=True), found)
+    cost = estimate(planned, BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True), found)
     assert cost.sessions == 1 + MANY // BUDGET - 1 + 1

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from plan_world import lines, observed
 
-from atlantis_netcfg.routeros._types import Layer, Observed, Owner, Plan, Verb
+from atlantis_netcfg.routeros._types import Layer, Observed, Plan, RowOwner, Verb
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 
@@ -31,7 +31,7 @@ def test_case(case: dict[str, Any]) -> None:
     assert lines(planned) == case.get("actions", [])
     assert list(planned.notes) == case.get("notes", [])
     assert [f"{each.subject}: {each.message}" for each in planned.drift] == case.get("drift", [])
-    assert {each.owner for each in planned.drift} <= {Owner.OTHER}
+    assert {each.owner for each in planned.drift} <= {RowOwner.OTHER}
     assert bool(planned.diff) == bool(planned.actions)
     assert [action.number for action in planned.actions] == list(range(1, len(planned.actions) + 1))
     assert converges(case["desired"], device, planned)

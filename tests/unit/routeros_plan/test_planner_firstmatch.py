@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from plan_world import facts
 
 from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb
-from atlantis_netcfg.routeros.desired import Desired, Item
+from atlantis_netcfg.routeros.desired import Desired, RowItem
 from atlantis_netcfg.routeros.planner import after, plan, simulate
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def device(old: list[Rule]) -> Observed:
 
 
 def wanted(new: list[Rule], *, entire: bool = True) -> Desired:
-    items = tuple(Item(FILTER, dict(rule), line) for line, rule in enumerate(new, start=1))
+    items = tuple(RowItem(FILTER, dict(rule), line) for line, rule in enumerate(new, start=1))
     return Desired("x.rsc", {FILTER: items}, frozenset({FILTER} if entire else ()))
 
 

@@ -13,8 +13,8 @@ from plan_world import facts
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer, Observed, Verb
 from atlantis_netcfg.routeros.commands import console, sentence
-from atlantis_netcfg.routeros.desired import Desired, Item
-from atlantis_netcfg.routeros.menus import MENUS, Field, Kind, Menu, Shape
+from atlantis_netcfg.routeros.desired import Desired, RowItem
+from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
 
 if TYPE_CHECKING:
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 
 VERSION = Version(7, 18, 2)
 
-_TEXTS: dict[Kind, tuple[str, ...]] = {
-    Kind.TEXT: ("a", "b", "", 'c "$d"'),
-    Kind.BOOLEAN: ("yes", "no", "true", "false"),
-    Kind.FLAG: ("", "no"),
-    Kind.NUMBER: ("1", "0x1", "2"),
-    Kind.TIME: ("10m", "600s", "00:10:00", "1d"),
-    Kind.SIZE: ("1024", "1MiB", "2MiB"),
-    Kind.RATE: ("280k", "280000", "1M"),
-    Kind.MAC: ("02:00:00:00:00:0a", "02:00:00:00:00:0A", "02:00:00:00:00:0B"),
-    Kind.PREFIX: ("10.0.0.1", "10.0.0.1/32", "10.0.0.1/24", "10.0.0.2"),
-    Kind.NETWORK: ("10.0.0.0/24", "10.0.0.5/24", "10.1.0.0/16"),
-    Kind.SET: ("x,y", "y,x", "z", "!x,y"),
-    Kind.PREFIXES: ("10.0.0.1,10.0.0.2", "10.0.0.2/32,10.0.0.1", ""),
-    Kind.SEQUENCE: ("x,y", "y,x", ""),
-    Kind.POLICY: ("read,write", "write,read,!ftp", "read"),
-    Kind.INTERFACE: ("ether1", "ether2", "!ether1"),
-    Kind.GATEWAY: ("10.0.0.9", "ether1", "10.0.0.9%ether2"),
+_TEXTS: dict[PropertyKind, tuple[str, ...]] = {
+    PropertyKind.TEXT: ("a", "b", "", 'c "$d"'),
+    PropertyKind.BOOLEAN: ("yes", "no", "true", "false"),
+    PropertyKind.FLAG: ("", "no"),
+    PropertyKind.NUMBER: ("1", "0x1", "2"),
+    PropertyKind.TIME: ("10m", "600s", "00:10:00", "1d"),
+    PropertyKind.SIZE: ("1024", "1MiB", "2MiB"),
+    PropertyKind.RATE: ("280k", "280000", "1M"),
+    PropertyKind.MAC: ("02:00:00:00:00:0a", "02:00:00:00:00:0A", "02:00:00:00:00:0B"),
+    PropertyKind.PREFIX: ("10.0.0.1", "10.0.0.1/32", "10.0.0.1/24", "10.0.0.2"),
+    PropertyKind.NETWORK: ("10.0.0.0/24", "10.0.0.5/24", "10.1.0.0/16"),
+    PropertyKind.SET: ("x,y", "y,x", "z", "!x,y"),
+    PropertyKind.PREFIXES: ("10.0.0.1,10.0.0.2", "10.0.0.2/32,10.0.0.1", ""),
+    PropertyKind.SEQUENCE: ("x,y", "y,x", ""),
+    PropertyKind.POLICY: ("read,write", "write,read,!ftp", "read"),
+    PropertyKind.INTERFACE: ("ether1", "ether2", "!ether1"),
+    PropertyKind.GATEWAY: ("10.0.0.9", "ether1", "10.0.0.9%ether2"),
 }
 _COMMENTS = ("atlantis: a", "atlantis: b", "hers", "")
 
@@ -86,7 +86,7 @@ def device(menu: Menu, rows: list[dict[str, str]]) -> Observed:
 
 
 def declared(menu: Menu, rows: list[dict[str, str]], *, entire: bool, restores: bool = False) -> Desired:
-    items = tuple(Item(menu.path, dict(row), line) for line, row in enumerate(rows, start=1))
+    items = tuple(RowItem(menu.path, dict(row), line) for line, row in enumerate(rows, start=1))
     return Desired("x.rsc", {menu.path: items}, frozenset({menu.path} if entire else ()), restores=restores)
 
 

@@ -10,7 +10,7 @@ from plan_world import facts, lines, observed, rows
 
 from atlantis_netcfg.bootstrap import run
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.routeros._items import Desired, Item
+from atlantis_netcfg.routeros._items import Desired, RowItem
 from atlantis_netcfg.routeros._types import Observed
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.menus import MENUS, Shape
@@ -32,7 +32,7 @@ def before(version: Version) -> str:
 def refusal(path: str, version: str, *names: str) -> CannotPlan:
     menu = MENUS[path]
     values: dict[str, str | None] = dict.fromkeys(menu.keys, "x")
-    item = Item(path, {**values, **dict.fromkeys(names, "1")}, exists=menu.shape is not Shape.LIST, line=1)
+    item = RowItem(path, {**values, **dict.fromkeys(names, "1")}, exists=menu.shape is not Shape.LIST, line=1)
     desired = Desired("the text", {path: (item,)}, frozenset())
     with pytest.raises(CannotPlan) as refused:
         plan("router", desired, Observed(facts(version), rows("")))

@@ -12,8 +12,8 @@ import yaml
 from atlantis_netcfg.bearers.satellite import (
     Backup,
     Capability,
-    Evidence,
     ManualTerminal,
+    SatelliteEvidence,
     SatTerminal,
     Unsupported,
     judge_evidence,
@@ -23,8 +23,8 @@ CASES: list[dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("satellite
 TODAY = date(2026, 11, 21)
 
 
-def evidence(seen_on: str = "2026-11-01", backup: str | None = None, *, allow_list: bool = True) -> Evidence:
-    return Evidence(
+def evidence(seen_on: str = "2026-11-01", backup: str | None = None, *, allow_list: bool = True) -> SatelliteEvidence:
+    return SatelliteEvidence(
         firmware="1.2.3",
         allow_list=allow_list,
         by="INESC",

@@ -11,8 +11,8 @@ from atlantis_netcfg.bearers.satellite import (
     Attempt,
     Expected,
     NamedTarget,
-    Outcome,
-    Probe,
+    ProbeOutcome,
+    SatelliteProbe,
     judge_attempt,
     judge_carrier_nat,
     judge_factory_address,
@@ -99,31 +99,35 @@ def test_a_terminal_that_is_declared_at_the_factory_address_is_where_it_should_b
     assert judge_factory_address("coastal-sat", "ether3", here, answers=True, answers_at_factory=here) == ()
 
 
-ALLOWED = Attempt("VPN server", "203.0.113.2 udp 1194", Expected.REACHED, Probe.ICMP, Outcome.ANSWERED, 71.4, WINDOW_S)
-FORBIDDEN = replace(ALLOWED, expected=Expected.REFUSED, outcome=Outcome.SILENT, after_s=None)
+ALLOWED = Attempt(
+    "VPN server", "203.0.113.2 udp 1194", Expected.REACHED, SatelliteProbe.ICMP, ProbeOutcome.ANSWERED, 71.4, WINDOW_S
+)
+FORBIDDEN = replace(ALLOWED, expected=Expected.REFUSED, outcome=ProbeOutcome.SILENT, after_s=None)
 
 
 @pytest.mark.parametrize(
     ("attempt", "verdict", "words"),
     [
         (ALLOWED, Verdict.PASS, "was reached after 71 s over the satellite"),
-        (replace(ALLOWED, outcome=Outcome.SILENT), Verdict.FAIL, "did not answer in 90 s"),
-        (replace(ALLOWED, outcome=Outcome.SILENT, window_s=89.9), Verdict.INCONCLUSIVE, "an ordinary gap"),
+        (replace(ALLOWED, outcome=ProbeOutcome.SILENT), Verdict.FAIL, "did not answer in 90 s"),
+        (replace(ALLOWED, outcome=ProbeOutcome.SILENT, window_s=89.9), Verdict.INCONCLUSIVE, "an ordinary gap"),
         (
-            replace(ALLOWED, outcome=Outcome.SILENT, probe=Probe.UDP_COUNTER, note="no answers were counted"),
+            replace(
+                ALLOWED, outcome=ProbeOutcome.SILENT, probe=SatelliteProbe.UDP_COUNTER, note="no answers were counted"
+            ),
             Verdict.INCONCLUSIVE,
             "no answers were counted",
         ),
-        (replace(ALLOWED, outcome=Outcome.REFUSED_HERE), Verdict.FAIL, "is allowed, and the router refuses it"),
+        (replace(ALLOWED, outcome=ProbeOutcome.REFUSED_HERE), Verdict.FAIL, "is allowed, and the router refuses it"),
         (
-            replace(ALLOWED, outcome=Outcome.NOT_TRIED, note="no way"),
+            replace(ALLOWED, outcome=ProbeOutcome.NOT_TRIED, note="no way"),
             Verdict.INCONCLUSIVE,
             "could not be tried: no way",
         ),
         (FORBIDDEN, Verdict.PASS, "was not reached in 90 s"),
-        (replace(FORBIDDEN, outcome=Outcome.REFUSED_HERE), Verdict.PASS, "nothing was sent"),
-        (replace(FORBIDDEN, outcome=Outcome.ANSWERED), Verdict.FAIL, "is not allowed, and was reached"),
-        (replace(FORBIDDEN, outcome=Outcome.ANSWERED, filter_open=True), Verdict.WARN, "only the router enforces"),
+        (replace(FORBIDDEN, outcome=ProbeOutcome.REFUSED_HERE), Verdict.PASS, "nothing was sent"),
+        (replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED), Verdict.FAIL, "is not allowed, and was reached"),
+        (replace(FORBIDDEN, outcome=ProbeOutcome.ANSWERED, filter_open=True), Verdict.WARN, "only the router enforces"),
         (replace(FORBIDDEN, filter_open=True), Verdict.PASS, "the terminal or the network refuses it"),
         (replace(FORBIDDEN, filter_open=True, window_s=30.0), Verdict.INCONCLUSIVE, "too short to tell"),
     ],
@@ -137,5 +141,5 @@ def test_what_a_probe_proves(attempt: Attempt, verdict: Verdict, words: str) -> 
 def test_over_a_dead_link_nothing_is_proved_to_be_refused() -> None:
     for attempt in (FORBIDDEN, replace(FORBIDDEN, filter_open=True)):
         assert judge_attempt(attempt, link_seen=False).verdict is Verdict.INCONCLUSIVE
-    here = replace(FORBIDDEN, outcome=Outcome.REFUSED_HERE)
+    here = replace(FORBIDDEN, outcome=ProbeOutcome.REFUSED_HERE)
     assert judge_attempt(here, link_seen=False).verdict is Verdict.PASS

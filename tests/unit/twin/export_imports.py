@@ -20,7 +20,7 @@ from atlantis_netcfg.emulator.routeros.boot import SYSTEM
 from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.schema import PACKAGE_MENUS
-from atlantis_netcfg.emulator.routeros.spec import Management, Radio, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, Radio, RouterSpec, User
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def spec_of(text: str) -> RouterSpec:
         radios=tuple(Radio(name=name) for name in radios),
         modem=ModemSpec(name=modem[1]) if modem else None,
         packages=("routeros", *sorted(packages)),
-        management=Management(port=ports[-1]),
+        management=ManagementSpec(port=ports[-1]),
         certificates=tuple(dict.fromkeys({*_CERTIFICATE.findall(text.replace("\\\n    ", ""))} - {"none"})),
         users=(User(name="provision"),),
     )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from cryptography import x509
 
-from atlantis_netcfg.emulator.routeros import Device, Management, Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import Device, EmulatedRouter, ManagementSpec, RouterSpec, User
 from atlantis_netcfg.rsc import parse
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
 
-LAPTOP = Management(address="192.168.88.1/24", port="ether2", technician="192.168.88.10")
+LAPTOP = ManagementSpec(address="192.168.88.1/24", port="ether2", technician="192.168.88.10")
 FACTORY = RouterSpec(
     name="box", factory=True, users=(User(name="admin"),), first_contact=LAPTOP, clock=datetime(1970, 1, 2, tzinfo=UTC)
 )
@@ -140,7 +140,7 @@ def test_tls_has_nothing_to_show_before(tmp_path: Path) -> None:
 
 
 async def _shown(folder: Path, *, signed: bool) -> bool:
-    async with Router(FACTORY, state_dir=folder) as router:
+    async with EmulatedRouter(FACTORY, state_dir=folder) as router:
         steps = [["/certificate/add", "=name=api", "=common-name=box", "=key-size=prime256v1"]]
         steps += [["/certificate/sign", "=.id=api"]] if signed else []
         for step in [*steps, ["/ip/service/set", "=.id=api-ssl", "=certificate=api"]]:

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from twin_bench import Bench, make, row
 
-from atlantis_netcfg.emulator.routeros.spec import Management, User
+from atlantis_netcfg.emulator.routeros.spec import ManagementSpec, User
 from atlantis_netcfg.emulator.routeros.values import Address, Time, interval, seconds
-from atlantis_netcfg.routeros.menus._values import Kind, canonical
+from atlantis_netcfg.routeros.menus._values import PropertyKind, canonical
 
 FILE = Path(__file__).parents[2] / "data" / "recorded" / "cases.jsonl"
 DOORS = frozenset({"address", "api", "execute", "fields", "inspect", "listen", "parse", "time"})
@@ -29,7 +29,7 @@ def through(*doors: str) -> pytest.MarkDecorator:
 
 def chr_(version: str) -> Bench:
     """Return what the records were made on: one port, no PoE."""
-    port = {"ports": ("ether1",), "poe_ports": (), "management": Management(port="ether1")}
+    port = {"ports": ("ether1",), "poe_ports": (), "management": ManagementSpec(port="ether1")}
     return make(version=version, board="CHR", architecture="x86_64", users=(User(name="provision"),), **port)
 
 
@@ -52,7 +52,11 @@ def test_recorded(case: dict[str, Any]) -> None:
     router = chr_(case["version"])
     said = printed(router, case)
     if case["door"] == "time":
-        assert canonical(Kind.TIME, said) == canonical(Kind.TIME, case["input"]) == canonical(Kind.TIME, case["says"])
+        assert (
+            canonical(PropertyKind.TIME, said)
+            == canonical(PropertyKind.TIME, case["input"])
+            == canonical(PropertyKind.TIME, case["says"])
+        )
     elif "says" in case:
         assert said == case["says"]
     elif "begins" in case:

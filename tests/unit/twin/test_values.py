@@ -8,17 +8,16 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
-    Addresses,
+    AddressesValue,
     BadValue,
     Bool,
     Choice,
     Choices,
-    Flag,
-    Gateway,
+    FlagValue,
+    GatewayValue,
     Granted,
     HostPrefix,
     Int,
-    Kind,
     Mac,
     Matcher,
     Moment,
@@ -33,6 +32,7 @@ from atlantis_netcfg.emulator.routeros.values import (
     Text,
     Time,
     Topics,
+    ValueType,
     interval,
     seconds,
     spell,
@@ -54,11 +54,11 @@ class Names:
 NAMES = Names()
 INTERFACE = Ref(("interface",), ("all",))
 
-GOOD: list[tuple[Kind, str, str]] = [
+GOOD: list[tuple[ValueType, str, str]] = [
     (Text(), "a b", "a b"),
     (Bool(), "true", "yes"),
     (Bool(), "no", "no"),
-    (Flag(), "yes", ""),
+    (FlagValue(), "yes", ""),
     (Int(0, 99), "007", "7"),
     (Int(hexadecimal=True), "32768", "0x8000"),
     (Int(hexadecimal=True), "0x8000", "0x8000"),
@@ -82,8 +82,8 @@ GOOD: list[tuple[Kind, str, str]] = [
     (Moment(), "2026-01-31", "2026-01-31"),
     (Address(), "2001:DB8::1", "2001:db8::1"),
     (Address(dns=True), "vpn.example.org", "vpn.example.org"),
-    (Addresses(), "", ""),
-    (Addresses(), "1.1.1.1,::1", "1.1.1.1,::1"),
+    (AddressesValue(), "", ""),
+    (AddressesValue(), "1.1.1.1,::1", "1.1.1.1,::1"),
     (HostPrefix(), "10.0.0.1/24", "10.0.0.1/24"),
     (HostPrefix(), "10.0.0.1", "10.0.0.1/32"),
     (Prefixes(), "10.0.0.5/24", "10.0.0.0/24"),
@@ -101,17 +101,17 @@ GOOD: list[tuple[Kind, str, str]] = [
     (INTERFACE, "*1", "ether1"),
     (INTERFACE, "all", "all"),
     (Refs(INTERFACE), "", ""),
-    (Gateway(), "10.0.0.1", "10.0.0.1"),
-    (Gateway(), "ether1", "ether1"),
-    (Gateway(), "10.0.0.1%ether1", "10.0.0.1%ether1"),
-    (Gateway(), "10.0.0.1@main", "10.0.0.1@main"),
+    (GatewayValue(), "10.0.0.1", "10.0.0.1"),
+    (GatewayValue(), "ether1", "ether1"),
+    (GatewayValue(), "10.0.0.1%ether1", "10.0.0.1%ether1"),
+    (GatewayValue(), "10.0.0.1@main", "10.0.0.1@main"),
     (Topics(("info", "dhcp")), "info,!dhcp", "info,!dhcp"),
     (Granted(("read", "write")), "read", "read,!write"),
 ]
 
 
 @pytest.mark.parametrize(("kind", "text", "printed"), GOOD)
-def test_normalised(kind: Kind, text: str, printed: str) -> None:
+def test_normalised(kind: ValueType, text: str, printed: str) -> None:
     stored = kind.parse(text, NAMES)
     assert spell(stored, NAMES) == printed
     assert kind.parse(spell(stored, NAMES), NAMES) == stored
@@ -119,12 +119,12 @@ def test_normalised(kind: Kind, text: str, printed: str) -> None:
 
 INVALID = "invalid value for argument {}"
 OFFERED = "input does not match any value of {}"
-BAD: list[tuple[Kind, str, str]] = [
+BAD: list[tuple[ValueType, str, str]] = [
     (Text(longest=3), "four", INVALID),
     (Text(empty=False), "", INVALID),
     (Bool(), "perhaps", "value of {} must be either yes or no"),
     (Bool(), "", "value of {} must be either yes or no"),
-    (Flag(), "no", INVALID),
+    (FlagValue(), "no", INVALID),
     (Int(0, 99), "100", "value of {} out of range (0..99)"),
     (Int(), "-1", INVALID),
     (Int(), "1.5", INVALID),
@@ -143,7 +143,7 @@ BAD: list[tuple[Kind, str, str]] = [
     (Address(), "010.0.0.1", INVALID),
     (Address(v6=False), "::1", INVALID),
     (Address(dns=True), "10.0.0.256", INVALID),
-    (Addresses(), "1.1.1.1,", INVALID),
+    (AddressesValue(), "1.1.1.1,", INVALID),
     (HostPrefix(), "10.0.0.1/33", INVALID),
     (Prefixes(), "10.0.0.0/24,10.0.1.0/24", INVALID),
     (Prefixes(v6=False), "::/0", INVALID),
@@ -157,17 +157,17 @@ BAD: list[tuple[Kind, str, str]] = [
     (Ports(single=True), "1,2", INVALID),
     (INTERFACE, "ether2", OFFERED),
     (INTERFACE, "*2", OFFERED),
-    (Gateway(), "ether2", OFFERED),
-    (Gateway(), "10.0.0.1%ether2", OFFERED),
-    (Gateway(), "10.0.0.1@elsewhere", INVALID),
-    (Gateway(), "10.0.0.300", INVALID),
+    (GatewayValue(), "ether2", OFFERED),
+    (GatewayValue(), "10.0.0.1%ether2", OFFERED),
+    (GatewayValue(), "10.0.0.1@elsewhere", INVALID),
+    (GatewayValue(), "10.0.0.300", INVALID),
     (Topics(("info",)), "debug", OFFERED),
     (Granted(("read",)), "fly", OFFERED),
 ]
 
 
 @pytest.mark.parametrize(("kind", "text", "words"), BAD)
-def test_refused(kind: Kind, text: str, words: str) -> None:
+def test_refused(kind: ValueType, text: str, words: str) -> None:
     with pytest.raises(BadValue) as refusal:
         kind.parse(text, NAMES)
     assert refusal.value.words == words

@@ -8,8 +8,8 @@ import pytest
 
 from atlantis_netcfg.checklist.probes.registry import PROGRAMS, allowed
 from atlantis_netcfg.checklist.probes.wifi import (
-    Link,
     Station,
+    WifiLink,
     read_link,
     read_rules,
     read_station,
@@ -55,7 +55,7 @@ def out(made: ComputerSpec, words: str) -> str:
 
 def test_an_association_is_read_from_what_iw_prints() -> None:
     link = read_link(out(radio(), "iw dev wlan1 link"))
-    assert link == Link(
+    assert link == WifiLink(
         bssid=BSSID, ssid="EXAMPLE-SPARUS", frequency_mhz=5500, signal_dbm=-52.0, rx_mbps=144.4, tx_mbps=144.4
     )
     station = read_station(out(radio(), "iw dev wlan1 station dump"), BSSID)
@@ -68,7 +68,7 @@ def test_an_association_is_read_from_what_iw_prints() -> None:
 
 @pytest.mark.parametrize("changes", [{"association": None}, {"up": False}])
 def test_a_radio_without_an_access_point(changes: dict[str, Any]) -> None:
-    assert read_link(out(radio(**changes), "iw dev wlan1 link")) == Link()
+    assert read_link(out(radio(**changes), "iw dev wlan1 link")) == WifiLink()
     assert out(radio(**changes), "iw dev wlan1 station dump") == ""
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.emulator.routeros import Air
-from atlantis_netcfg.emulator.routeros.radio import Driver, Settings, why_not
+from atlantis_netcfg.emulator.routeros.radio import Driver, RadioSettings, why_not
 from atlantis_netcfg.emulator.routeros.radio._link import free_space_loss_db, signal_dbm, span, within
 
-AP = Settings(
+AP = RadioSettings(
     driver=Driver.WIRELESS,
     mac="48:A9:8A:00:00:01",
     radio_name="ap",

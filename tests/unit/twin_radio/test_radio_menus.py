@@ -12,13 +12,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "twin"))
 from twin_bench import Bench, make
 
 from atlantis_netcfg.emulator.routeros import RadioPair, RouterSpec, SiteSpec, TwinSpec
-from atlantis_netcfg.emulator.routeros.radio import Settings, settings_of
+from atlantis_netcfg.emulator.routeros.radio import RadioSettings, settings_of
 
 WIRELESS = {"packages": ("routeros", "wireless"), "radios": ({"name": "wlan1"},)}
 WIFI = {"packages": ("routeros", "wifi-qcom"), "radios": ({"name": "wifi1"},)}
 
 
-def settings(bench: Bench, name: str) -> Settings:
+def settings(bench: Bench, name: str) -> RadioSettings:
     found = settings_of(bench.device.core, name)
     assert found is not None
     return found

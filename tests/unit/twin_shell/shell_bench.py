@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.shell.keys import split_login
-from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
+from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,7 +57,7 @@ class Terminal:
         user, screen = split_login(login)
         self.caller = bench.device.login(user, "" if user == "fresh" else PASSWORD, via="ssh", address=TECHNICIAN)
         self._out = bytearray()
-        self.session = Session(DirectTalk(bench.device, self.caller), screen, self._out.extend, sized=sized)
+        self.session = ConsoleSession(DirectTalk(bench.device, self.caller), screen, self._out.extend, sized=sized)
         asyncio.run(self.session.start())
 
     def shown(self) -> str:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import asyncssh
 import pytest
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Link, Router, RouterSpec, User, WireBehaviour
+from atlantis_netcfg.emulator.routeros import (
+    EmulatedRouter,
+    FaultKind,
+    LinkFault,
+    RouterLink,
+    RouterSpec,
+    User,
+    WireBehaviour,
+)
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Coroutine
@@ -26,7 +34,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 
 @asynccontextmanager
-async def router(tmp_path: Path, *, link: Link | None = None, **spec: Any) -> AsyncIterator[Router]:  # noqa: ANN401
+async def router(tmp_path: Path, *, link: RouterLink | None = None, **spec: Any) -> AsyncIterator[EmulatedRouter]:  # noqa: ANN401
     wanted = {
         "name": "router",
         "users": (User(name="admin", password=PASSWORD), User(name="guest", password=PASSWORD)),
@@ -34,11 +42,11 @@ async def router(tmp_path: Path, *, link: Link | None = None, **spec: Any) -> As
         **spec,
     }
     knobs = WireBehaviour(boot_s=0.05)
-    async with Router(RouterSpec.model_validate(wanted), state_dir=tmp_path, link=link, knobs=knobs) as twin:
+    async with EmulatedRouter(RouterSpec.model_validate(wanted), state_dir=tmp_path, link=link, knobs=knobs) as twin:
         yield twin
 
 
-async def connect(twin: Router, user: str = "admin") -> asyncssh.SSHClientConnection:
+async def connect(twin: EmulatedRouter, user: str = "admin") -> asyncssh.SSHClientConnection:
     return await asyncssh.connect(
         twin.host,
         twin.ports["ssh"],
@@ -75,7 +83,7 @@ class Console:
         return await self.until(wanted)
 
 
-async def held(twin: Router) -> tuple[str, asyncssh.SSHClientConnection, Console]:
+async def held(twin: EmulatedRouter) -> tuple[str, asyncssh.SSHClientConnection, Console]:
     """A session that has changed something in safe mode, and the export from before."""
     before, connection = twin.export(header=False), await connect(twin)
     console = await Console.open(connection)
@@ -152,7 +160,7 @@ def test_a_reboot_by_the_console(tmp_path: Path) -> None:
 def test_a_fault_at_a_line(tmp_path: Path, when: str) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, await connect(twin) as connection:
-            twin.arm(Fault.model_validate({"do": FaultKind.DROP, "match": "/ip pool*", "when": when}))
+            twin.arm(LinkFault.model_validate({"do": FaultKind.DROP, "match": "/ip pool*", "when": when}))
             assert (await connection.run(':put "fine"')).stdout == "fine\r\n"
             with pytest.raises((asyncssh.Error, OSError)):
                 await connection.run(ADD, check=True)
@@ -166,7 +174,7 @@ def test_a_fault_at_an_upload(tmp_path: Path, when: str) -> None:
     async def main() -> None:
         async with router(tmp_path / "state") as twin, await connect(twin) as connection:
             (tmp_path / "package").write_bytes(bytes(range(256)) * 1000)
-            twin.arm(Fault.model_validate({"do": FaultKind.POWER, "match": "sftp put package", "when": when}))
+            twin.arm(LinkFault.model_validate({"do": FaultKind.POWER, "match": "sftp put package", "when": when}))
             files = await connection.start_sftp_client()
             with pytest.raises((asyncssh.Error, OSError, TimeoutError)):
                 await asyncio.wait_for(files.put(tmp_path / "package", "package"), 0.5)
@@ -181,7 +189,7 @@ def test_a_fault_at_an_upload(tmp_path: Path, when: str) -> None:
 def test_an_answer_that_stops_in_the_middle(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, await connect(twin) as connection:
-            twin.arm(Fault(do=FaultKind.TRUNCATE, offset=4))
+            twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=4))
             assert (await connection.run(':put "0123456789"')).stdout == "0123\r\n"
             assert (await connection.run(':put "0123456789"')).stdout == "0123456789\r\n"
 
@@ -191,7 +199,7 @@ def test_an_answer_that_stops_in_the_middle(tmp_path: Path) -> None:
 def test_a_router_that_hangs(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin:
-            twin.arm(Fault(do=FaultKind.HANG))
+            twin.arm(LinkFault(do=FaultKind.HANG))
             connection = await connect(twin)
             with pytest.raises(TimeoutError):
                 await asyncio.wait_for(connection.run(ADD), 0.2)
@@ -272,7 +280,7 @@ def test_a_session_that_is_logged_out_closes(tmp_path: Path) -> None:
 
 def test_round_trips_of_a_slow_link(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(delay_s=0.02)) as twin:
+        async with router(tmp_path, link=RouterLink(delay_s=0.02)) as twin:
             start = asyncio.get_running_loop().time()
             async with await connect(twin) as connection:
                 await connection.run(':put "a"')

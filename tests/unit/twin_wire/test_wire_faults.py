@@ -7,7 +7,7 @@ import pytest
 from librouteros.exceptions import ConnectionClosed
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.emulator.routeros import Fault, FaultKind, Router, WireBehaviour
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,7 +17,7 @@ RENAME = ("/system/identity/set", "=name=renamed")
 LOST = (ConnectionClosed, ConnectionResetError)
 
 
-def renamed(twin: Router) -> bool:
+def renamed(twin: EmulatedRouter) -> bool:
     return "name=renamed" in twin.export()
 
 
@@ -25,7 +25,7 @@ def renamed(twin: Router) -> bool:
 def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "after"]) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
-            twin.arm(Fault(do=FaultKind.DROP, sentence=3, when=when))
+            twin.arm(LinkFault(do=FaultKind.DROP, sentence=3, when=when))
             await client.login()
             await client.talk(PRINT)
             client.write(RENAME, (PRINT,))
@@ -40,7 +40,7 @@ def test_a_cut_at_the_nth_sentence(tmp_path: Path, when: Literal["before", "afte
 def test_a_cut_at_a_sentence_of_a_menu(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
-            twin.arm(Fault(do=FaultKind.DROP, match="/system/identity/*"))
+            twin.arm(LinkFault(do=FaultKind.DROP, match="/system/identity/*"))
             await client.login()
             await client.talk("/ip/pool/print")
             client.write(RENAME)
@@ -86,7 +86,7 @@ def test_an_answer_that_stops_midway(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
             await client.login()
-            twin.arm(Fault(do=FaultKind.TRUNCATE, offset=10))
+            twin.arm(LinkFault(do=FaultKind.TRUNCATE, offset=10))
             client.write((PRINT,))
             assert len(await client.transport.reader.read()) == 10
 
@@ -97,7 +97,7 @@ def test_garbage_in_an_answer(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
             await client.login()
-            twin.arm(Fault(do=FaultKind.GARBAGE, data="ff00"))
+            twin.arm(LinkFault(do=FaultKind.GARBAGE, data="ff00"))
             client.write((PRINT,))
             assert await client.transport.reader.readexactly(6) == b"\xff\x00\x03!re"
 
@@ -108,7 +108,7 @@ def test_a_router_that_hangs(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client, Client(twin) as other:
             await client.login()
-            twin.arm(Fault(do=FaultKind.HANG))
+            twin.arm(LinkFault(do=FaultKind.HANG))
             client.write((PRINT,), (PRINT,))
             await asyncio.sleep(1000)
             assert client.silent
@@ -121,7 +121,7 @@ def test_a_gap_after_the_nth_sentence_delays_its_answer(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
             await client.login()
-            twin.arm(Fault(do=FaultKind.GAP, seconds=70, when="after"))
+            twin.arm(LinkFault(do=FaultKind.GAP, seconds=70, when="after"))
             start = now()
             client.write(RENAME)
             await asyncio.sleep(1)
@@ -203,7 +203,7 @@ def test_a_cut_within_a_script(tmp_path: Path, lines: int | None, pools: list[st
     async def main() -> None:
         async with router(tmp_path) as twin, Client(twin) as client:
             await client.login()
-            twin.arm(Fault(do=FaultKind.DROP, match="/execute", when="after", lines=lines))
+            twin.arm(LinkFault(do=FaultKind.DROP, match="/execute", when="after", lines=lines))
             client.write(("/execute", f"=script={SCRIPT}", "=as-string="))
             assert not await client.ends()
             text = twin.export(menu="/ip/pool", header=False)

@@ -3,25 +3,25 @@ from __future__ import annotations
 import pytest
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.emulator.routeros import Counters, Fault, FaultKind, WireBehaviour
-from atlantis_netcfg.emulator.routeros.wire.link import Faults, Pace, masked
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault, WireBehaviour, WireCounters
+from atlantis_netcfg.emulator.routeros.wire.link import Faults, WirePace, masked
 
 
 def test_the_knee_comes_after_a_burst_and_goes_when_idle() -> None:
-    knobs, pace = WireBehaviour(knee_after=2), Pace()
+    knobs, pace = WireBehaviour(knee_after=2), WirePace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(4)] == pytest.approx([0, 0, 0.02, 0.04])
     assert pace.wait_s(knobs, 5.1) == pytest.approx(0.02)
     assert pace.wait_s(knobs, 7.0) == 0
 
 
 def test_every_nth_sentence_stalls_and_holds_up_the_rest() -> None:
-    knobs, pace = WireBehaviour(stall_every=2, stall_s=7), Pace()
+    knobs, pace = WireBehaviour(stall_every=2, stall_s=7), WirePace()
     assert [pace.wait_s(knobs, 5.0) for _ in range(3)] == [0, 7, 7]
 
 
 def test_a_fault_strikes_once_at_its_sentence() -> None:
     faults = Faults()
-    faults.arm(Fault(do=FaultKind.DROP, sentence=2, match="/ip/firewall/*"))
+    faults.arm(LinkFault(do=FaultKind.DROP, sentence=2, match="/ip/firewall/*"))
     assert faults.upon("/ip/firewall/filter/add") == []
     assert faults.upon("/ip/address/add") == []
     assert [fault.do for fault in faults.upon("/ip/firewall/nat/add")] == [FaultKind.DROP]
@@ -31,7 +31,7 @@ def test_a_fault_strikes_once_at_its_sentence() -> None:
 
 def test_disarmed_faults_do_not_strike() -> None:
     faults = Faults()
-    faults.arm(Fault(do=FaultKind.GAP, seconds=1))
+    faults.arm(LinkFault(do=FaultKind.GAP, seconds=1))
     faults.disarm()
     assert faults.upon("/login") == []
 
@@ -55,4 +55,6 @@ def test_secrets_do_not_reach_the_log(word: str, shown: str) -> None:
 
 
 def test_counters_add_up() -> None:
-    assert Counters(1, 2, 3, 4, 5, 6, 7, 8).plus(Counters(turns=1, wire_out=1)) == Counters(1, 2, 4, 4, 5, 6, 7, 9)
+    assert WireCounters(1, 2, 3, 4, 5, 6, 7, 8).plus(WireCounters(turns=1, wire_out=1)) == WireCounters(
+        1, 2, 4, 4, 5, 6, 7, 9
+    )

@@ -5,29 +5,29 @@ import asyncio
 import pytest
 from wire_helpers import run
 
-from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Bearer, Chunk, Direction, Line, Link
+from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Chunk, DelayLine, Direction, RouterLink, WireBearer
 
 
 def test_delay_is_one_way_and_does_not_add_up() -> None:
-    bearer = Bearer(Link(delay_s=0.35))
+    bearer = WireBearer(RouterLink(delay_s=0.35))
     assert [bearer.arrival(Direction.UP, 500, 10.0) for _ in range(16)] == [pytest.approx(10.35)] * 16
 
 
 def test_rate_spreads_bytes_and_idle_time_is_not_saved_up() -> None:
-    bearer = Bearer(Link(rate_up_bps=8000))
+    bearer = WireBearer(RouterLink(rate_up_bps=8000))
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(1.0)
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(2.0)
     assert bearer.arrival(Direction.UP, 1000, 100.0) == pytest.approx(101.0)
 
 
 def test_each_direction_has_its_rate() -> None:
-    bearer = Bearer(Link(rate_up_bps=8000, rate_down_bps=16000))
+    bearer = WireBearer(RouterLink(rate_up_bps=8000, rate_down_bps=16000))
     assert bearer.arrival(Direction.UP, 1000, 0.0) == pytest.approx(1.0)
     assert bearer.arrival(Direction.DOWN, 1000, 0.0) == pytest.approx(0.5)
 
 
 def test_every_nth_segment_is_lost_once() -> None:
-    bearer = Bearer(Link(stall_every=3, stall_s=2.0))
+    bearer = WireBearer(RouterLink(stall_every=3, stall_s=2.0))
     assert [bearer.arrival(Direction.UP, 10, 0.0) for _ in range(6)] == [0, 0, 2, 0, 0, 2]
 
 
@@ -37,12 +37,12 @@ def test_a_long_write_comes_in_segments() -> None:
     assert {(piece.heard, piece.answered) for piece in pieces} == {(3, 2)}
 
 
-async def _arrivals(link: Link, chunks: list[bytes], *, gap: tuple[float, float] | None = None) -> list[float]:
+async def _arrivals(link: RouterLink, chunks: list[bytes], *, gap: tuple[float, float] | None = None) -> list[float]:
     """Seconds after the start at which chunks arrive, put all at once; `gap` is from and to."""
     loop = asyncio.get_running_loop()
     start, seen, air = loop.time(), list[float](), asyncio.Event()
     air.set()
-    line = Line(Bearer(link), Direction.UP, air, lambda _: seen.append(round(loop.time() - start, 3)))
+    line = DelayLine(WireBearer(link), Direction.UP, air, lambda _: seen.append(round(loop.time() - start, 3)))
     if gap is not None:
         loop.call_later(gap[0], air.clear)
         loop.call_later(gap[1], air.set)
@@ -55,13 +55,13 @@ async def _arrivals(link: Link, chunks: list[bytes], *, gap: tuple[float, float]
 
 
 def test_what_is_put_together_arrives_together() -> None:
-    assert run(_arrivals(Link(delay_s=0.7), [b"a", b"b", b"c"])) == [0.7, 0.7, 0.7]
+    assert run(_arrivals(RouterLink(delay_s=0.7), [b"a", b"b", b"c"])) == [0.7, 0.7, 0.7]
 
 
 def test_what_waits_behind_a_lost_segment_comes_after_it() -> None:
-    assert run(_arrivals(Link(stall_every=2, stall_s=5), [b"a", b"b", b"c"])) == [0, 5, 5]
+    assert run(_arrivals(RouterLink(stall_every=2, stall_s=5), [b"a", b"b", b"c"])) == [0, 5, 5]
 
 
 def test_a_gap_holds_what_would_arrive_in_it() -> None:
-    assert run(_arrivals(Link(delay_s=1), [b"a"], gap=(0.5, 70))) == [70]
-    assert run(_arrivals(Link(delay_s=1), [b"a"], gap=(2, 70))) == [1]
+    assert run(_arrivals(RouterLink(delay_s=1), [b"a"], gap=(0.5, 70))) == [70]
+    assert run(_arrivals(RouterLink(delay_s=1), [b"a"], gap=(2, 70))) == [1]

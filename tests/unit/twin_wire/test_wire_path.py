@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from wire_helpers import Client, now, router, router_spec, run
 
-from atlantis_netcfg.emulator.routeros import Router
+from atlantis_netcfg.emulator.routeros import EmulatedRouter
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -195,11 +195,11 @@ def test_a_loopback_port_that_is_taken(tmp_path: Path) -> None:
     async def main() -> None:
         async with router(tmp_path) as twin:
             taken = twin.ports["api-ssl"]
-            other = Router(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
+            other = EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken})
             with pytest.raises(OSError, match="address already in use"):
                 await other.start()
             assert other.ports == {}
-        async with Router(router_spec(), state_dir=tmp_path / "other", ports={8729: taken}) as other:
+        async with EmulatedRouter(router_spec(), state_dir=tmp_path / "other", ports={8729: taken}) as other:
             assert other.port_map[8729] == taken
 
     run(main())

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.emulator.routeros import Router, RouterSpec, User
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterSpec, User
 from atlantis_netcfg.emulator.routeros.wire.connection import Decoder as TwinDecoder
 from atlantis_netcfg.emulator.routeros.wire.connection import encode_sentence as twin_encode
 from atlantis_netcfg.routeros.api import Command, Endpoint, Session, Traffic
@@ -95,7 +95,7 @@ def recorded(
     spec = RouterSpec(name="router", version=request.param, users=(User(name="provision", password="open sesame"),))
 
     async def main() -> list[Reply]:
-        router = Router(spec, state_dir=tmp_path)
+        router = EmulatedRouter(spec, state_dir=tmp_path)
         await router.start()
         try:
             session = await Session.open(

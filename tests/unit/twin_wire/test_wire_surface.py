@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import atlantis_netcfg.emulator.routeros as package
-from atlantis_netcfg.emulator.routeros import Link, RouterSpec, SiteSpec, TwinSpec
+from atlantis_netcfg.emulator.routeros import RouterLink, RouterSpec, SiteSpec, TwinSpec
 
 
 def test_the_public_surface_is_what_it_says() -> None:
@@ -11,28 +11,28 @@ def test_the_public_surface_is_what_it_says() -> None:
         "Air",
         "Called",
         "CellSpec",
-        "Counters",
+        "WireCounters",
         "Deviation",
         "Device",
         "DeviceMode",
         "Environment",
         "Execute",
-        "Fault",
+        "LinkFault",
         "FaultKind",
-        "Link",
+        "RouterLink",
         "Load",
-        "Management",
-        "Mode",
+        "ManagementSpec",
+        "DeviceModeName",
         "ModemSpec",
         "Radio",
         "RadioLink",
         "RadioPair",
-        "Router",
+        "EmulatedRouter",
         "RouterSpec",
         "RunningSite",
         "Service",
         "SimSpec",
-        "Site",
+        "EmulatedSite",
         "SiteSpec",
         "SpawnedSite",
         "TrafficCounters",
@@ -48,6 +48,8 @@ def test_the_public_surface_is_what_it_says() -> None:
 
 
 def test_a_site_survives_json() -> None:
-    twin = TwinSpec(router=RouterSpec(name="router"), link=Link(delay_s=0.35, rate_up_bps=176_000), ports={8729: 18729})
+    twin = TwinSpec(
+        router=RouterSpec(name="router"), link=RouterLink(delay_s=0.35, rate_up_bps=176_000), ports={8729: 18729}
+    )
     site = SiteSpec(name="coastal", twins=(twin,))
     assert SiteSpec.model_validate_json(site.model_dump_json()) == site

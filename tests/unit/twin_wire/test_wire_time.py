@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 import pytest
 from wire_helpers import Client, now, router, run
 
-from atlantis_netcfg.emulator.routeros import Link, WireBehaviour
+from atlantis_netcfg.emulator.routeros import RouterLink, WireBehaviour
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,7 +16,7 @@ RTT = 0.7
 
 def test_a_flight_of_sixteen_takes_one_round_trip(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(delay_s=RTT / 2)) as twin, Client(twin) as client:
+        async with router(tmp_path, link=RouterLink(delay_s=RTT / 2)) as twin, Client(twin) as client:
             await client.login()
             twin.reset_counters()
             start = now()
@@ -32,7 +32,7 @@ def test_a_flight_of_sixteen_takes_one_round_trip(tmp_path: Path) -> None:
 
 def test_one_after_the_other_takes_a_round_trip_each(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(delay_s=RTT / 2)) as twin, Client(twin) as client:
+        async with router(tmp_path, link=RouterLink(delay_s=RTT / 2)) as twin, Client(twin) as client:
             await client.login()
             start = now()
             for _ in range(5):
@@ -50,7 +50,7 @@ def test_connecting_costs_what_it_costs(
     tmp_path: Path, service: str, tls: Literal["1.2", "1.3"], round_trips: int
 ) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(delay_s=RTT / 2), knobs=WireBehaviour(tls=tls)) as twin:
+        async with router(tmp_path, link=RouterLink(delay_s=RTT / 2), knobs=WireBehaviour(tls=tls)) as twin:
             start = now()
             async with Client(twin, service) as client:
                 await client.login()
@@ -74,7 +74,7 @@ def test_bytes_are_counted_above_and_below_tls(tmp_path: Path) -> None:
 
 def test_a_narrow_bearer_takes_its_time(tmp_path: Path) -> None:
     async def main() -> None:
-        async with router(tmp_path, link=Link(rate_up_bps=8000)) as twin, Client(twin) as client:
+        async with router(tmp_path, link=RouterLink(rate_up_bps=8000)) as twin, Client(twin) as client:
             await client.login()
             start = now()
             await client.talk("/ip/pool/add", "=name=p", "=ranges=10.0.0.2-10.0.0.9", "=comment=" + "x" * 2000)

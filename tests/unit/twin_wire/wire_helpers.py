@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from librouteros import async_create_transport
 from librouteros.protocol import AsyncApiProtocol, encode_sentence
 
-from atlantis_netcfg.emulator.routeros import Link, Router, RouterSpec, User, WireBehaviour
+from atlantis_netcfg.emulator.routeros import EmulatedRouter, RouterLink, RouterSpec, User, WireBehaviour
 
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Mapping
@@ -63,7 +63,7 @@ def trusting() -> ssl.SSLContext:
 class Client:
     """Sentences to a twin and back, without waiting in between unless told to."""
 
-    def __init__(self, router: Router, service: str = "api") -> None:
+    def __init__(self, router: EmulatedRouter, service: str = "api") -> None:
         self.router = router
         self.service = service
         self.transport: Any
@@ -134,8 +134,14 @@ def router_spec(**changes: Any) -> RouterSpec:  # noqa: ANN401 - fields of Route
     return RouterSpec(name="router", users=(User(name="provision", password=PASSWORD),), **changes)
 
 
-def router(tmp_path: Path, *, link: Link | None = None, knobs: WireBehaviour | None = None, **changes: Any) -> Router:  # noqa: ANN401
-    return Router(router_spec(**changes), state_dir=tmp_path / "flash", link=link, knobs=knobs)
+def router(
+    tmp_path: Path,
+    *,
+    link: RouterLink | None = None,
+    knobs: WireBehaviour | None = None,
+    **changes: Any,  # noqa: ANN401 - any field of a specification
+) -> EmulatedRouter:
+    return EmulatedRouter(router_spec(**changes), state_dir=tmp_path / "flash", link=link, knobs=knobs)
 
 
 def now() -> float:

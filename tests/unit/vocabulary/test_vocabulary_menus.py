@@ -12,7 +12,7 @@ from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.menus import MODELLED, OLD_WORDS
 from atlantis_netcfg.emulator.routeros.schema import BOARD_FEATURES, Schema
-from atlantis_netcfg.routeros.menus import MENUS, Kind, Shape
+from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape
 
 _SHAPES = {Shape.LIST: "list", Shape.FIXED: "fixed", Shape.SINGLETON: "settings"}
 FIRST_VERSIONS = tuple((Version.parse(tree.version), tree) for tree in EVERY_TREE)
@@ -118,7 +118,7 @@ FREE = ("country", "protocol")
 """Last parts of arguments that also take numbers, or names that the console offers in quotes."""
 
 
-def closed(kind: values.Kind) -> set[str] | None:
+def closed(kind: values.ValueType) -> set[str] | None:
     """Return the words of an enumeration, None for any other kind."""
     while isinstance(kind, values.Not):
         kind = kind.kind
@@ -164,8 +164,8 @@ def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
 def test_booleans_are_what_the_console_offers_yes_and_no_for(path: str) -> None:
     for field in MENUS[path].fields:
         if words(path, field.name) == {"yes", "no"}:
-            assert field.kind in (Kind.BOOLEAN, Kind.FLAG, Kind.TEXT), field.name
-        elif field.kind is Kind.BOOLEAN and words(path, field.name):
+            assert field.kind in (PropertyKind.BOOLEAN, PropertyKind.FLAG, PropertyKind.TEXT), field.name
+        elif field.kind is PropertyKind.BOOLEAN and words(path, field.name):
             raise AssertionError(f"{field.name} is more than yes or no: {sorted(words(path, field.name))}")
 
 

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn.authority.authority import Authority, unseal_ca
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile, ServerNames
-from atlantis_netcfg.vpn.identity import Identity, Kind
+from atlantis_netcfg.vpn.identity import Identity, MemberKind
 from atlantis_netcfg.vpn.names import member_name
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ POOL = IPv4Network("10.8.16.0/24")
 
 def wish(device: str, partner: str = "iqua", **fields: Any) -> EnrolmentRequest:  # noqa: ANN401 - fields of a wish
     """A robot of a partner, with an address of its pool."""
-    given: dict[str, Any] = {"kind": Kind.ROBOT, "pool": POOL, **fields}
+    given: dict[str, Any] = {"kind": MemberKind.ROBOT, "pool": POOL, **fields}
     return EnrolmentRequest(name=member_name(partner, device), partner=partner, device=device, **given)
 
 

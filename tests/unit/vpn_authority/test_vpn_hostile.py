@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.names import NameRefused, check_name, member_name
 
 if TYPE_CHECKING:
@@ -65,11 +65,11 @@ def test_any_text_is_taken_as_it_should_be(text: str) -> None:
 
 def wishes(text: str) -> Iterator[EnrolmentRequest]:
     """By every way that a name can come in, its parts unchecked by whoever calls."""
-    yield EnrolmentRequest(f"iqua-{text}", Kind.ROBOT, "iqua", text, pool=POOL)
-    yield EnrolmentRequest(f"{text}-laptop1", Kind.LAPTOP, text, "laptop1", pool=POOL)
-    yield EnrolmentRequest(text, Kind.HOST, None, text, pool=POOL)
-    yield EnrolmentRequest("iqua-sparus2", Kind.ROBOT, "iqua", text, pool=POOL)
-    yield EnrolmentRequest(text, Kind.ROBOT, "iqua", "sparus2", pool=POOL)
+    yield EnrolmentRequest(f"iqua-{text}", MemberKind.ROBOT, "iqua", text, pool=POOL)
+    yield EnrolmentRequest(f"{text}-laptop1", MemberKind.LAPTOP, text, "laptop1", pool=POOL)
+    yield EnrolmentRequest(text, MemberKind.HOST, None, text, pool=POOL)
+    yield EnrolmentRequest("iqua-sparus2", MemberKind.ROBOT, "iqua", text, pool=POOL)
+    yield EnrolmentRequest(text, MemberKind.ROBOT, "iqua", "sparus2", pool=POOL)
 
 
 def never(_: Identity) -> HandoutFile:
@@ -94,7 +94,9 @@ def test_the_good_ones_are_who_they_say(tmp_path: Path) -> None:
     made = stand(tmp_path)
     devices = [one.text for one in hostile_names() if one.legitimate and len(one.text) <= 43]
     with made.signing() as signer:
-        asked = [EnrolmentRequest(member_name("iqua", one), Kind.ROBOT, "iqua", one, pool=POOL) for one in devices]
+        asked = [
+            EnrolmentRequest(member_name("iqua", one), MemberKind.ROBOT, "iqua", one, pool=POOL) for one in devices
+        ]
         issued = signer.issue(asked, made.deliver)
     assert [(one.member.device, one.certificate.common_name) for one in issued] == [
         (device, f"iqua-{device}") for device in devices

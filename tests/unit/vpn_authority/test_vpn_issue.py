@@ -14,14 +14,14 @@ from cryptography import x509
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.vpn.authority.model import AuthorityFailed, EnrolmentRequest, HandoutFile, OtherMember
-from atlantis_netcfg.vpn.identity import CertificateStatus, Identity, KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import CertificateStatus, Identity, KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT
 from atlantis_netcfg.vpn.names import NameTaken
 
 
 def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
     made = stand(tmp_path)
-    asked = wish("sparus2", link=Link.SATELLITE, vehicle="sparus", days=60, request_id="r1")
+    asked = wish("sparus2", link=MemberLink.SATELLITE, vehicle="sparus", days=60, request_id="r1")
     with made.signing() as signer:
         (issued,) = signer.issue([asked], made.deliver)
     (identity,) = made.identities
@@ -32,7 +32,11 @@ def test_a_member_and_what_it_proves_itself_with(tmp_path: Path) -> None:
     assert identity.ca == (made.folder / "ca.crt").read_text()
     assert identity.cert == (made.folder / "certs" / "iqua-sparus2.pem").read_text()
     assert identity.member == issued.member == made.authority.membership().members["iqua-sparus2"]
-    assert (issued.member.kind, issued.member.link, issued.member.vehicle) == (Kind.ROBOT, Link.SATELLITE, "sparus")
+    assert (issued.member.kind, issued.member.link, issued.member.vehicle) == (
+        MemberKind.ROBOT,
+        MemberLink.SATELLITE,
+        "sparus",
+    )
     assert issued.certificate.standing is CertificateStatus.ISSUED
     assert not issued.already
     assert made.authority.check() == []
@@ -75,8 +79,8 @@ def test_the_same_wish_again_makes_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"kind": Kind.LAPTOP}, "kind is robot, not laptop"),
-        ({"link": Link.LTE}, "link is fibre, not 4g"),
+        ({"kind": MemberKind.LAPTOP}, "kind is robot, not laptop"),
+        ({"link": MemberLink.LTE}, "link is fibre, not 4g"),
         ({"vehicle": "sparus"}, "vehicle is none, not sparus"),
         ({"wrap": Wrap.TLS_CRYPT}, "wrap is tls-crypt-v2, not tls-crypt"),
         ({"key": KeyType.RSA}, "key is ec, not rsa"),
@@ -98,7 +102,7 @@ def test_nothing_is_made_of_a_batch_with_one_wrong_wish(tmp_path: Path) -> None:
         for wrong in (
             [wish("a"), wish("a")],
             [wish("a"), replace(wish("b"), device="c")],
-            [wish("a"), EnrolmentRequest("iqua-b", Kind.ROBOT, "iqua", "b")],
+            [wish("a"), EnrolmentRequest("iqua-b", MemberKind.ROBOT, "iqua", "b")],
             [wish("a"), wish("b", vehicle="a\x1bb")],
             [wish("a"), wish("b", request_id="x" * 500)],
         ):
@@ -157,9 +161,9 @@ def test_who_was_never_handed_out_may_be_wished_for_otherwise(tmp_path: Path) ->
     with pytest.raises(ZeroDivisionError):
         failing(made, "iqua-a", ZeroDivisionError())
     with made.signing() as signer:
-        asked = wish("a", kind=Kind.LAPTOP, address=POOL[9])
+        asked = wish("a", kind=MemberKind.LAPTOP, address=POOL[9])
         (issued,) = signer.issue([asked], made.deliver)
-        assert (issued.member.kind, str(issued.member.address)) == (Kind.LAPTOP, "10.8.16.9")
+        assert (issued.member.kind, str(issued.member.address)) == (MemberKind.LAPTOP, "10.8.16.9")
         signer.revoke(["iqua-b"], "not needed after all")
         with pytest.raises(NameTaken, match="not needed after all"):
             signer.issue([wish("b")], made.deliver)

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, get_args
 
 import pytest
 
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.ledger import (
-    Entry,
     Ledger,
     LedgerDamaged,
+    LedgerEntry,
     LedgerFailed,
     LedgerState,
     first_lines,
@@ -30,11 +30,11 @@ NOW = datetime(2026, 11, 22, 7, 30, tzinfo=UTC)
 YEAR = NOW + timedelta(days=365)
 ISSUED = records.Issued(
     name="iqua-sparus2",
-    device_kind=Kind.ROBOT,
+    device_kind=MemberKind.ROBOT,
     partner="iqua",
     device="sparus2",
     address=IPv4Address("10.8.16.1"),
-    link=Link.LTE,
+    link=MemberLink.LTE,
     vehicle="sparus",
     common_name="iqua-sparus2",
     serial=2**158 + 1,
@@ -90,7 +90,7 @@ def test_every_record_is_kept_as_it_was(tmp_path: Path) -> None:
 def test_every_record_has_words_and_its_place_in_the_fold() -> None:
     fold = LedgerState()
     for number, record in enumerate(EVERY, start=1):
-        entry = Entry(number, NOW, "me", "op", record)
+        entry = LedgerEntry(number, NOW, "me", "op", record)
         assert entry.words.isprintable()
         assert entry.facts().items() >= {"line": number, "who": "me", "operation": "op", "kind": record.kind}.items()
         fold.apply(entry)
@@ -104,7 +104,7 @@ def test_words_of_records_do_not_hide_the_line_s_own() -> None:
 
 
 def test_every_byte_of_a_line_is_watched() -> None:
-    line = encode(Entry(1, NOW, "me", "op", ISSUED), GENESIS).rstrip(b"\n")
+    line = encode(LedgerEntry(1, NOW, "me", "op", ISSUED), GENESIS).rstrip(b"\n")
     assert parse(line, 1, GENESIS).record == ISSUED
     for place in range(len(line)):
         changed = line[:place] + bytes([line[place] ^ 1]) + line[place + 1 :]
@@ -115,7 +115,7 @@ def test_every_byte_of_a_line_is_watched() -> None:
 def test_a_line_that_is_not_the_next_one_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "ledger"
     lines = whole(path).splitlines(keepends=True)
-    other = encode(Entry(3, NOW, "me", "op", EVERY[4]), digest(lines[0]))
+    other = encode(LedgerEntry(3, NOW, "me", "op", EVERY[4]), digest(lines[0]))
     for wrong, line, why in (
         ([lines[0], *lines[2:]], 2, "lines before it are missing or out of order"),
         ([lines[0], lines[2], lines[1]], 2, "lines before it are missing or out of order"),
@@ -132,7 +132,9 @@ def test_a_line_that_is_not_the_next_one_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
-    line = encode(Entry(1, NOW, "me", "op", records.Committed()), GENESIS)[:-19].replace(b"committed", b"teleported")
+    line = encode(LedgerEntry(1, NOW, "me", "op", records.Committed()), GENESIS)[:-19].replace(
+        b"committed", b"teleported"
+    )
     from binascii import crc32  # noqa: PLC0415 - a line that nobody writes
 
     (tmp_path / "ledger").write_bytes(line + b',"crc":"%08x"}\n' % crc32(line))
@@ -142,7 +144,7 @@ def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_record_about_nobody_is_refused() -> None:
-    entry = Entry(7, NOW, "me", "op", records.Revoked(common_name="iqua-ghost", reason="lost"))
+    entry = LedgerEntry(7, NOW, "me", "op", records.Revoked(common_name="iqua-ghost", reason="lost"))
     with pytest.raises(LedgerDamaged, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
         LedgerState([entry])
 

@@ -8,7 +8,7 @@ import pytest
 from authority_stand import POOL, stand, wish
 
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.names import LONGEST, RESERVED, NameRefused, NameTaken, check_free, check_name, member_name
 
 if TYPE_CHECKING:
@@ -76,11 +76,11 @@ def test_names_that_are_made_of_other_parts_are_taken(tmp_path: Path) -> None:
         with pytest.raises(NameTaken, match=r"`a-b-c` is the name of device `b-c` of partner `a`"):
             signer.issue([wish("c", "a-b")], made.deliver)
         with pytest.raises(NameTaken, match="is the name of device"):
-            signer.issue([EnrolmentRequest("a-b-c", Kind.HOST, None, "a-b-c", pool=POOL)], made.deliver)
+            signer.issue([EnrolmentRequest("a-b-c", MemberKind.HOST, None, "a-b-c", pool=POOL)], made.deliver)
         signer.revoke(["a-b-c"], "lost")
         with pytest.raises(NameTaken, match="is the name of device"):
             signer.issue([wish("c", "a-b")], made.deliver)
-        signer.issue([EnrolmentRequest("scc-gateway", Kind.HOST, None, "scc-gateway", pool=POOL)], made.deliver)
+        signer.issue([EnrolmentRequest("scc-gateway", MemberKind.HOST, None, "scc-gateway", pool=POOL)], made.deliver)
         with pytest.raises(NameTaken, match="`scc-gateway` is the name of the pilot's own `scc-gateway`"):
             signer.issue([wish("gateway", "scc")], made.deliver)
 

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority.model import HandoutFile, NoSuchMember, RenewalRequest, SessionObservation
-from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, Kind, Link, Wrap
-from atlantis_netcfg.vpn.ledger import Entry, LedgerState, records
+from atlantis_netcfg.vpn.identity import CertificateStatus, KeyType, MemberKind, MemberLink, Wrap
+from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,11 +72,11 @@ def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
 def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    change = RenewalRequest(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=Link.LTE)
+    change = RenewalRequest(days=10, wrap=Wrap.TLS_CRYPT, key=KeyType.RSA, link=MemberLink.LTE)
     with made.signing() as signer:
         renewed = signer.renew("iqua-a", made.deliver, change)
     assert (renewed.member.link, renewed.certificate.wrap, renewed.certificate.key) == (
-        Link.LTE,
+        MemberLink.LTE,
         Wrap.TLS_CRYPT,
         KeyType.RSA,
     )
@@ -93,9 +93,9 @@ def test_a_renewal_that_failed_changes_nothing(tmp_path: Path) -> None:
         raise OSError(28, "No space left on device")
 
     with made.signing() as signer, pytest.raises(Exception, match="No space left"):
-        signer.renew("iqua-a", fail, RenewalRequest(link=Link.LTE))
+        signer.renew("iqua-a", fail, RenewalRequest(link=MemberLink.LTE))
     member = made.authority.membership().members["iqua-a"]
-    assert (member.link, [one.common_name for one in member.good]) == (Link.FIBRE, ["iqua-a"])
+    assert (member.link, [one.common_name for one in member.good]) == (MemberLink.FIBRE, ["iqua-a"])
     assert on_list(made) == {"iqua-a.2"}
     with made.signing() as signer:
         assert signer.renew("iqua-a", made.deliver).certificate.common_name == "iqua-a.3"
@@ -174,10 +174,10 @@ AFTER = st.sampled_from(KNOWN).flatmap(
 @settings(deadline=None)
 @given(st.lists(AFTER, max_size=12))
 def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) -> None:
-    fold = LedgerState(Entry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
+    fold = LedgerState(LedgerEntry(number, NOW, "me", "op", issued(name)) for number, name in enumerate(KNOWN, start=1))
     withdrawn: set[str] = set()
     for record in after:
-        fold.apply(Entry(9, NOW, "me", "op", record))
+        fold.apply(LedgerEntry(9, NOW, "me", "op", record))
         if isinstance(record, records.Revoked):
             withdrawn.add(record.common_name)
         if isinstance(record, records.RolledBack):
@@ -189,11 +189,11 @@ def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) 
 def issued(name: str) -> records.Issued:
     return records.Issued(
         name=name,
-        device_kind=Kind.ROBOT,
+        device_kind=MemberKind.ROBOT,
         partner="iqua",
         device=name[5:],
         address=IPv4Address("10.8.16.1"),
-        link=Link.LTE,
+        link=MemberLink.LTE,
         vehicle=None,
         common_name=name,
         serial=ord(name[-1]),

@@ -17,7 +17,7 @@ from vpn_desk import NOBODY, PASSPHRASE, declared, founded
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.cli import _session, _vpn, main
-from atlantis_netcfg.cli._playbook import Outcome
+from atlantis_netcfg.cli._playbook import PlayOutcome
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._watch import ComputerResult
@@ -99,10 +99,10 @@ class Play:
     def __init__(self, *_: object) -> None:
         pass
 
-    def play(self, names: Sequence[str], request: Any, _notify: object, **_: object) -> Outcome:  # noqa: ANN401
+    def play(self, names: Sequence[str], request: Any, _notify: object, **_: object) -> PlayOutcome:  # noqa: ANN401
         has = all(request.identity_of(name) is not None for name in names if name != "scc-vpn")
         self.laptop.plays.append((list(names), has))
-        return Outcome({name: dict(ComputerResult(name, request.mode).as_dict()) for name in names})
+        return PlayOutcome({name: dict(ComputerResult(name, request.mode).as_dict()) for name in names})
 
 
 def real() -> Declaration:

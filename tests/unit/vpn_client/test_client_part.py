@@ -14,7 +14,7 @@ import pytest
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import BearerKind, Transport
 from atlantis_netcfg.vpn.client import CONF, IDENTITY, SERVICE, openvpn_client, site_link
-from atlantis_netcfg.vpn.identity import Link
+from atlantis_netcfg.vpn.identity import MemberLink
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
@@ -92,13 +92,13 @@ def test_outside_the_vpn_everything_of_it_is_taken_away() -> None:
 @pytest.mark.parametrize(
     ("lacking", "link", "ping", "retry", "slow"),
     [
-        ((), Link.SATELLITE, ("60", "300"), "5 900", "slow"),
-        ((BearerKind.SATELLITE,), Link.LTE, ("25", "120"), "5 300", ""),
-        ((BearerKind.SATELLITE, BearerKind.LTE), Link.FIBRE, ("10", "60"), "5 300", ""),
+        ((), MemberLink.SATELLITE, ("60", "300"), "5 900", "slow"),
+        ((BearerKind.SATELLITE,), MemberLink.LTE, ("25", "120"), "5 300", ""),
+        ((BearerKind.SATELLITE, BearerKind.LTE), MemberLink.FIBRE, ("10", "60"), "5 300", ""),
     ],
 )
 def test_timers_are_those_of_the_worst_link(
-    lacking: tuple[BearerKind, ...], link: Link, ping: tuple[str, str], retry: str, slow: str
+    lacking: tuple[BearerKind, ...], link: MemberLink, ping: tuple[str, str], retry: str, slow: str
 ) -> None:
     declaration = without(*lacking)
     assert site_link(declaration, "coastal") is link

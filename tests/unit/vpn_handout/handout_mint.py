@@ -15,7 +15,16 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Kind, Link, Member, Wrap
+from atlantis_netcfg.vpn.identity import (
+    Certificate,
+    CertificateStatus,
+    Identity,
+    KeyType,
+    Member,
+    MemberKind,
+    MemberLink,
+    Wrap,
+)
 
 NOT_BEFORE = datetime(2026, 11, 1, tzinfo=UTC)
 NOT_AFTER = datetime(2027, 12, 3, tzinfo=UTC)
@@ -27,10 +36,10 @@ class Wanted:
     """What a test wants a member to be; the rest is of no matter."""
 
     name: str = "inesc-laptop1"
-    kind: Kind = Kind.LAPTOP
+    kind: MemberKind = MemberKind.LAPTOP
     partner: str | None = "inesc"
     address: str = "10.80.16.1"
-    link: Link = Link.FIBRE
+    link: MemberLink = MemberLink.FIBRE
     vehicle: str | None = None
     wrap: Wrap = Wrap.TLS_CRYPT_V2
     key: KeyType = KeyType.EC

@@ -16,17 +16,17 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.enrolment_package.page import reach
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, MembershipList, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 
 PAGES = Path(__file__).with_name("pages")
 CONTACT = "Example Person, +00 000, vpn@example.org"
 KINDS = {
     "laptop": Wanted(),
-    "laptop-of-2.4-by-satellite": Wanted(wrap=Wrap.TLS_CRYPT, link=Link.SATELLITE, generation=2),
-    "robot": Wanted("udg-sparus2", Kind.ROBOT, "udg", "10.80.19.1", Link.SATELLITE, vehicle="sparus"),
-    "router": Wanted("vtt-router1", Kind.ROUTER, "vtt", "10.80.20.1", wrap=Wrap.TLS_CRYPT, key=KeyType.RSA),
-    "host": Wanted("coastal-gateway", Kind.HOST, None, "10.80.0.21"),
+    "laptop-of-2.4-by-satellite": Wanted(wrap=Wrap.TLS_CRYPT, link=MemberLink.SATELLITE, generation=2),
+    "robot": Wanted("udg-sparus2", MemberKind.ROBOT, "udg", "10.80.19.1", MemberLink.SATELLITE, vehicle="sparus"),
+    "router": Wanted("vtt-router1", MemberKind.ROUTER, "vtt", "10.80.20.1", wrap=Wrap.TLS_CRYPT, key=KeyType.RSA),
+    "host": Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21"),
 }
 
 
@@ -105,7 +105,7 @@ FLOWS = {"ping": Flow(Protocol.ICMP), "DDS": Flow(Protocol.UDP, 7410), "EXAMPLE-
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "host"])
 def test_the_page_says_of_declared_hosts_what_the_firewall_does(kind: str, declaration: Declaration) -> None:
     addresses = {name: getattr(host.device, "vpn_address", None) for name, host in declaration.hosts.items()}
-    wanted = [Wanted(name, Kind.HOST, None, str(address)) for name, address in addresses.items() if address]
+    wanted = [Wanted(name, MemberKind.HOST, None, str(address)) for name, address in addresses.items() if address]
     others = {one.name: identity(one).member for one in wanted if one.name != KINDS[kind].name}
     member = identity(KINDS[kind]).member
     matrix = policy(

@@ -11,7 +11,7 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, identity_file, profile, read_identity
-from atlantis_netcfg.vpn.identity import KeyType, Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,9 +60,9 @@ def test_a_laptop(declaration: Declaration) -> None:
 @pytest.mark.parametrize(
     ("wanted", "added", "gone"),
     [
-        (Wanted(kind=Kind.ROBOT), {"auth-retry nointeract", "auth-nocache"}, set()),
+        (Wanted(kind=MemberKind.ROBOT), {"auth-retry nointeract", "auth-nocache"}, set()),
         (
-            Wanted(link=Link.SATELLITE),
+            Wanted(link=MemberLink.SATELLITE),
             {"tls-timeout 8", "hand-window 120", "connect-retry 5 900"},
             {"connect-retry 5 300"},
         ),
@@ -72,12 +72,12 @@ def test_a_laptop(declaration: Declaration) -> None:
             {"data-ciphers AES-256-GCM:CHACHA20-POLY1305:AES-128-GCM"},
         ),
         (
-            Wanted("coastal-gateway", Kind.HOST, None, "10.80.0.12"),
+            Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.12"),
             {"dev tun0", "auth-retry nointeract", "auth-nocache"},
             {"dev tun"},
         ),
         (
-            Wanted("scc-control", Kind.HOST, None, "10.80.0.2"),
+            Wanted("scc-control", MemberKind.HOST, None, "10.80.0.2"),
             {"remote 10.64.0.10 1194", "dev tun0", "auth-retry nointeract", "auth-nocache"},
             {"remote 203.0.113.2 1194", "dev tun"},
         ),
@@ -98,8 +98,8 @@ def test_over_tcp(declaration: Declaration) -> None:
 EVERY = [
     Wanted(),
     Wanted(key=KeyType.RSA, wrap=Wrap.TLS_CRYPT),
-    Wanted("udg-sparus2", Kind.ROBOT, "udg", vehicle="sparus", link=Link.SATELLITE, generation=2),
-    Wanted("coastal-gateway", Kind.HOST, None),
+    Wanted("udg-sparus2", MemberKind.ROBOT, "udg", vehicle="sparus", link=MemberLink.SATELLITE, generation=2),
+    Wanted("coastal-gateway", MemberKind.HOST, None),
 ]
 
 

@@ -35,14 +35,14 @@ from atlantis_netcfg.vpn.enrolment_package import (
     unpack,
 )
 from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, read_identity
-from atlantis_netcfg.vpn.identity import Kind, Link, Wrap
+from atlantis_netcfg.vpn.identity import MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 NOW = datetime(2026, 11, 22, tzinfo=UTC)
 CONTACT = "Example Person"
-GATEWAY = Wanted("coastal-gateway", Kind.HOST, None, "10.80.0.21", Link.SATELLITE)
+GATEWAY = Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21", MemberLink.SATELLITE)
 
 
 @pytest.fixture(scope="module")
@@ -228,7 +228,7 @@ class TestAccept:
 
     def test_a_router_of_ours(self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path) -> None:
         """Its identity takes the same way; the toolkit itself brings it to the device."""
-        wanted = Wanted("coastal-router", Kind.ROUTER, None, "10.80.0.11", wrap=Wrap.TLS_CRYPT)
+        wanted = Wanted("coastal-router", MemberKind.ROUTER, None, "10.80.0.11", wrap=Wrap.TLS_CRYPT)
         device = declaration.hosts["coastal-router"].device
         assert str(getattr(getattr(device, "vpn_client", None), "address", "")) == wanted.address
         kept = accept(declaration, sealed(declaration, wanted, key), Secret(str(key)), tmp_path, now=NOW)

@@ -193,7 +193,7 @@ def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> Non
 @pytest.mark.parametrize("lacks", ["out", "dead", "left", "told"])
 def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> None:
     whole: dict[str, Any] = {"out": True, "dead": True, "left": [], "told": []}
-    evidence = live.Evidence((), (), {}, out=False, dead=False, left=(), notes=())
+    evidence = live.RevocationEvidence((), (), {}, out=False, dead=False, left=(), notes=())
     assert live.verify(Told("verify", **whole), evidence).confirmed
     wrongs: tuple[Any, ...] = ("no", 1, {})
     for wrong in wrongs:

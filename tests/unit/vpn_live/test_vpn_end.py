@@ -15,12 +15,16 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vp
     Unheard,
     peer,
 )
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import Busy, Closed, Down
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
+    Closed,
+    Down,
+    ManagementBusy,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_server import Server
+    from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_server import ManagedServer
 
 REAL = "192.0.2.7:40000"
 
@@ -77,7 +81,11 @@ def session(cid: int, name: str, real: str = REAL, virtual: str = "10.80.17.1") 
 
 def end(server: OpenVpn, *addresses: str) -> Ending:
     ending = Ending(["iqua-d0"], addresses)
-    ending.run(cast("Server", server), Unheard(cast("Server", server), ()), lambda: server.acts.append("meanwhile"))
+    ending.run(
+        cast("ManagedServer", server),
+        Unheard(cast("ManagedServer", server), ()),
+        lambda: server.acts.append("meanwhile"),
+    )
     return ending
 
 
@@ -96,12 +104,12 @@ def test_in_this_order() -> None:
 def test_what_is_kept_away_already_costs_nothing_more() -> None:
     server = OpenVpn([session(7, "iqua-d0")])
     ending = Ending(["iqua-d0"])
-    unheard = Unheard(cast("Server", server), ending.look(cast("Server", server)))
+    unheard = Unheard(cast("ManagedServer", server), ending.look(cast("ManagedServer", server)))
     assert "ip saddr 192.0.2.7 meta l4proto { tcp, udp } th sport 40000 drop" in unheard.text
     unheard.holds = True
-    ending.run(cast("Server", server), unheard)
+    ending.run(cast("ManagedServer", server), unheard)
     assert server.acts == ["halt 7", f"kill {REAL}", "heard again"]
-    assert Unheard(cast("Server", server), ()).text == ""
+    assert Unheard(cast("ManagedServer", server), ()).text == ""
 
 
 def test_an_address_counts_whatever_its_name() -> None:
@@ -137,7 +145,7 @@ def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monk
     assert ending.messages == told
 
 
-@pytest.mark.parametrize(("asking", "does"), [(Busy, "held"), (Closed, "held"), (Down, "down")])
+@pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (Closed, "held"), (Down, "down")])
 def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
     server = OpenVpn(asking=asking)
     ending = end(server)

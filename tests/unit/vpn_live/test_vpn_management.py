@@ -12,10 +12,10 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_management
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
-    Busy,
     Closed,
     Down,
-    Management,
+    ManagementBusy,
+    ManagementSocket,
     Torn,
     opened,
     sessions,
@@ -57,7 +57,9 @@ SESSION = {
 
 
 @contextmanager
-def served(*replies: str, single: bool = False, patience_s: float = 5.0) -> Iterator[tuple[Management, list[str]]]:
+def served(
+    *replies: str, single: bool = False, patience_s: float = 5.0
+) -> Iterator[tuple[ManagementSocket, list[str]]]:
     """A server that greets, and gives one reply to each command; without one more it closes."""
     here, there = socket.socketpair()
     heard: list[str] = []
@@ -78,7 +80,7 @@ def served(*replies: str, single: bool = False, patience_s: float = 5.0) -> Iter
     thread = threading.Thread(target=serve)
     thread.start()
     with closing(here):
-        yield Management(here, patience_s), heard
+        yield ManagementSocket(here, patience_s), heard
     thread.join()
 
 
@@ -115,7 +117,7 @@ def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind(path)
         server.listen(1)
-        with opened(path, 0.05) as management, pytest.raises(Busy, match=r"silent for 0\.05 s"):
+        with opened(path, 0.05) as management, pytest.raises(ManagementBusy, match=r"silent for 0\.05 s"):
             management.greeted()
     with pytest.raises(Down, match="nobody listens"), opened(path, 0.05):
         pass
@@ -131,7 +133,7 @@ def test_a_full_backlog_is_silence_too(tmp_path: Path) -> None:
         server.listen(0)
         waiting = stack.enter_context(closing(socket.socket(socket.AF_UNIX)))
         waiting.connect(path)
-        with pytest.raises(Busy, match="takes no connection"), opened(path, 0.05):
+        with pytest.raises(ManagementBusy, match="takes no connection"), opened(path, 0.05):
             pass
 
 

@@ -16,7 +16,7 @@ from nft_walk import Packet, parse
 from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 
 from atlantis_netcfg.declaration.model import VpnService
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, firewall, policy
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ def test_loading_is_whole_and_leaves_others_alone(tmp_path: Path) -> None:
 def test_an_address_leaves_the_set_of_members_alone() -> None:
     """Its neighbours stay: a set of intervals takes what stands beside each other for one range in some versions."""
     neighbours = [
-        member(f"inesc-{last}", f"10.80.16.{last}", kind=Kind.LAPTOP, partner="inesc") for last in range(1, 7)
+        member(f"inesc-{last}", f"10.80.16.{last}", kind=MemberKind.LAPTOP, partner="inesc") for last in range(1, 7)
     ]
     text = firewall(pilot(), membership(*neighbours))
     delete = f"nft delete element inet {TABLE} {ADMITTED} {{ 10.80.16.3 }}"
@@ -250,7 +250,11 @@ def test_nft_takes_every_declaration(keys: list[str], services: list[str], admit
     declaration = replace(declaration, partners=dict(zip(keys, seen, strict=True)))
     members = [
         member(
-            f"m{number}", f"10.80.20.{number + 1}", kind=Kind.ROBOT, partner=keys[number % len(keys)], vehicle="sparus"
+            f"m{number}",
+            f"10.80.20.{number + 1}",
+            kind=MemberKind.ROBOT,
+            partner=keys[number % len(keys)],
+            vehicle="sparus",
         )
         for number in range(admitted if keys else 0)
     ]

@@ -7,7 +7,7 @@ import pytest
 from policy_pilots import CENTRE, GATEWAY, MEMBERS, MINE, ROUTER, TIME, member, membership, pilot
 
 from atlantis_netcfg.declaration.model import Dds, DdsPath, RosDistribution
-from atlantis_netcfg.vpn.identity import Kind
+from atlantis_netcfg.vpn.identity import MemberKind
 from atlantis_netcfg.vpn.policy import Flow, Party, Policy, Protocol, policy
 
 PING = Flow(Protocol.ICMP)
@@ -187,7 +187,7 @@ def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
 
 
 def test_a_partners_device_that_is_called_like_a_router_brings_no_network() -> None:
-    found = policy(pilot(), membership(member(ROUTER, "10.80.16.9", kind=Kind.ROUTER, partner="inesc")))
+    found = policy(pilot(), membership(member(ROUTER, "10.80.16.9", kind=MemberKind.ROUTER, partner="inesc")))
     assert found.members[ROUTER] == (IPv4Network("10.80.16.9/32"),)
     assert not found.allows(Party("it", IPv4Address("10.80.16.9")), party("E"), PING)
 

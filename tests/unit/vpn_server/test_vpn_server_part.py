@@ -19,9 +19,9 @@ from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,
     KeyType,
-    Kind,
-    Link,
     Member,
+    MemberKind,
+    MemberLink,
     MembershipList,
     Wrap,
 )
@@ -42,7 +42,14 @@ def certificate(common_name: str, standing: CertificateStatus = CertificateStatu
 
 
 def member(name: str, address: str, *certificates: Certificate, **told: Any) -> Member:  # noqa: ANN401 - of a member
-    fields = {"kind": Kind.LAPTOP, "partner": "inesc", "device": name, "link": Link.FIBRE, "vehicle": None, **told}
+    fields = {
+        "kind": MemberKind.LAPTOP,
+        "partner": "inesc",
+        "device": name,
+        "link": MemberLink.FIBRE,
+        "vehicle": None,
+        **told,
+    }
     return Member(name=name, address=IPv4Address(address), certificates=certificates or (certificate(name),), **fields)
 
 
@@ -130,18 +137,20 @@ def test_a_server_without_an_address_in_its_own_vpn_is_refused() -> None:
         server_conf(SHIPPED, bare)
 
 
-@pytest.mark.parametrize("link", list(Link))
-def test_timers_follow_the_link(link: Link) -> None:
+@pytest.mark.parametrize("link", list(MemberLink))
+def test_timers_follow_the_link(link: MemberLink) -> None:
     one = member("inesc-a", "10.80.16.1", link=link)
     lines = ccd(one, one.certificates[0], SHIPPED).splitlines()
     assert lines[0] == "ifconfig-push 10.80.16.1 255.255.0.0"
     ping, restart = TIMERS[link]
     told = [f"ping {ping}", f"ping-restart {restart}", "push-remove ping", "push-remove ping-restart"]
-    assert lines[1:] == ([] if link is Link.FIBRE else [*told, f'push "ping {ping}"', f'push "ping-restart {restart}"'])
+    assert lines[1:] == (
+        [] if link is MemberLink.FIBRE else [*told, f'push "ping {ping}"', f'push "ping-restart {restart}"']
+    )
 
 
 def test_a_router_that_is_its_sites_end_brings_the_sites_networks() -> None:
-    router = member("coastal-router", "10.80.0.11", kind=Kind.ROUTER, partner=None)
+    router = member("coastal-router", "10.80.0.11", kind=MemberKind.ROUTER, partner=None)
     text = ccd(router, router.certificates[0], SHIPPED)
     assert "iroute 10.64.1.0 255.255.255.0\niroute 10.64.101.0 255.255.255.0\n" in text
     for other in (member("coastal-router", "10.80.16.1"), member("coastal-gateway", "10.80.0.21", partner=None)):

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
-    Modem,
+    AcousticModem,
     ask_at,
     declared_address,
     message,
@@ -35,15 +35,15 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import (
+    AcousticReading,
     Beacon,
     EvologicsStatus,
-    Reading,
     SeatracStatus,
     level_words,
     plain,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AcousticDriver, Column
 
@@ -63,7 +63,7 @@ _PHY = "ATI1"
 
 
 @dataclass(frozen=True, slots=True)
-class Member:
+class ModemMember:
     """A modem of the fleet."""
 
     name: str
@@ -73,58 +73,60 @@ class Member:
     """Acoustic address or beacon number; None: nobody declares it."""
 
 
-def _requests(members: tuple[Member, ...]) -> tuple[Question, ...]:
+def _requests(members: tuple[ModemMember, ...]) -> tuple[Question, ...]:
     return tuple(dict.fromkeys(member.question for member in members))
 
 
-def _transcript(member: Member, results: Mapping[str, Answer]) -> Transcript:
+def _transcript(member: ModemMember, results: Mapping[str, Answer]) -> Transcript:
     transcript = results[member.question.name]
     if not isinstance(transcript, Transcript):
         raise TypeError(transcript)
     return transcript
 
 
-def _not_compared(names: Iterable[str], result: int) -> Iterator[Finding]:
+def _not_compared(names: Iterable[str], result: int) -> Iterator[BearerFinding]:
     missing = ", ".join(names)
     if missing:
         rest = "the others agree or not without it" if result > 1 else "a comparison needs two"
         message = f"the modem settings of {missing} could not be read: {rest}"
         hint = "settle the item of that modem itself first, and check again"
-        yield Finding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "not-compared", message, hint)
 
 
-def _strangers(members: tuple[Member, ...], addresses: Mapping[str, int]) -> Iterator[Finding]:
+def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[BearerFinding]:
     for member in members:
         address = addresses.get(member.name, member.declared)
         if member.declared is not None and address != member.declared:
             message = f"a modem with the address {address} answers for {member.name}, and {member.declared} is declared"
             hint = "settle the item of that modem itself first, and check again"
-            yield Finding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
 
 
 def _listed(values: Mapping[str, object]) -> str:
     return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
-def _same(what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict) -> Iterator[Finding]:
+def _same(
+    what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict
+) -> Iterator[BearerFinding]:
     if len(set(values.values())) > 1:
-        yield Finding(verdict, code, f"the modems differ in their {what}: {_listed(values)}", hint)
+        yield BearerFinding(verdict, code, f"the modems differ in their {what}: {_listed(values)}", hint)
 
 
-def _unique(what: str, values: Mapping[str, int]) -> Iterator[Finding]:
+def _unique(what: str, values: Mapping[str, int]) -> Iterator[BearerFinding]:
     for number in sorted(set(values.values())):
         names = [name for name, local in values.items() if local == number]
         if len(names) > 1:
             message = f"{' and '.join(names)} have the same {what}, {number}"
             hint = "have the crew of one of them set another one; the declaration says which belongs to whom"
-            yield Finding(Verdict.FAIL, "duplicate-address", message, hint)
+            yield BearerFinding(Verdict.FAIL, "duplicate-address", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
 class EvologicsFleet:
     """The EvoLogics modems of the site agree in all that they must agree in."""
 
-    members: tuple[Member, ...]
+    members: tuple[ModemMember, ...]
 
     def asks(self) -> tuple[Question, ...]:
         """The same scripts as the items of the modems themselves."""
@@ -132,7 +134,7 @@ class EvologicsFleet:
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         """Compare what `AT&V` told."""
-        readings = {member.name: Reading.of(_transcript(member, results)) for member in self.members}
+        readings = {member.name: AcousticReading.of(_transcript(member, results)) for member in self.members}
         result = {
             name: {expected: value for expected in _LISTED if (value := reading.setting(expected)) is not None}
             for name, reading in readings.items()
@@ -147,7 +149,9 @@ class EvologicsFleet:
         )
         return Judged(tuple(findings) or (_agree(whole),), evidence)
 
-    def _compared(self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, Reading]) -> Iterator[Finding]:
+    def _compared(
+        self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, AcousticReading]
+    ) -> Iterator[BearerFinding]:
         of = {expected: {name: values[expected] for name, values in result.items()} for expected in _LISTED}
         yield from _unique("acoustic address", of["Local Address"])
         hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
@@ -168,13 +172,13 @@ class EvologicsFleet:
 
 def _wrong(
     what: str, code: str, values: Mapping[str, int], allowed: range | tuple[int, ...], hint: str
-) -> Iterator[Finding]:
+) -> Iterator[BearerFinding]:
     for name, value in values.items():
         if value not in allowed:
-            yield Finding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
+            yield BearerFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
 
 
-def _carriers(values: Mapping[str, int]) -> Iterator[Finding]:
+def _carriers(values: Mapping[str, int]) -> Iterator[BearerFinding]:
     deaf = [
         f"{a} ({values[a]}) and {b} ({values[b]})"
         for a, b in combinations(values, 2)
@@ -183,19 +187,19 @@ def _carriers(values: Mapping[str, int]) -> Iterator[Finding]:
     if deaf:
         message = f"carrier waveforms that do not hear each other: {'; '.join(deaf)}"
         hint = "have the crews set carrier waveform 2 on all modems; 0 and 1 are for a pair"
-        yield Finding(Verdict.FAIL, "carriers", message, hint)
+        yield BearerFinding(Verdict.FAIL, "carriers", message, hint)
 
 
-def _agree(result: Mapping[str, Mapping[str, int]]) -> Finding:
+def _agree(result: Mapping[str, Mapping[str, int]]) -> BearerFinding:
     addresses = ", ".join(f"{name} {values['Local Address']}" for name, values in result.items())
-    return Finding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
+    return BearerFinding(Verdict.PASS, "agree", f"the modems agree with each other; addresses: {addresses}")
 
 
 @dataclass(frozen=True, slots=True)
 class SeatracFleet:
     """The SeaTrac beacons of the site have numbers of their own and count with the same sound speed."""
 
-    members: tuple[Member, ...]
+    members: tuple[ModemMember, ...]
 
     def asks(self) -> tuple[Question, ...]:
         """The same scripts as the items of the beacons themselves."""
@@ -221,7 +225,7 @@ class SeatracFleet:
             for name in values
         )
         listed = _listed(numbers)
-        passed = Finding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {listed}")
+        passed = BearerFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {listed}")
         return Judged(tuple(findings) or (passed,), evidence)
 
 
@@ -248,7 +252,7 @@ def message_consent(name: str, partner: int) -> Consent:
 class EvologicsMessage:
     """A message reaches the partner's modem, which acknowledges it."""
 
-    modem: Modem
+    modem: AcousticModem
     name: str
     """The row in words."""
     declared: int | None
@@ -300,39 +304,45 @@ class EvologicsMessage:
             return Judged((self._sent(reports),), evidence)
         return Judged((self._kept(pieces, level, refused),), evidence)
 
-    def _sent(self, lines: tuple[str, ...]) -> Finding:
+    def _sent(self, lines: tuple[str, ...]) -> BearerFinding:
         to = f"the modem with the address {self.partner}"
         if f"DELIVEREDIM,{self.partner}" in lines:
-            return Finding(Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it")
+            return BearerFinding(
+                Verdict.PASS, "delivered", f"a message of {self.name} reached {to}, which acknowledged it"
+            )
         if f"FAILEDIM,{self.partner}" in lines:
             hint = "look whether both modems are in the water, within reach of each other, and agree in their settings"
-            return Finding(Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint)
+            return BearerFinding(
+                Verdict.FAIL, "not-delivered", f"{to} has not acknowledged the message of {self.name}", hint
+            )
         hint = "check again; the modem may still have been trying when the time was up"
         message = f"the modem of {self.name} has sent a message and does not tell what became of it"
-        return Finding(Verdict.INCONCLUSIVE, "no-report", message, hint)
+        return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
 
-    def _kept(self, pieces: tuple[evologics.Piece, ...], level: float | None, refused: str | None) -> Finding:
+    def _kept(self, pieces: tuple[evologics.Piece, ...], level: float | None, refused: str | None) -> BearerFinding:
         state = evologics.state(pieces)
         if state is not None and state != "INITIATION LISTEN":
             message = f"no message was sent: the modem of {self.name} does not listen ({state})"
-            return Finding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
+            return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
         address = evologics.number(evologics.answer(pieces, "AT?AL"))
         if address is not None and self.declared is not None and address != self.declared:
             message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
             hint = "settle the item of the modem itself first"
-            return Finding(Verdict.FAIL, "wrong-address", f"{message} {self.declared} is declared", hint)
+            return BearerFinding(Verdict.FAIL, "wrong-address", f"{message} {self.declared} is declared", hint)
         if level is not None and level not in _LEVELS:
             message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
             hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
-            return Finding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
+            return BearerFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
         if refused:
             message = f"the modem of {self.name} has not taken the message: `{refused[:60]}`"
-            return Finding(Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it")
+            return BearerFinding(
+                Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it"
+            )
         message = (
             f"no message was sent: the modem of {self.name} did not tell an address and a source level that allow it"
         )
         hint = "check again when the modem receives nothing; a change of the level that is pending stops it, too"
-        return Finding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
+        return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
 
 
 def _address(declared: int | None) -> bytes:
@@ -351,7 +361,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return (_status(cell, modem), *_fleet(cell, modem), *_message(cell, modem))
 
 
-def _status(cell: Cell, modem: Modem) -> Step:
+def _status(cell: Cell, modem: AcousticModem) -> Step:
     endpoint = cell.endpoints.acoustic
     declared = endpoint.acoustic_address if endpoint else None
     evologics = modem.driver is AcousticDriver.EVOLOGICS
@@ -359,33 +369,33 @@ def _status(cell: Cell, modem: Modem) -> Step:
     return Step(
         name="",
         title=f"The acoustic modem of {cell.name} listens and has its declared settings",
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=kind(modem, cell.name, declared, question(cell, modem)),
     )
 
 
-def _fleet(cell: Cell, modem: Modem) -> Iterator[Step]:
+def _fleet(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
     """Give the comparison of all modems of a driver to the first row that has one."""
     same = [(other, its) for other, its in modems(cell, Column.ACOUSTIC) if its.driver is modem.driver]
     if len({its for _, its in same}) < 2 or same[0][0].vehicle != cell.vehicle:  # noqa: PLR2004 - a comparison
         return
     # Two rows with one modem (the site's own) are one member: it would have its own address twice.
-    members: dict[Modem, Member] = {}
+    members: dict[AcousticModem, ModemMember] = {}
     for other, its in same:
-        members.setdefault(its, Member(other.name, question(other, its), declared_address(other, its)))
+        members.setdefault(its, ModemMember(other.name, question(other, its), declared_address(other, its)))
     evologics = modem.driver is AcousticDriver.EVOLOGICS
     who = "EvoLogics modems" if evologics else "SeaTrac beacons"
     yield Step(
         name="fleet",
         title=f"The {who} of {cell.declared.title} agree with each other",
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),
     )
 
 
-def _message(cell: Cell, modem: Modem) -> Iterator[Step]:
+def _message(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
     endpoint = cell.endpoints.acoustic
     if endpoint is None or endpoint.partner is None:
         return
@@ -396,7 +406,7 @@ def _message(cell: Cell, modem: Modem) -> Iterator[Step]:
     yield Step(
         name="message",
         title=f"A message of {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
-        kind=Kind.ACTIVE,
+        kind=ItemKind.ACTIVE,
         phase=Phase.WATER,
         probe=EvologicsMessage(modem, cell.name, endpoint.acoustic_address, endpoint.partner, consent),
         consent=consent,
@@ -408,7 +418,7 @@ def _sent_by_a_person(cell: Cell, partner: int) -> Step:
     return Step(
         name="message",
         title=f"A message of {cell.name} reaches the beacon {partner}",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.WATER,
         do=f"With both in the water, let the software of {cell.name} send data to the beacon {partner}.",
         look_for="The other vehicle shows what was sent, and the sender the acknowledgement.",
@@ -421,7 +431,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"The acoustic modem of {cell.name} sends and hears",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.WATER,
         do=f"The modem of {cell.name} {why}, so nobody can ask it. In the water, and never in air, let the vehicle's "
         "software send a message to another modem of the test, and one back.",

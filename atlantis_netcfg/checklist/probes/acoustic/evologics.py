@@ -54,7 +54,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class EvologicsSettings:
     """What `AT&V` tells; unknown names are left out."""
 
     values: Mapping[str, int]
@@ -64,7 +64,7 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class EvologicsFix:
     """One USBLLONG, or one USBLANGLES (then without a position)."""
 
     remote: int
@@ -147,7 +147,7 @@ def state(received: Sequence[Piece]) -> str | None:
     return next((found[1] for found in bare if found), None)
 
 
-def settings(received: Sequence[Piece]) -> Settings | None:
+def settings(received: Sequence[Piece]) -> EvologicsSettings | None:
     """Everything known that `AT&V` told, framed or bare; None: nothing."""
     text = answer(received, "AT&V") or "\n".join(p.text for p in received if p.command is None)
     found = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
@@ -155,16 +155,18 @@ def settings(received: Sequence[Piece]) -> Settings | None:
     known = [(name, match) for name, match in named if name in _NAMES]
     if not known:
         return None
-    return Settings({name: int(entry[3]) for name, entry in known}, tuple(name for name, item in known if item[1]))
+    return EvologicsSettings(
+        {name: int(entry[3]) for name, entry in known}, tuple(name for name, item in known if item[1])
+    )
 
 
-def fixes(received: Sequence[Piece]) -> tuple[Fix, ...]:
+def fixes(received: Sequence[Piece]) -> tuple[EvologicsFix, ...]:
     """Every fix that was told, framed or bare, in its order."""
     result = (p for p in received if p.command in {NOTIFICATION, None})
     return tuple(fix for fix in map(_fix, result) if fix)
 
 
-def _fix(piece: Piece) -> Fix | None:
+def _fix(piece: Piece) -> EvologicsFix | None:
     keyword, *fields = piece.text.split(",")
     if (keyword, len(fields)) not in {("USBLLONG", 16), ("USBLANGLES", 13)}:
         return None
@@ -175,7 +177,7 @@ def _fix(piece: Piece) -> Fix | None:
     if not all(map(math.isfinite, values)) or not values[2].is_integer():
         return None
     whole = keyword == "USBLLONG"
-    return Fix(
+    return EvologicsFix(
         remote=int(values[2]),
         clock_s=values[0],
         measured_s=values[1],

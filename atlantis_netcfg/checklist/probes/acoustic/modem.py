@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Place, Say, Transcript, Trouble
 from atlantis_netcfg.core.errors import NetcfgError
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _IN_WATER = "in the water"
 
 
-class Use(StrEnum):
+class ModemUse(StrEnum):
     """What sending a command does."""
 
     READ = "read"
@@ -44,10 +44,10 @@ class Use(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class ModemCommand:
     """A line of a table."""
 
-    use: Use
+    use: ModemUse
     what: str
     """What it does."""
 
@@ -56,46 +56,46 @@ class NeverSaid(NetcfgError, ValueError):
     """A command that is on no list: it has not left this computer."""
 
 
-EVOLOGICS: Mapping[bytes, Command] = {
-    rb"AT\?(S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)": Command(Use.READ, "a query"),
-    rb"ATI[0-9]": Command(Use.READ, "who the modem is"),
-    rb"AT&V": Command(Use.READ, "all settings"),
-    rb"AT\*SENDIM,[0-9]{1,2},[0-9]{1,3},ack,[!-~]{1,64}": Command(Use.ACTIVE, "transmits an instant message"),
-    rb"AT!.*": Command(Use.NEVER, "changes a setting"),
-    rb"AT@.*": Command(Use.NEVER, "takes control, or changes a setting"),
-    rb"AT&W.*": Command(Use.NEVER, "stores settings"),
-    rb"AT&F.*": Command(Use.NEVER, "goes back to the factory's settings"),
-    rb"ATZ.*": Command(Use.NEVER, "drops data, connections or settings"),
-    rb"AT[ANDHCO].*": Command(Use.NEVER, "begins or ends a connection, or changes the mode"),
-    rb"AT\*SEND.*": Command(Use.NEVER, "transmits"),
-    rb"": Command(Use.NEVER, "switches to command mode"),
+EVOLOGICS: Mapping[bytes, ModemCommand] = {
+    rb"AT\?(S|E|I|T|V|P|BL|BR|BV|CLOCK|CA|AL|AR|L|ZU)": ModemCommand(ModemUse.READ, "a query"),
+    rb"ATI[0-9]": ModemCommand(ModemUse.READ, "who the modem is"),
+    rb"AT&V": ModemCommand(ModemUse.READ, "all settings"),
+    rb"AT\*SENDIM,[0-9]{1,2},[0-9]{1,3},ack,[!-~]{1,64}": ModemCommand(ModemUse.ACTIVE, "transmits an instant message"),
+    rb"AT!.*": ModemCommand(ModemUse.NEVER, "changes a setting"),
+    rb"AT@.*": ModemCommand(ModemUse.NEVER, "takes control, or changes a setting"),
+    rb"AT&W.*": ModemCommand(ModemUse.NEVER, "stores settings"),
+    rb"AT&F.*": ModemCommand(ModemUse.NEVER, "goes back to the factory's settings"),
+    rb"ATZ.*": ModemCommand(ModemUse.NEVER, "drops data, connections or settings"),
+    rb"AT[ANDHCO].*": ModemCommand(ModemUse.NEVER, "begins or ends a connection, or changes the mode"),
+    rb"AT\*SEND.*": ModemCommand(ModemUse.NEVER, "transmits"),
+    rb"": ModemCommand(ModemUse.NEVER, "switches to command mode"),
 }
 """Full match of a command between `+++` and the end of the line."""
 
-SEATRAC: Mapping[int, Command] = {
-    0x01: Command(Use.READ, "alive"),
-    0x02: Command(Use.READ, "part, serial number, firmware"),
-    0x10: Command(Use.READ, "status: supply, depth, sound speed, attitude"),
-    0x11: Command(Use.READ, "status output"),
-    0x15: Command(Use.READ, "settings"),
-    0x21: Command(Use.READ, "calibration"),
-    0x3A: Command(Use.READ, "transceiver"),
-    0x03: Command(Use.NEVER, "restarts the beacon"),
-    0x0D: Command(Use.NEVER, "writes firmware"),
-    0x0E: Command(Use.NEVER, "writes firmware"),
-    0x0F: Command(Use.NEVER, "writes firmware"),
-    0x12: Command(Use.NEVER, "changes the status output"),
-    0x16: Command(Use.NEVER, "changes settings"),
-    0x17: Command(Use.NEVER, "changes settings"),
-    0x18: Command(Use.NEVER, "stores settings"),
-    0x19: Command(Use.NEVER, "resets settings"),
-    0x20: Command(Use.NEVER, "calibrates"),
-    0x22: Command(Use.NEVER, "calibrates"),
-    0x40: Command(Use.ACTIVE, "transmits a ping"),
-    0x48: Command(Use.ACTIVE, "transmits"),
-    0x50: Command(Use.ACTIVE, "transmits"),
-    0x5B: Command(Use.ACTIVE, "transmits"),
-    0x60: Command(Use.ACTIVE, "transmits"),
+SEATRAC: Mapping[int, ModemCommand] = {
+    0x01: ModemCommand(ModemUse.READ, "alive"),
+    0x02: ModemCommand(ModemUse.READ, "part, serial number, firmware"),
+    0x10: ModemCommand(ModemUse.READ, "status: supply, depth, sound speed, attitude"),
+    0x11: ModemCommand(ModemUse.READ, "status output"),
+    0x15: ModemCommand(ModemUse.READ, "settings"),
+    0x21: ModemCommand(ModemUse.READ, "calibration"),
+    0x3A: ModemCommand(ModemUse.READ, "transceiver"),
+    0x03: ModemCommand(ModemUse.NEVER, "restarts the beacon"),
+    0x0D: ModemCommand(ModemUse.NEVER, "writes firmware"),
+    0x0E: ModemCommand(ModemUse.NEVER, "writes firmware"),
+    0x0F: ModemCommand(ModemUse.NEVER, "writes firmware"),
+    0x12: ModemCommand(ModemUse.NEVER, "changes the status output"),
+    0x16: ModemCommand(ModemUse.NEVER, "changes settings"),
+    0x17: ModemCommand(ModemUse.NEVER, "changes settings"),
+    0x18: ModemCommand(ModemUse.NEVER, "stores settings"),
+    0x19: ModemCommand(ModemUse.NEVER, "resets settings"),
+    0x20: ModemCommand(ModemUse.NEVER, "calibrates"),
+    0x22: ModemCommand(ModemUse.NEVER, "calibrates"),
+    0x40: ModemCommand(ModemUse.ACTIVE, "transmits a ping"),
+    0x48: ModemCommand(ModemUse.ACTIVE, "transmits"),
+    0x50: ModemCommand(ModemUse.ACTIVE, "transmits"),
+    0x5B: ModemCommand(ModemUse.ACTIVE, "transmits"),
+    0x60: ModemCommand(ModemUse.ACTIVE, "transmits"),
 }
 """Command of a beacon by its number."""
 
@@ -122,7 +122,7 @@ def _refused_evologics(data: bytes, *, active: bool) -> str | None:
     known = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
     if known is None or data != b"+++" + body + b"\n":
         return f"{data!r} is on no list of what may be said to an EvoLogics modem"
-    if known.use is Use.ACTIVE and not _whole_message(body):
+    if known.use is ModemUse.ACTIVE and not _whole_message(body):
         return f"{data!r} is not one whole message to one modem"
     return _unless(known, data, active=active)
 
@@ -137,9 +137,9 @@ def _refused_seatrac(data: bytes, *, active: bool) -> str | None:
     known = SEATRAC.get(payload[0]) if payload else None
     if payload is None or known is None:
         return f"{data!r} is on no list of what may be said to a SeaTrac beacon"
-    if known.use is Use.READ and len(payload) > 1:
+    if known.use is ModemUse.READ and len(payload) > 1:
         return f"{data!r} asks with a parameter, and no question needs one"
-    if known.use is Use.ACTIVE and not _one_ping(payload):
+    if known.use is ModemUse.ACTIVE and not _one_ping(payload):
         return f"{data!r} transmits, and is no ping of one beacon"
     return _unless(known, data, active=active)
 
@@ -148,10 +148,10 @@ def _one_ping(payload: bytes) -> bool:
     return payload[0] == _PING and len(payload) == 3 and payload[1] in _BEACONS and payload[2] == _WITH_USBL  # noqa: PLR2004 - number, beacon, kind
 
 
-def _unless(known: Command, data: bytes, *, active: bool) -> str | None:
-    if known.use is Use.READ or (known.use is Use.ACTIVE and active):
+def _unless(known: ModemCommand, data: bytes, *, active: bool) -> str | None:
+    if known.use is ModemUse.READ or (known.use is ModemUse.ACTIVE and active):
         return None
-    if known.use is Use.ACTIVE:
+    if known.use is ModemUse.ACTIVE:
         return f"{data!r} {known.what}, and nobody has consented to it"
     return f"{data!r} {known.what}: it is never sent"
 
@@ -200,7 +200,7 @@ _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatr
 
 
 @dataclass(frozen=True, slots=True)
-class Modem:
+class AcousticModem:
     """One end that a script goes to."""
 
     driver: AcousticDriver
@@ -235,23 +235,23 @@ class Modem:
         )
 
 
-def modem_of(cell: Cell) -> Modem | None:
+def modem_of(cell: Cell) -> AcousticModem | None:
     """The modem of a cell in the columns acoustic and USBL; None: none is declared, or nobody says where it is."""
     endpoint = _endpoint(cell)
     if endpoint is None:
         return None
     place = cell.place(endpoint.seen_from)
     if endpoint.device is not None:
-        return Modem(endpoint.driver, place, "", 0, endpoint.device, endpoint.baud or _BAUD[endpoint.driver])
+        return AcousticModem(endpoint.driver, place, "", 0, endpoint.device, endpoint.baud or _BAUD[endpoint.driver])
     address = cell.address(endpoint.address)
-    return Modem(endpoint.driver, place, address, endpoint.port, "", 0) if address else None
+    return AcousticModem(endpoint.driver, place, address, endpoint.port, "", 0) if address else None
 
 
 def _endpoint(cell: Cell) -> AcousticEndpoint | UsblEndpoint | None:
     return cell.endpoints.usbl if cell.endpoint == Column.USBL else cell.endpoints.acoustic
 
 
-def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, Modem]]:
+def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, AcousticModem]]:
     """The modems of all rows that are tested at the site, with their cells; the site's own comes last."""
     here = cell.declared.checklist.vehicles
     for row in (*(key for key in cell.declaration.vehicles if here is None or key in here), None):
@@ -260,7 +260,7 @@ def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, Modem]]:
             yield other, modem
 
 
-def declared_address(cell: Cell, modem: Modem) -> int | None:
+def declared_address(cell: Cell, modem: AcousticModem) -> int | None:
     """The acoustic address of a modem, as the acoustic column of any row declares it; None: nobody does."""
     same = (other.endpoints.acoustic for other, its in modems(cell, Column.ACOUSTIC) if its == modem)
     return next(
@@ -273,7 +273,7 @@ def declared_address(cell: Cell, modem: Modem) -> int | None:
     )
 
 
-def question(cell: Cell, modem: Modem) -> Listen:
+def question(cell: Cell, modem: AcousticModem) -> Listen:
     """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
     usbl = [item.endpoints.usbl for item, other in modems(cell, Column.USBL) if other == modem]
     expected = [endpoint for endpoint in usbl if endpoint is not None]
@@ -375,7 +375,7 @@ _WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
 """Verdict, code, sentence and hint of a modem that has not said a word."""
 
 
-def trouble(modem: Modem, name: str, transcript: Transcript) -> Finding | None:
+def trouble(modem: AcousticModem, name: str, transcript: Transcript) -> BearerFinding | None:
     """Say why the modem of a row could not be read; None: it has said something."""
     if transcript.data:
         return None
@@ -383,10 +383,10 @@ def trouble(modem: Modem, name: str, transcript: Transcript) -> Finding | None:
     met = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[met]
     words = transcript.words or "nobody could ask it"
-    return Finding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
+    return BearerFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
-def transcript_or_judgement(modem: Modem, name: str, answer: Answer) -> Transcript | Judged:
+def transcript_or_judgement(modem: AcousticModem, name: str, answer: Answer) -> Transcript | Judged:
     """Give what a modem has said, or the judgement of one that could not be read."""
     if not isinstance(answer, Transcript):
         raise TypeError(answer)
@@ -394,24 +394,26 @@ def transcript_or_judgement(modem: Modem, name: str, answer: Answer) -> Transcri
     return answer if finding is None else Judged((finding,))
 
 
-def not_understood(modem: Modem, name: str) -> Finding:
+def not_understood(modem: AcousticModem, name: str) -> BearerFinding:
     """Say that somebody else's language is spoken, or that noise comes."""
     message = f"what answers for {name} at {modem.where} does not speak like {LANGUAGE[modem.driver]}"
     hint = (
         "compare `driver`, `port` and `baud` in the declaration with the modem; a wrong rate of a serial port is noise"
     )
-    return Finding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "not-understood", message, hint)
 
 
-def whose_unknown(modem: Modem, name: str) -> Finding:
+def whose_unknown(modem: AcousticModem, name: str) -> BearerFinding:
     """Say that any modem would do: nothing declared tells this one from another's."""
     message = f"nothing tells whether what answers at {modem.where} is the modem of {name}"
-    return Finding(Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`")
+    return BearerFinding(
+        Verdict.WARN, "whose-unknown", message, "declare its `acoustic_address` under `endpoints.acoustic`"
+    )
 
 
-def two_modems(modem: Modem, name: str, addresses: Collection[int]) -> Finding:
+def two_modems(modem: AcousticModem, name: str, addresses: Collection[int]) -> BearerFinding:
     """Say that answers contradict each other."""
     text = " and ".join(map(str, sorted(addresses)))
     message = f"what answers for {name} at {modem.where} tells the acoustic addresses {text}: it is more than one modem"
     hint = "look what is connected to this end: one line serves one modem, and a program must not mix two of them"
-    return Finding(Verdict.FAIL, "two-modems", message, hint)
+    return BearerFinding(Verdict.FAIL, "two-modems", message, hint)

@@ -27,7 +27,7 @@ _ENVIRONMENT = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class SeatracAnswer:
     """One frame whose sum is right."""
 
     number: int
@@ -37,7 +37,7 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class SeatracSettings:
     """What we look at of a beacon's settings."""
 
     beacon: int
@@ -47,7 +47,7 @@ class Settings:
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class BeaconStatus:
     """What a beacon measures about itself; None: its settings leave it out."""
 
     supply_v: float | None = None
@@ -56,7 +56,7 @@ class Status:
 
 
 @dataclass(frozen=True, slots=True)
-class Fix:
+class SeatracFix:
     """What a beacon has made of an answer that it heard."""
 
     to: int
@@ -101,15 +101,15 @@ def _checked(digits: bytes) -> bytes | None:
     return payload if crc16(payload) == sent else None
 
 
-def answers(data: bytes) -> tuple[Answer, ...]:
+def answers(data: bytes) -> tuple[SeatracAnswer, ...]:
     """Every whole answer in a stream, in its order."""
     return tuple(_answers(data))
 
 
-def _answers(data: bytes) -> Iterator[Answer]:
+def _answers(data: bytes) -> Iterator[SeatracAnswer]:
     for found in _ANSWER.finditer(data):
         if payload := _checked(found[1]):
-            yield Answer(payload[0], payload[1:], found.end())
+            yield SeatracAnswer(payload[0], payload[1:], found.end())
 
 
 def damaged(data: bytes) -> int:
@@ -117,27 +117,27 @@ def damaged(data: bytes) -> int:
     return sum(_checked(found[1]) is None for found in _ANSWER.finditer(data))
 
 
-def last(received: Sequence[Answer], number: int) -> bytes | None:
+def last(received: Sequence[SeatracAnswer], number: int) -> bytes | None:
     """The record of the last answer with a number; None: there is none."""
     return next((answer.record for answer in reversed(received) if answer.number == number), None)
 
 
-def settings(record: bytes) -> Settings | None:
+def settings(record: bytes) -> SeatracSettings | None:
     """Read the settings record: 110 bytes, of which later firmware may append more."""
     if len(record) < 110:  # noqa: PLR2004 - the whole of the known record
         return None
     (sound,) = struct.unpack_from("<H", record, 35)
-    return Settings(beacon=record[96], sound_speed_mps=sound / 10, auto_sound_speed=bool(record[28] & 1))
+    return SeatracSettings(beacon=record[96], sound_speed_mps=sound / 10, auto_sound_speed=bool(record[28] & 1))
 
 
-def status(record: bytes) -> Status | None:
+def status(record: bytes) -> BeaconStatus | None:
     """Read a status record: flags, a clock, and the groups that the flags name; the environment comes first."""
     if len(record) < 9:  # noqa: PLR2004 - flags and clock
         return None
     if not record[0] & _ENVIRONMENT or len(record) < 9 + 14:
-        return Status()
+        return BeaconStatus()
     supply, _, _, depth, sound = struct.unpack_from("<HhiiH", record, 9)
-    return Status(supply / 1000, depth / 10, sound / 10)
+    return BeaconStatus(supply / 1000, depth / 10, sound / 10)
 
 
 def info(record: bytes) -> str | None:
@@ -151,7 +151,7 @@ def info(record: bytes) -> str | None:
     return f"SeaTrac {model}, serial number {serial}, firmware {major}.{minor}.{build}"
 
 
-def fix(record: bytes) -> Fix | None:
+def fix(record: bytes) -> SeatracFix | None:
     """Read the acoustic fix with which the response to a ping or a NAV_QUERY begins; None: it is cut."""
     try:
         return _fix(record)
@@ -159,7 +159,7 @@ def fix(record: bytes) -> Fix | None:
         return None
 
 
-def _fix(record: bytes) -> Fix:
+def _fix(record: bytes) -> SeatracFix:
     to, beacon, flags, _, _, _, _, own_depth, _, rssi = struct.unpack_from("<BBBBhhhHHh", record)
     at = 16
     range_m = azimuth = elevation = error = position = None
@@ -176,7 +176,7 @@ def _fix(record: bytes) -> Fix:
         east, north, depth = (value / 10 for value in _three(record, at))
         # The record has the other beacon's depth below the surface.
         position = (east, north, depth - own_depth / 10)
-    return Fix(to, beacon, range_m, azimuth, elevation, error, rssi / 10, position, bool(flags & _SUSPECT))
+    return SeatracFix(to, beacon, range_m, azimuth, elevation, error, rssi / 10, position, bool(flags & _SUSPECT))
 
 
 def _three(record: bytes, at: int) -> tuple[int, int, int]:

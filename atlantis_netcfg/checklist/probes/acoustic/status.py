@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
-    Modem,
+    AcousticModem,
     not_understood,
     transcript_or_judgement,
     two_modems,
@@ -90,14 +90,14 @@ _READINGS = (
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class AcousticReading:
     """Everything that a modem told, in one value; None: not told."""
 
     received: tuple[evologics.Piece, ...]
-    settings: evologics.Settings | None
+    settings: evologics.EvologicsSettings | None
 
     @classmethod
-    def of(cls, transcript: Transcript) -> Reading:
+    def of(cls, transcript: Transcript) -> AcousticReading:
         """Read a transcript."""
         received = evologics.pieces(transcript.data)
         return cls(received, evologics.settings(received))
@@ -144,7 +144,7 @@ class Reading:
 class EvologicsStatus:
     """The modem listens, with the address, level and sound speed that it should have."""
 
-    modem: Modem
+    modem: AcousticModem
     name: str
     """The row in words."""
     declared: int | None
@@ -160,12 +160,12 @@ class EvologicsStatus:
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
         if isinstance(transcript, Judged):
             return transcript
-        reading = Reading.of(transcript)
+        reading = AcousticReading.of(transcript)
         if not reading.understood:
             return Judged((not_understood(self.modem, self.name),))
         return Judged(tuple(self._findings(reading)), tuple(_evidence(reading)))
 
-    def _findings(self, reading: Reading) -> Iterator[Finding]:
+    def _findings(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         yield self._state(reading)
         yield from self._address(reading)
         yield from self._level(reading)
@@ -173,20 +173,20 @@ class EvologicsStatus:
         yield from self._reception(reading)
         yield from self._pending(reading)
 
-    def _state(self, reading: Reading) -> Finding:
+    def _state(self, reading: AcousticReading) -> BearerFinding:
         state = evologics.state(reading.received)
         if state is None:
             words = evologics.trouble_words(reading.received, "AT?S")
             message = f"the modem of {self.name} does not tell its state" + (f": it says `{words}`" if words else "")
             hint = "check again in a minute; if it stays so, compare the firmware with another modem's"
-            return Finding(Verdict.INCONCLUSIVE, "no-state", message, hint)
+            return BearerFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
         if state not in STATES:
             message = f"the modem of {self.name} is in a state that nobody here knows: `{state}`"
-            return Finding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+            return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
         verdict, code, sentence, advice = STATES[state]
-        return Finding(verdict, code, f"the modem of {self.name} {sentence}", advice)
+        return BearerFinding(verdict, code, f"the modem of {self.name} {sentence}", advice)
 
-    def _address(self, reading: Reading) -> Iterator[Finding]:
+    def _address(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         address, highest = reading.address, reading.setting("Highest Address")
         if self.declared is None:
             yield whose_unknown(self.modem, self.name)
@@ -194,32 +194,34 @@ class EvologicsStatus:
             if self.declared is not None:
                 message = f"the modem of {self.name} does not tell its address; {self.declared} is declared"
                 hint = "check again: what does not answer in time is left out"
-                yield Finding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
+                yield BearerFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
             return
         if len(reading.addresses) > 1:
             yield two_modems(self.modem, self.name, reading.addresses)
         if self.declared is not None and address != self.declared:
             message = f"the modem of {self.name} has the acoustic address {address}, and {self.declared} is declared"
             hint = "have its crew set the address, or correct `acoustic_address` in the declaration"
-            yield Finding(Verdict.FAIL, "wrong-address", message, hint)
+            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if address < 1 or (highest is not None and address > highest):
             message = (
                 f"the acoustic address {address} of {self.name} is not between 1 and its highest one, {highest or '?'}"
             )
             hint = "have its crew set an address within the range, the same highest address on all modems"
-            yield Finding(Verdict.FAIL, "address-out-of-range", message, hint)
+            yield BearerFinding(Verdict.FAIL, "address-out-of-range", message, hint)
 
-    def _level(self, reading: Reading) -> Iterator[Finding]:
+    def _level(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         level = reading.level
         if level is None:
             message = f"the modem of {self.name} does not tell its source level"
-            yield Finding(Verdict.WARN, "level-unknown", message, "keep it from transmitting until it is in the water")
+            yield BearerFinding(
+                Verdict.WARN, "level-unknown", message, "keep it from transmitting until it is in the water"
+            )
         elif level != AIR_LEVEL:
             message = f"the source level of {self.name} is {level_words(level)}; only {AIR_LEVEL} may sound in air"
             hint = f"keep it from transmitting until it is in the water, or have its crew set level {AIR_LEVEL}"
-            yield Finding(Verdict.WARN, "loud-for-air", message, hint)
+            yield BearerFinding(Verdict.WARN, "loud-for-air", message, hint)
 
-    def _sound(self, reading: Reading) -> Iterator[Finding]:
+    def _sound(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         speed = reading.setting("Sound Speed")
         low, high = SOUND_SPEED_MPS
         if speed is not None and not low <= speed <= high:
@@ -227,30 +229,30 @@ class EvologicsStatus:
             hint = (
                 f"have its crew set the sound speed of the place, between {low} and {high} m/s: all ranges hang on it"
             )
-            yield Finding(Verdict.FAIL, "sound-speed", message, hint)
+            yield BearerFinding(Verdict.FAIL, "sound-speed", message, hint)
 
-    def _reception(self, reading: Reading) -> Iterator[Finding]:
+    def _reception(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         rssi, integrity = reading.number("AT?E"), reading.number("AT?I")
         if rssi and not RSSI_DB[0] <= rssi <= RSSI_DB[1]:
             weak = rssi < RSSI_DB[0]
             message = f"the last reception of {self.name} was too {'weak' if weak else 'strong'}: {plain(rssi)} dB"
             hint = "look at the transducers and what is between them" if weak else "move the modems apart"
-            yield Finding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
+            yield BearerFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
         if integrity and integrity < INTEGRITY_LOW:
             message = (
                 f"the last reception of {self.name} was poor: integrity {plain(integrity)}, good is {INTEGRITY_LOW}"
             )
             hint = "look for echoes (walls, the hull, the surface) and noise, and check again"
-            yield Finding(Verdict.WARN, "integrity-low", message, hint)
+            yield BearerFinding(Verdict.WARN, "integrity-low", message, hint)
 
-    def _pending(self, reading: Reading) -> Iterator[Finding]:
+    def _pending(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         if reading.settings is not None and reading.settings.pending:
             names = ", ".join(reading.settings.pending)
             message = f"the modem of {self.name} has changes that are not in force yet: {names}"
-            yield Finding(Verdict.WARN, "pending", message, "have its crew finish or drop them")
+            yield BearerFinding(Verdict.WARN, "pending", message, "have its crew finish or drop them")
 
 
-def _evidence(reading: Reading) -> Iterator[Evidence]:
+def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
     for what, query, unit in _READINGS:
         value = evologics.answer(reading.received, query)
         if value:
@@ -271,9 +273,9 @@ _STOPPED = 0x3A
 class Beacon:
     """Everything that a beacon told, in one value; None: not told."""
 
-    received: tuple[seatrac.Answer, ...]
-    settings: seatrac.Settings | None
-    status: seatrac.Status | None
+    received: tuple[seatrac.SeatracAnswer, ...]
+    settings: seatrac.SeatracSettings | None
+    status: seatrac.BeaconStatus | None
     info: str | None
     state: int | None
     """Of its transceiver."""
@@ -296,7 +298,7 @@ class Beacon:
         )
 
 
-def damage(name: str, transcript: Transcript) -> Finding | None:
+def damage(name: str, transcript: Transcript) -> BearerFinding | None:
     """Say that answers came with a wrong sum."""
     damaged = seatrac.damaged(transcript.data)
     if not damaged:
@@ -304,14 +306,14 @@ def damage(name: str, transcript: Transcript) -> Finding | None:
     whole = len(seatrac.answers(transcript.data))
     message = f"{damaged} of {damaged + whole} answers of the beacon of {name} came with a wrong checksum"
     hint = "look at the serial cable and its rate (`baud`), and whether two programs write to the port"
-    return Finding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
+    return BearerFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
 
 
 @dataclass(frozen=True, slots=True)
 class SeatracStatus:
     """The beacon is alive and idle, with the number and sound speed that it should have."""
 
-    modem: Modem
+    modem: AcousticModem
     name: str
     """The row in words."""
     declared: int | None
@@ -334,28 +336,30 @@ class SeatracStatus:
         findings = (self._state(beacon), *self._number(beacon), *self._sound(beacon))
         return Judged((*findings, damaged) if damaged else findings, tuple(_beacon_evidence(beacon)))
 
-    def _state(self, beacon: Beacon) -> Finding:
+    def _state(self, beacon: Beacon) -> BearerFinding:
         who, state = f"the beacon of {self.name}", beacon.state
         if state is None:
             hint = "check again in a minute; a beacon that the vehicle keeps busy answers late"
-            return Finding(Verdict.INCONCLUSIVE, "no-state", f"{who} does not tell what its transceiver does", hint)
+            return BearerFinding(
+                Verdict.INCONCLUSIVE, "no-state", f"{who} does not tell what its transceiver does", hint
+            )
         if state == _IDLE:
-            return Finding(Verdict.PASS, "listens", f"{who} listens")
+            return BearerFinding(Verdict.PASS, "listens", f"{who} listens")
         if state == _STOPPED:
             hint = "switch the beacon off and on: this tool never starts it"
-            return Finding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
+            return BearerFinding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
         if state in _WORKING:
             hint = "check again when the vehicle does not use it"
-            return Finding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
+            return BearerFinding(Verdict.WARN, "working", f"{who} {_WORKING[state]} at the moment", hint)
         message = f"{who} is in a state that nobody here knows: 0x{state:02X}"
-        return Finding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
+        return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
 
-    def _number(self, beacon: Beacon) -> Iterator[Finding]:
+    def _number(self, beacon: Beacon) -> Iterator[BearerFinding]:
         if self.declared is None:
             yield whose_unknown(self.modem, self.name)
         if beacon.settings is None:
             hint = "check again; a longer record than ours is read, a shorter one is not"
-            yield Finding(
+            yield BearerFinding(
                 Verdict.INCONCLUSIVE, "settings-unknown", f"the beacon of {self.name} does not tell its settings", hint
             )
             return
@@ -365,12 +369,14 @@ class SeatracStatus:
         if self.declared is not None and number != self.declared:
             message = f"the beacon of {self.name} has the number {number}, and {self.declared} is declared"
             hint = "have its crew set the number, or correct `acoustic_address` in the declaration"
-            yield Finding(Verdict.FAIL, "wrong-address", message, hint)
+            yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if number not in BEACONS:
             message = f"the beacon of {self.name} has the number {number}; there are 1 to 15"
-            yield Finding(Verdict.FAIL, "address-out-of-range", message, "have its crew set one that nobody else has")
+            yield BearerFinding(
+                Verdict.FAIL, "address-out-of-range", message, "have its crew set one that nobody else has"
+            )
 
-    def _sound(self, beacon: Beacon) -> Iterator[Finding]:
+    def _sound(self, beacon: Beacon) -> Iterator[BearerFinding]:
         speed = beacon.status.sound_speed_mps if beacon.status else None
         if speed is None and beacon.settings is not None and not beacon.settings.auto_sound_speed:
             speed = beacon.settings.sound_speed_mps
@@ -379,7 +385,7 @@ class SeatracStatus:
             who = f"the beacon of {self.name}"
             message = f"{who} counts with a sound speed of {plain(speed)} m/s, which water does not have"
             hint = "have its crew let the beacon work it out, or set that of the place: all ranges hang on it"
-            yield Finding(Verdict.FAIL, "sound-speed", message, hint)
+            yield BearerFinding(Verdict.FAIL, "sound-speed", message, hint)
 
 
 def _beacon_evidence(beacon: Beacon) -> Iterator[Evidence]:

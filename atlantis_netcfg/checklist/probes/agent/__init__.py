@@ -29,7 +29,7 @@ from atlantis_netcfg.checklist.probes.step import (
     DhcpOffers,
     Listen,
     Question,
-    Run,
+    RunProgram,
     Transcript,
     Trouble,
 )
@@ -123,7 +123,7 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
         chunks = tuple((at, _bytes(data)) for at, data in result.get("chunks", ()))
         times = (result.get("began", 0.0), result.get("ended_s", 0.0))
         return Transcript(trouble, words, chunks, *times, tuple(result.get("senders", ())))
-    if isinstance(question, Run):
+    if isinstance(question, RunProgram):
         values = {name: result[name] for name in ("rc", "out", "err", "began") if name in result}
         return CommandResult(trouble, words, **values, asked=requested, heard=now)
     if isinstance(question, DdsDiscoverRequest):
@@ -142,7 +142,7 @@ def _bytes(packed: str | list[str]) -> bytes:
 
 def _wants(question: Question) -> set[object]:
     """What only one question at a time can have; a port that serves one client would turn the second away."""
-    word = question.turn if isinstance(question, Listen | Run) else ""
+    word = question.turn if isinstance(question, Listen | RunProgram) else ""
     turn: set[object] = {("turn", word)} if word else set()
     if not isinstance(question, Listen):
         return turn
@@ -155,7 +155,7 @@ def _patience_s(question: Question) -> float:
     """How long it takes at most."""
     if isinstance(question, Listen):
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
-    if isinstance(question, Run | DdsDiscoverRequest):
+    if isinstance(question, RunProgram | DdsDiscoverRequest):
         return question.within_s
     if isinstance(question, DhcpDiscoverRequest):
         return question.within_s + _DHCP_EXTRA_S
@@ -176,7 +176,7 @@ def _row(question: Question) -> dict[str, Any]:
             "connect_s": question.connect_s,
             "max_bytes": question.max_bytes,
         }
-    if isinstance(question, Run):
+    if isinstance(question, RunProgram):
         return {"kind": "run", "argv": list(question.argv), "within_s": question.within_s}
     if isinstance(question, DdsDiscoverRequest):
         there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}

@@ -300,11 +300,11 @@ _STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": t
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing, "dds": discover}
 
 
-class _Request(threading.Thread):
+class _AgentRequest(threading.Thread):
     """A question, from its turn to its answer."""
 
     def __init__(
-        self, row: dict[str, Any], before: list[_Request], tell: Callable[[str, dict[str, Any]], None]
+        self, row: dict[str, Any], before: list[_AgentRequest], tell: Callable[[str, dict[str, Any]], None]
     ) -> None:
         super().__init__(daemon=True)
         self.over = threading.Event()
@@ -363,9 +363,9 @@ def answer_all(requested: dict[str, Any], tell: Callable[[str, dict[str, Any]], 
     After `deadline_s` what is missing is told as silent, with what was heard so far.
     """
     ends = time.monotonic() + requested["deadline_s"]
-    work: list[_Request] = []
+    work: list[_AgentRequest] = []
     for row in requested["questions"]:
-        work.append(_Request(row, [work[number] for number in row["after"]], tell))
+        work.append(_AgentRequest(row, [work[number] for number in row["after"]], tell))
     for request in work:
         request.start()
     for request in work:

@@ -115,7 +115,7 @@ class ReceiveBuffer:
 _AT_MOST = 65536
 
 
-class _Line:
+class _SerialStream:
     """A stream with two ends, by what reads and writes it; it is closed by whoever opened it."""
 
     def __init__(self, number: int, read: Callable[[int], bytes], write: Callable[[bytes], int]) -> None:
@@ -165,7 +165,7 @@ def converse(
     write: Callable[[bytes], int],
 ) -> None:
     """Say what there is to be said, then listen; what is heard, and how it ended, is in `sound`."""
-    line = _Line(number, read, write)
+    line = _SerialStream(number, read, write)
     answered = _say(question["say"], line, sound)
     ends = time.monotonic() + question["listen_s"]
     enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
@@ -176,7 +176,7 @@ def converse(
         sound.words = f"the other end hung up after {sound.seconds:.1f} s"
 
 
-def _say(says: list[list[Any]], line: _Line, sound: ReceiveBuffer) -> bool:
+def _say(says: list[list[Any]], line: _SerialStream, sound: ReceiveBuffer) -> bool:
     """Say one thing after the other until one is not answered; whether any was."""
     answered = False
     for reply, until, within_s in says:
@@ -193,7 +193,7 @@ def _say(says: list[list[Any]], line: _Line, sound: ReceiveBuffer) -> bool:
     return answered
 
 
-def _listen(line: _Line, sound: ReceiveBuffer, ends: float, enough: Callable[[], bool]) -> bool:
+def _listen(line: _SerialStream, sound: ReceiveBuffer, ends: float, enough: Callable[[], bool]) -> bool:
     """Listen until it is enough; False if the time, the room or the stream ended before."""
     while not sound.closed and not sound.full:
         if enough():

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
@@ -40,7 +40,7 @@ from atlantis_netcfg.checklist.probes.step import (
     Step,
     Transcript,
 )
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import GpsDriver, GpsEndpoint, VehicleKind
 
@@ -215,14 +215,14 @@ class RouterosGps:
             return Judged((self._off(settings),), evidence(reception, self.expected))
         return _judged(reception, self.expected)
 
-    def _off(self, settings: Rows) -> Finding:
+    def _off(self, settings: Rows) -> BearerFinding:
         if settings.rows is None:
             message = f"{self.host} does not know `/system gps`"
-            return Finding(
+            return BearerFinding(
                 Verdict.FAIL, "driver-not-started", message, "install the package gps of its RouterOS version"
             )
         message = f"the receiver of {self.host} is not switched on"
-        return Finding(
+        return BearerFinding(
             Verdict.FAIL, "driver-not-started", message, "set `enabled=yes` and the receiver's `port` in `/system gps`"
         )
 
@@ -242,7 +242,7 @@ class Nowhere:
         del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
-        return Judged((Finding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
 def _judged(reception: Reception, expected: GpsExpectation) -> Judged:
@@ -264,7 +264,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
         Step(
             name="",
             title=f"{cell.name} knows where it is",
-            kind=Kind.AUTOMATIC,
+            kind=ItemKind.AUTOMATIC,
             phase=Phase.QUAY,
             probe=_probe(cell, endpoint),
             concerns=_concerns(cell, endpoint),
@@ -277,7 +277,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"{cell.name} knows where it is",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.QUAY,
         do=f"Bring {cell.name} under an open sky, and watch its position in its operator's program for a minute.",
         look_for=f"A {dimensions} fix that stays, where it is on the map to a few metres, at the right time (UTC).",

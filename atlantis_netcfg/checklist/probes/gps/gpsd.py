@@ -36,7 +36,7 @@ def enough(reports: int) -> bytes:
 
 
 @dataclass
-class _Reading:
+class _GpsdReading:
     reports: dict[str, list[Report]] = field(default_factory=dict)
     opened: dict[str, bool] | None = None
     version: str = ""
@@ -99,7 +99,7 @@ _CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
 
 def read(transcript: Transcript) -> Reception:
     """Understand what gpsd said; of several receivers the one that has most fixes. Raises nothing."""
-    reading = _Reading()
+    reading = _GpsdReading()
     for at_s, line in lines(transcript):
         if line.strip():
             reading.take(at_s, line)

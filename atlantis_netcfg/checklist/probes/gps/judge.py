@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
@@ -79,7 +79,7 @@ RIVAL_M = 100.0
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: Reception, expected: GpsExpectation) -> tuple[Finding, ...]:
+def judge(reception: Reception, expected: GpsExpectation) -> tuple[BearerFinding, ...]:
     """Give all findings; a source that is well in every respect has one, which passes."""
     silent = speechless(reception, expected)
     if silent is not None:
@@ -88,7 +88,7 @@ def judge(reception: Reception, expected: GpsExpectation) -> tuple[Finding, ...]
     return found or (_well(reception, expected),)
 
 
-def _found(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _found(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     yield from _fix_findings(reception, expected)
     if reception.fixes:
         yield from _dimensions(reception, expected)
@@ -101,56 +101,60 @@ def _found(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
         message = f"{reception.bad} of {total} lines from {expected.end} are damaged"
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
         hint = "look at the cable, the baud rate, and for a second talker on the line"
-        yield Finding(verdict, "damaged", message, hint)
+        yield BearerFinding(verdict, "damaged", message, hint)
 
 
-def _fix_findings(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _fix_findings(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """Whether there is a fix, and whether it stays."""
     sky = Verdict.FAIL if expected.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expected.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
     count, needed = len(reception.fixes), expected.reports
     if not any(report.fixed for report in reception.reports):
         message = f"{expected.name}'s receiver works and has no fix{roof}"
-        yield Finding(
+        yield BearerFinding(
             sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
         )
     elif not count or (reception.losses and count < needed):
         message = f"{expected.name}'s receiver had a fix and lost it while we listened{roof}"
-        yield Finding(
+        yield BearerFinding(
             sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
         )
     elif reception.losses:
         message = f"{expected.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
-        yield Finding(Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable")
+        yield BearerFinding(
+            Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable"
+        )
     elif count < needed and not reception.single and _stalled(reception, expected) is None:
         message = f"{count} of {needed} positions came in {reception.ended_s:.0f} s"
         hint = "let the receiver report once a second, or repeat this item"
         few = count < min(FEWEST, needed)
-        yield Finding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
 
 
 def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _dimensions(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     if expected.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
         message = f"{expected.name} has a 2D fix and flies: its height is not measured"
-        yield Finding(Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions")
+        yield BearerFinding(
+            Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions"
+        )
 
 
-def _misplaced(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _misplaced(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """Judge where the fixes are; one that is impossible says so and nothing else."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
         message = f"{expected.name}'s receiver claims a fix at {where}, which is no position"
-        yield Finding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
+        yield BearerFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
     positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
         message = f"{expected.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
         )
         return
@@ -161,20 +165,20 @@ def _misplaced(reception: Reception, expected: GpsExpectation) -> Iterator[Findi
         yield from _outside(positions, expected.fence, expected)
     else:
         message = f"{expected.name} is at {place(*positions[-1])}; nobody has declared where it should be"
-        yield Finding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
+        yield BearerFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
 
 
 def _position(report: Report) -> tuple[float, float]:
     return report.latitude or 0.0, report.longitude or 0.0
 
 
-def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[Finding]:
+def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[BearerFinding]:
     gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
         message = f"{expected.name}'s position jumps by {meters(max(wide))} from one report to the next"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL,
             "position-jumps",
             message,
@@ -182,7 +186,7 @@ def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectat
         )
 
 
-def _frozen(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[Finding]:
+def _frozen(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """A driver that repeats a position while time and speed go on."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
@@ -190,19 +194,21 @@ def _frozen(fixes: Sequence[Report], positions: _Positions, expected: GpsExpecta
         return
     speed = min(entry for entry in speeds if entry is not None)
     message = f"{expected.name}'s position stands still while its speed is {speed:.1f} m/s"
-    yield Finding(Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had")
+    yield BearerFinding(
+        Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had"
+    )
 
 
-def _rivals(reception: Reception, position: tuple[float, float], expected: GpsExpectation) -> Iterator[Finding]:
+def _rivals(reception: Reception, position: tuple[float, float], expected: GpsExpectation) -> Iterator[BearerFinding]:
     """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
         message = f"two positions come from {expected.end}, {meters(max(apart))} apart: which is {expected.name}'s?"
         hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
-        yield Finding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, expected: GpsExpectation) -> Iterator[Finding]:
+def _outside(positions: _Positions, fence: Geofence, expected: GpsExpectation) -> Iterator[BearerFinding]:
     outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
@@ -213,11 +219,11 @@ def _outside(positions: _Positions, fence: Geofence, expected: GpsExpectation) -
         hint = (
             "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
         )
-        yield Finding(Verdict.FAIL, "position-swapped", message, hint)
+        yield BearerFinding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
     message = f"{expected.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
-    yield Finding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
+    yield BearerFinding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
 
 
 def _inside(fence: Geofence, latitude: float, longitude: float) -> bool:
@@ -232,7 +238,7 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _mistimed(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _mistimed(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
     stale = _stalled(reception, expected)
     if stale is not None:
@@ -242,15 +248,15 @@ def _mistimed(reception: Reception, expected: GpsExpectation) -> Iterator[Findin
         hint = "let the receiver send RMC or ZDA as well"
         if all(fix.of_day is None for fix in reception.fixes):
             message = f"{expected.name}'s positions have no time: nobody can tell whether they are of now"
-            yield Finding(Verdict.INCONCLUSIVE, "no-time", message, hint)
+            yield BearerFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
             message = f"{expected.name}'s positions have a time and no date: GGA and GLL have none"
-            yield Finding(Verdict.WARN, "no-date", message, hint)
+            yield BearerFinding(Verdict.WARN, "no-date", message, hint)
     back_s = max((_back_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
         message = f"{expected.name}'s time goes back by {_span(back_s)} from one position to the next"
         hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
-        yield Finding(Verdict.FAIL, "time-goes-back", message, hint)
+        yield BearerFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
     yield from _clock(reception, expected)
 
@@ -263,7 +269,7 @@ def _back_s(report: Report, then: Report) -> float:
     return 0.0
 
 
-def _stalled(reception: Reception, expected: GpsExpectation) -> Finding | None:
+def _stalled(reception: Reception, expected: GpsExpectation) -> BearerFinding | None:
     """Say that the last fix is old, because no more came or the same is told again and again."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
@@ -271,7 +277,7 @@ def _stalled(reception: Reception, expected: GpsExpectation) -> Finding | None:
     # Whoever reports rarely is late between two reports, and is told that it is slow.
     if age_s > expected.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
         message = f"{expected.name}'s last position is {age_s:.0f} s old: no more came"
-        return Finding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
+        return BearerFinding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
     first = len(fixes) - 1
     while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
         first -= 1
@@ -280,23 +286,25 @@ def _stalled(reception: Reception, expected: GpsExpectation) -> Finding | None:
         return None
     if repeats >= expected.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
         message = f"{expected.name}'s receiver tells the same position again and again: its time stands still"
-        return Finding(Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last")
+        return BearerFinding(
+            Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last"
+        )
     return None
 
 
-def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
     whose = clock_of(reception, expected)
     if ahead_s is None:
         if any(fix.stamp is not None for fix in reception.fixes):
             message = f"nobody has compared the time of {expected.name}'s receiver with a clock"
-            yield Finding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
+            yield BearerFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
         message = f"{expected.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
         hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
-        yield Finding(Verdict.FAIL, "time-uneven", message, hint)
+        yield BearerFinding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
@@ -314,7 +322,7 @@ def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
         hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
     elif abs(ahead_s) > DAY_S:
         hint = f"see whether a recorded log is replayed to its port; else compare {whose} with a third clock"
-    yield Finding(verdict, "clock-differs", message, hint)
+    yield BearerFinding(verdict, "clock-differs", message, hint)
 
 
 def clock_of(reception: Reception, expected: GpsExpectation) -> str:
@@ -342,14 +350,14 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _nature(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     """How the positions came about: one that is not measured is enough to say so."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield Finding(verdict, code, f"{expected.name}'s position is {nature}, not measured", hint)
+        yield BearerFinding(verdict, code, f"{expected.name}'s position is {nature}, not measured", hint)
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
@@ -357,7 +365,7 @@ def _nature(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
         verdict = Verdict.WARN if expected.driver is GpsDriver.GPSD else Verdict.FAIL
-        yield Finding(verdict, "no-satellites", message, hint)
+        yield BearerFinding(verdict, "no-satellites", message, hint)
 
 
 _NATURES = {
@@ -371,21 +379,21 @@ _NATURES = {
 """Worst first."""
 
 
-def _quality(reception: Reception, expected: GpsExpectation) -> Iterator[Finding]:
+def _quality(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
         nothing = expected.fence is not None and not 0 <= eph_m <= expected.fence.radius_m
         message = f"{expected.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
-        yield Finding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
+        yield BearerFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
         message = f"{expected.name}'s satellites stand badly: HDOP {hdop:.1f}"
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
-        yield Finding(verdict, "position-uncertain", message, hint)
+        yield BearerFinding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: Reception, expected: GpsExpectation) -> Finding:
+def _well(reception: Reception, expected: GpsExpectation) -> BearerFinding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
@@ -393,7 +401,7 @@ def _well(reception: Reception, expected: GpsExpectation) -> Finding:
         where += (
             f", {meters(from_middle_m(expected.fence, last.latitude, last.longitude))} from the middle of the geofence"
         )
-    return Finding(Verdict.PASS, "fix", f"{expected.name} has a {last.mode}D fix{count} at {where}")
+    return BearerFinding(Verdict.PASS, "fix", f"{expected.name} has a {last.mode}D fix{count} at {where}")
 
 
 _READ, _MEASURED, _DECLARED = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import Geofence, GpsDriver
@@ -193,48 +193,48 @@ _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
 _STREAM = "read what the program that has it passes on: declare `driver: gpsd` or `nmea_tcp`"
 
 
-def troubled(trouble: Trouble, words: str, expected: GpsExpectation) -> Finding:
+def troubled(trouble: Trouble, words: str, expected: GpsExpectation) -> BearerFinding:
     """Say why nothing could be heard."""
     text = f": {words}" if words else ""
     return {
-        Trouble.NO_PLACE: lambda: Finding(
+        Trouble.NO_PLACE: lambda: BearerFinding(
             _INCONCLUSIVE,
             "place-not-reached",
             f"nobody has listened to {expected.source}: {expected.place} was not reached{text}",
             f"bring {expected.place} back first, then repeat this item",
         ),
-        Trouble.SILENT: lambda: Finding(
+        Trouble.SILENT: lambda: BearerFinding(
             _INCONCLUSIVE,
             "no-answer",
             f"nobody answers at {expected.end}: {expected.name} is off, or not in the network",
             f"switch {expected.name} on and look at its Wi-Fi or cable first",
         ),
-        Trouble.UNREACHABLE: lambda: Finding(
+        Trouble.UNREACHABLE: lambda: BearerFinding(
             _INCONCLUSIVE,
             "no-route",
             f"{expected.place} has no way to {expected.end}",
             f"connect {expected.place} with the network of {expected.name} first",
         ),
         Trouble.REFUSED: lambda: _refused(expected),
-        Trouble.BUSY: lambda: Finding(
+        Trouble.BUSY: lambda: BearerFinding(
             _INCONCLUSIVE,
             "in-use",
             f"{expected.end} is in use by another program, and was left alone{text}",
             _STREAM,
         ),
-        Trouble.CLOSED: lambda: Finding(
+        Trouble.CLOSED: lambda: BearerFinding(
             _INCONCLUSIVE,
             "in-use",
             f"{expected.end} hung up at once, as a server does that serves one client and has it",
             "repeat this item while the vehicle's own software is stopped, or " + _STREAM,
         ),
-        Trouble.MISSING: lambda: Finding(
+        Trouble.MISSING: lambda: BearerFinding(
             _FAIL,
             "device-missing",
             f"there is no {expected.end}: the receiver is not plugged in, or has another name",
             "plug the receiver in, and compare `device:` with /dev/serial/by-id",
         ),
-        Trouble.DENIED: lambda: Finding(
+        Trouble.DENIED: lambda: BearerFinding(
             _INCONCLUSIVE,
             "not-allowed",
             f"{expected.end} may not be read{text}",
@@ -243,15 +243,15 @@ def troubled(trouble: Trouble, words: str, expected: GpsExpectation) -> Finding:
     }[trouble]()
 
 
-def _refused(expected: GpsExpectation) -> Finding:
+def _refused(expected: GpsExpectation) -> BearerFinding:
     if expected.driver is GpsDriver.GPSD:
-        return Finding(
+        return BearerFinding(
             _FAIL,
             "driver-not-started",
             f"{expected.name} is there, but no gpsd listens at {expected.end}",
             f"start gpsd on {expected.name}, with its option -G: without it gpsd serves its own computer only",
         )
-    return Finding(
+    return BearerFinding(
         _INCONCLUSIVE,
         "refused",
         f"{expected.end} turns us away: its program is not started, or serves one client and has it",
@@ -259,14 +259,14 @@ def _refused(expected: GpsExpectation) -> Finding:
     )
 
 
-def speechless(reception: Reception, expected: GpsExpectation) -> Finding | None:
+def speechless(reception: Reception, expected: GpsExpectation) -> BearerFinding | None:
     """Say what is wrong with a source that is there and tells no position at all; None: it tells."""
     if reception.reports:
         return None
     if not reception.understood and reception.heard_bytes:
         return _foreign(reception, expected)
     if reception.devices is not None and not reception.devices:
-        return Finding(
+        return BearerFinding(
             _FAIL,
             "device-missing",
             f"{expected.source} runs, but has no receiver open",
@@ -275,9 +275,9 @@ def speechless(reception: Reception, expected: GpsExpectation) -> Finding | None
     return _no_data(reception, expected)
 
 
-def _foreign(reception: Reception, expected: GpsExpectation) -> Finding:
+def _foreign(reception: Reception, expected: GpsExpectation) -> BearerFinding:
     if expected.driver is GpsDriver.GPSD:
-        return Finding(
+        return BearerFinding(
             _FAIL,
             "not-gpsd",
             f"what answers at {expected.end} is not gpsd: {reception.heard_bytes} bytes,"
@@ -288,29 +288,29 @@ def _foreign(reception: Reception, expected: GpsExpectation) -> Finding:
     if expected.driver is GpsDriver.NMEA_SERIAL:
         hint = "compare `baud:` with the receiver's rate: 4800, 9600, 38400 and 115200 are usual"
     message = f"{reception.heard_bytes} bytes came from {expected.end}, no whole NMEA sentence among them"
-    return Finding(_FAIL, "not-nmea", message, hint)
+    return BearerFinding(_FAIL, "not-nmea", message, hint)
 
 
-def _no_data(reception: Reception, expected: GpsExpectation) -> Finding:
+def _no_data(reception: Reception, expected: GpsExpectation) -> BearerFinding:
     after = f"in {reception.ended_s:.0f} s"
     if expected.driver is GpsDriver.GPSD:
         devices = ", ".join(reception.devices or ()) or "its receiver"
         message = f"{expected.source} has opened {devices}, which says nothing {after}"
-        return Finding(
+        return BearerFinding(
             _FAIL, "no-data", message, "look at the receiver's power and wires; gpsd tries the baud rates itself"
         )
     if expected.driver is GpsDriver.ROUTEROS:
         hint = "compare `port` of `/system gps` with the port of the receiver"
-        return Finding(_FAIL, "no-data", f"{expected.source} tells nothing of its receiver", hint)
+        return BearerFinding(_FAIL, "no-data", f"{expected.source} tells nothing of its receiver", hint)
     if reception.understood:
         message = (
             f"{reception.good} NMEA sentences came from {expected.end} {after}, no position among them (GGA, RMC, GLL)"
         )
-        return Finding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
+        return BearerFinding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
     if expected.driver is GpsDriver.NMEA_SERIAL:
         message = f"{expected.end} is there and says nothing {after}"
-        return Finding(_FAIL, "no-data", message, "look at the receiver's power and wires")
+        return BearerFinding(_FAIL, "no-data", message, "look at the receiver's power and wires")
     # A server for one client may as well let the second one wait.
     message = f"{expected.end} takes the connection and says nothing {after}"
     hint = f"look on {expected.name} whether the receiver is on, and whether its program serves one client and has it"
-    return Finding(_INCONCLUSIVE, "no-data", message, hint)
+    return BearerFinding(_INCONCLUSIVE, "no-data", message, hint)

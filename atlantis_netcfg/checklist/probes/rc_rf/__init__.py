@@ -23,13 +23,13 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
 from atlantis_netcfg.checklist.probes.step import Consent, Judged, Listen, Place, Question, Step, Transcript
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.declaration.model import RcRfEndpoint
 
@@ -130,7 +130,7 @@ def _listen(name: str, expected: RcExpectation, place: Place, listen_s: float, u
 def _judged(
     answer: Answer,
     expected: RcExpectation,
-    judge_stream: Callable[[Stream, RcExpectation], tuple[Finding, ...]],
+    judge_stream: Callable[[Stream, RcExpectation], tuple[BearerFinding, ...]],
     *,
     moved: bool = False,
 ) -> Judged:
@@ -163,7 +163,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
         Step(
             name="",
             title=f"{cell.name} hears its remote control, and is disarmed",
-            kind=Kind.AUTOMATIC,
+            kind=ItemKind.AUTOMATIC,
             phase=Phase.BENCH,
             probe=RcHeard(expected, place),
             concerns=concerns,
@@ -171,7 +171,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
         Step(
             name="sticks",
             title=f"The channels of {cell.name} follow the sticks",
-            kind=Kind.ACTIVE,
+            kind=ItemKind.ACTIVE,
             phase=Phase.BENCH,
             probe=SticksMoved(expected, place),
             consent=Consent(
@@ -188,7 +188,7 @@ def _by_a_person(cell: Cell) -> Step:
     return Step(
         name="",
         title=f"{cell.name} hears its remote control",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=(
             f"Take the propellers off {cell.name}, or leave it disarmed and secured. Switch the transmitter on, and "
@@ -205,7 +205,7 @@ def _failsafe(cell: Cell) -> Step:
     return Step(
         name="failsafe",
         title=f"{cell.name} fails safe when its remote control falls silent",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=(
             f"Take the propellers off {cell.name} and secure it. Switch the transmitter off, wait ten seconds, and "
@@ -222,7 +222,7 @@ def _range(cell: Cell) -> Step:
     return Step(
         name="range",
         title=f"The remote control of {cell.name} reaches far enough",
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.QUAY,
         do=(
             f"Leave {cell.name} disarmed and secured. Set the transmitter to its reduced power for range tests, walk "

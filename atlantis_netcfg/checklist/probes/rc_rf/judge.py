@@ -11,7 +11,7 @@ from itertools import pairwise
 from statistics import correlation
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Channels, Stream, System
 from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
@@ -28,7 +28,7 @@ UNSTEADY = 0.25
 BAD_SHARE = 0.05
 
 
-def judge(received: Stream, expected: RcExpectation) -> tuple[Finding, ...]:
+def judge(received: Stream, expected: RcExpectation) -> tuple[BearerFinding, ...]:
     """Judge a stream in which the vehicle is heard; one that is well in every respect has one finding, which passes."""
     system = received.systems[expected.system_id]
     found = (
@@ -40,11 +40,11 @@ def judge(received: Stream, expected: RcExpectation) -> tuple[Finding, ...]:
     return found or (_well(system, expected),)
 
 
-def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterator[Finding]:
+def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
     age_s = received.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
         message = f"{expected.name}'s last heartbeat is {age_s:.0f} s old"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL, "heartbeat-lost", message, "look at the autopilot's power and the forwarding of its stream"
         )
     if not system.channels:
@@ -54,7 +54,7 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
     channels_age_s = received.ended_s - last.at_s
     if channels_age_s > max(FRESH_S, age_s):
         message = f"{expected.name}'s channels have stopped {channels_age_s:.0f} s ago, its heartbeats go on"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL,
             "channels-stale",
             message,
@@ -62,7 +62,7 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
         )
     if not last.count or all(value is None for value in last.values):
         message = f"{expected.name}'s autopilot sees no channel of the remote control"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL,
             "no-receiver",
             message,
@@ -70,7 +70,7 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
         )
     elif strange := odd(last):
         message = f"{expected.name}'s channels are outside {LOW_US} to {HIGH_US} us: {strange}"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL,
             "channels-odd",
             message,
@@ -78,13 +78,13 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
         )
 
 
-def no_channels(received: Stream, expected: RcExpectation) -> Finding:
+def no_channels(received: Stream, expected: RcExpectation) -> BearerFinding:
     """Say that no RC_CHANNELS came: that is a setting as well, so nothing follows."""
     message = f"{expected.name} sends no RC_CHANNELS within {received.ended_s:.0f} s"
     hint = (
         "let its people add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); we ask for nothing"
     )
-    return Finding(Verdict.INCONCLUSIVE, "no-channels", message, hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, "no-channels", message, hint)
 
 
 def odd(channels: Channels) -> str:
@@ -97,69 +97,69 @@ def odd(channels: Channels) -> str:
     return ", ".join(strange)
 
 
-def _receiver_findings(system: System, expected: RcExpectation) -> Iterator[Finding]:
+def _receiver_findings(system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
     if not system.receiver:
         message = f"{expected.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
-        yield Finding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
+        yield BearerFinding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
         return
     last = system.receiver[-1]
     if not last.present:
         message = f"{expected.name}'s autopilot has no receiver of a remote control"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL, "receiver-absent", message, "look at the receiver's cable and the autopilot's RC protocol"
         )
     elif not last.enabled:
         message = f"{expected.name}'s autopilot has the remote control switched off"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL, "receiver-disabled", message, "let its people enable the remote control in the autopilot"
         )
     elif not last.healthy:
         message = f"{expected.name}'s autopilot says that the remote control's receiver is not healthy"
-        yield Finding(
+        yield BearerFinding(
             Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and look at the receiver's antenna"
         )
 
 
-def _rssi(system: System, expected: RcExpectation) -> Iterator[Finding]:
+def _rssi(system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
     result = [channel.rssi for channel in system.channels if channel.count]
     known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
     if result and not known:
         message = f"{expected.name} does not tell how strong the remote control is heard (rssi 255)"
-        yield Finding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
+        yield BearerFinding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
     if not known:
         return
     if expected.rssi_low is not None and min(known) < expected.rssi_low:
         message = (
             f"the remote control of {expected.name} is heard with rssi {min(known)}, below its own {expected.rssi_low}"
         )
-        yield Finding(
+        yield BearerFinding(
             Verdict.WARN, "rssi-low", message, "look at both antennas; the value is compared with this vehicle's only"
         )
     if max(known) - min(known) > UNSTEADY * max(known):
         message = f"the remote control of {expected.name} is heard unsteadily: rssi {min(known)} to {max(known)}"
-        yield Finding(
+        yield BearerFinding(
             Verdict.WARN, "rssi-unsteady", message, "look at both antennas, and for other transmitters of the band"
         )
     elif not max(known):
         message = f"{expected.name} tells rssi 0: no signal, or nobody has set up how it is measured"
-        yield Finding(
+        yield BearerFinding(
             Verdict.WARN, "rssi-zero", message, "rely on the range test by a person, or set up RSSI in the autopilot"
         )
 
 
-def _damaged(received: Stream, expected: RcExpectation) -> Iterator[Finding]:
+def _damaged(received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
     total = received.good + received.bad
     if received.bad > 1 and received.bad > BAD_SHARE * total:
         message = f"{received.bad} of {total} pieces of the stream at {expected.end} are damaged"
-        yield Finding(
+        yield BearerFinding(
             Verdict.WARN, "damaged", message, "look at the telemetry radio or serial line that carries the stream"
         )
 
 
-def _well(system: System, expected: RcExpectation) -> Finding:
+def _well(system: System, expected: RcExpectation) -> BearerFinding:
     last = system.channels[-1]
     message = f"{expected.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
-    return Finding(Verdict.PASS, "rc-heard", message)
+    return BearerFinding(Verdict.PASS, "rc-heard", message)
 
 
 _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
@@ -167,19 +167,19 @@ APART_S = 60.0
 """Clocks of an autopilot and of who listens: a live stream is not so far off."""
 
 
-def armed(received: Stream, expected: RcExpectation) -> Finding | None:
+def armed(received: Stream, expected: RcExpectation) -> BearerFinding | None:
     """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
     hot = [number for number, system in received.systems.items() if system.armed]
     if not hot:
         return None
     who = expected.name if expected.system_id in hot else f"system {hot[0]}"
     message = f"STOP AT ONCE: {who} is armed, its propellers may start"
-    return Finding(
+    return BearerFinding(
         _FAIL, "armed", message, "keep clear, have the pilot disarm it and take the battery off; then begin again"
     )
 
 
-def unusable(answer: Transcript, received: Stream, expected: RcExpectation) -> Finding | None:
+def unusable(answer: Transcript, received: Stream, expected: RcExpectation) -> BearerFinding | None:
     """Say why the stream tells nothing of the vehicle; None: it does."""
     if not received.heard_bytes:
         return _unheard(answer, expected) if answer.trouble is not None else _silent(received, expected)
@@ -187,33 +187,35 @@ def unusable(answer: Transcript, received: Stream, expected: RcExpectation) -> F
         message = (
             f"what arrives at {expected.end} is not MAVLink: {received.heard_bytes} bytes, no whole frame among them"
         )
-        return Finding(_FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded")
+        return BearerFinding(
+            _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
+        )
     system = received.systems.get(expected.system_id, System())
     return None if system.beats else _absent(received, system, expected)
 
 
-def doubts(received: Stream, expected: RcExpectation) -> Iterator[Finding]:
+def doubts(received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
     """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
     system = received.systems[expected.system_id]
     if expected.address is None:
         result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
         message = f"nobody has declared from which address the stream of {expected.name} comes; {result}"
         hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
-        yield Finding(_INCONCLUSIVE, "sender-unknown", message, hint)
+        yield BearerFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
     if system.overrides:
         message = f"a ground station sends channels to {expected.name} in place of its remote control"
         hint = "switch the joystick of the ground station off, then repeat this item"
-        yield Finding(_INCONCLUSIVE, "overridden", message, hint)
+        yield BearerFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
         word = "ahead" if apart[0] > 0 else "old"
         message = f"by its own clock the stream of {expected.name} is {abs(apart[0]) / 60:.0f} min {word}"
         hint = f"is a recorded flight played at {expected.end}? If it is live, look at the clocks of both"
-        yield Finding(_INCONCLUSIVE, "of-another-time", message, hint)
+        yield BearerFinding(_INCONCLUSIVE, "of-another-time", message, hint)
     yield from _flow(system, received, expected)
 
 
-def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator[Finding]:
+def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
     """The autopilot counts the time, and that count goes on as fast as time does."""
     result = system.channels
     if not result:
@@ -222,7 +224,7 @@ def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator
         message = (
             f"{expected.name}'s channels came once within {received.ended_s:.0f} s: whether they are alive is not known"
         )
-        yield Finding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
+        yield BearerFinding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
         return
     counts = [channels.boot_ms / 1000 for channels in result]
     passed, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
@@ -230,59 +232,61 @@ def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator
     if len(set(counts)) == 1:
         message = f"the same channels of {expected.name} came {len(result)} times: its autopilot's count stands still"
         hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
-        yield Finding(_FAIL, "frozen", message, hint)
+        yield BearerFinding(_FAIL, "frozen", message, hint)
     elif back or not passed / 2 - 1 <= went <= passed * 2 + 2:
         message = f"{expected.name}'s autopilot has counted {went:.0f} s in {passed:.0f} s: what comes is not of now"
         hint = f"is a recorded flight played at {expected.end}? Else the autopilot was restarted: repeat this item"
-        yield Finding(_INCONCLUSIVE, "not-live", message, hint)
+        yield BearerFinding(_INCONCLUSIVE, "not-live", message, hint)
 
 
-def _silent(received: Stream, expected: RcExpectation) -> Finding:
+def _silent(received: Stream, expected: RcExpectation) -> BearerFinding:
     message = f"nothing arrived at {expected.end} in {received.ended_s:.0f} s"
     hint = f"switch {expected.name} on, and let its companion computer forward the MAVLink stream to {expected.end}"
-    return Finding(_INCONCLUSIVE, "silent", message, hint)
+    return BearerFinding(_INCONCLUSIVE, "silent", message, hint)
 
 
-def _unheard(answer: Transcript, expected: RcExpectation) -> Finding:
+def _unheard(answer: Transcript, expected: RcExpectation) -> BearerFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
         message = f"nobody has listened to {expected.name}: {expected.place} was not reached{text}"
-        return Finding(
+        return BearerFinding(
             _INCONCLUSIVE, "place-not-reached", message, f"bring {expected.place} back first, then repeat this item"
         )
     if answer.trouble is Trouble.BUSY:
         message = f"{expected.end} is in use by another program, which gets the stream{text}"
         hint = "close the ground station there, or let the stream be forwarded to a second port and declare that"
-        return Finding(_INCONCLUSIVE, "in-use", message, hint)
+        return BearerFinding(_INCONCLUSIVE, "in-use", message, hint)
     if answer.trouble is Trouble.DENIED:
         message = f"{expected.end} may not be opened{text}"
-        return Finding(
+        return BearerFinding(
             _INCONCLUSIVE, "not-allowed", message, "declare a port above 1023, and look at the firewall there"
         )
     message = f"nobody could listen at {expected.end}{text}"
-    return Finding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
+    return BearerFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
 
 
-def _absent(received: Stream, system: System, expected: RcExpectation) -> Finding:
+def _absent(received: Stream, system: System, expected: RcExpectation) -> BearerFinding:
     if system.senders:
         result = ", ".join(system.senders)
         message = f"system {expected.system_id} is heard from {result}, and {expected.name} has {expected.address}"
         hint = (
             "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
         )
-        return Finding(_INCONCLUSIVE, "other-sender", message, hint)
+        return BearerFinding(_INCONCLUSIVE, "other-sender", message, hint)
     if system.components:
         found = ", ".join(map(str, system.components))
         message = f"of system {expected.system_id} component {found} is heard, and not its autopilot, which is 1"
         hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
-        return Finding(_INCONCLUSIVE, "other-component", message, hint)
+        return BearerFinding(_INCONCLUSIVE, "other-component", message, hint)
     if received.autopilots:
         found = ", ".join(map(str, received.autopilots))
         message = f"{expected.name} should be system {expected.system_id}, and what is heard is system {found}"
         hint = "this is another vehicle, or `system_id:` differs from the autopilot's (SYSID_THISMAV, MAV_SYS_ID)"
-        return Finding(_FAIL, "other-system", message, hint)
+        return BearerFinding(_FAIL, "other-system", message, hint)
     message = f"MAVLink arrives at {expected.end}, and no autopilot's heartbeat in it within {received.ended_s:.0f} s"
-    return Finding(_FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot")
+    return BearerFinding(
+        _FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot"
+    )
 
 
 MOVED_US = 100
@@ -306,33 +310,33 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     return found
 
 
-def judge_moved(received: Stream, expected: RcExpectation) -> Finding:
+def judge_moved(received: Stream, expected: RcExpectation) -> BearerFinding:
     """Judge a stream in which the vehicle is heard, disarmed."""
     channels = received.systems[expected.system_id].channels
     if not channels:
         return no_channels(received, expected)
     if len(channels) < NEEDED:
         message = f"{expected.name}'s channels came {len(channels)} times only while the sticks were moved"
-        return Finding(
+        return BearerFinding(
             Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
         )
     moved = ranges(channels)
     if not moved:
         message = f"none of {expected.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
         hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
-        return Finding(Verdict.FAIL, "no-movement", message, hint)
+        return BearerFinding(Verdict.FAIL, "no-movement", message, hint)
     listed = ", ".join(map(str, moved))
     axes = [number for number in moved if number <= AXES]
     if len(axes) < AXES:
         message = f"channels that moved: {listed}; two sticks have {AXES} axes"
-        return Finding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
+        return BearerFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
     if _as_one(channels, axes):
         message = (
             f"channels {', '.join(map(str, axes))} of {expected.name} move as one, which two sticks in circles do not"
         )
         hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
-        return Finding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return Finding(Verdict.PASS, "moved", f"{expected.name}'s channels follow the sticks: {listed}")
+        return BearerFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
+    return BearerFinding(Verdict.PASS, "moved", f"{expected.name}'s channels follow the sticks: {listed}")
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:

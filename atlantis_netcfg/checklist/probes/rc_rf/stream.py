@@ -144,7 +144,7 @@ class _SystemReader:
 
 
 @dataclass
-class _Reading:
+class _MavlinkReading:
     began: float
     address: str | None
     """Whose datagrams are believed; None: everybody's."""
@@ -199,7 +199,7 @@ def read(transcript: Transcript, address: str | None = None) -> Stream:
     from pymavlink.dialects.v20 import common  # noqa: PLC0415
 
     parsers: dict[str, Any] = {}
-    reading = _Reading(transcript.began, address)
+    reading = _MavlinkReading(transcript.began, address)
     known = len(transcript.senders) == len(transcript.chunks)
     senders = transcript.senders if known else ("",) * len(transcript.chunks)
     for (at_s, data), sender in zip(transcript.chunks, senders, strict=True):

@@ -13,9 +13,9 @@ from ipaddress import IPv4Address, IPv4Interface
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    Computer,
+    ComputerReadings,
     InterfaceAddress,
     Neighbour,
     OwnSite,
@@ -76,13 +76,15 @@ class _Static:
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
-        found = [current] if isinstance(current, Finding) else list(self._of_router(self.site.router.name, current))
+        found = (
+            [current] if isinstance(current, BearerFinding) else list(self._of_router(self.site.router.name, current))
+        )
         evidence = [declared(f"address of {name}", address) for name, address in self._declared_addresses()]
         gateway = self.site.gateway
         if gateway is not None:
             local = addresses(results["gateway"], gateway.name)
-            found += [local] if isinstance(local, Finding) else self._of_gateway(gateway, local, results)
-            if not isinstance(local, Finding):
+            found += [local] if isinstance(local, BearerFinding) else self._of_gateway(gateway, local, results)
+            if not isinstance(local, BearerFinding):
                 evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
         return Judged(tuple(found), tuple(evidence))
 
@@ -95,7 +97,7 @@ class _Static:
         for link in (*view.uplinks, *view.served):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, current: tuple[InterfaceAddress, ...]) -> Iterator[Finding]:
+    def _of_router(self, name: str, current: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
         wrong = list(_wrong(name, tuple(self._declared_addresses()), current))
         yield from wrong
         if not wrong:
@@ -103,8 +105,8 @@ class _Static:
             yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
     def _of_gateway(
-        self, gateway: Computer, local: tuple[InterfaceAddress, ...], received: Mapping[str, Answer]
-    ) -> list[Finding]:
+        self, gateway: ComputerReadings, local: tuple[InterfaceAddress, ...], received: Mapping[str, Answer]
+    ) -> list[BearerFinding]:
         interface = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
         wrong = _as_it_runs(gateway, interface, there)
@@ -114,7 +116,9 @@ class _Static:
         fine = good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
         return [kept or fine]
 
-    def _in_files(self, gateway: Computer, interface: IPv4Interface, received: Mapping[str, Answer]) -> Finding | None:
+    def _in_files(
+        self, gateway: ComputerReadings, interface: IPv4Interface, received: Mapping[str, Answer]
+    ) -> BearerFinding | None:
         """What is wrong with the files that the next start reads; None: they say what runs."""
         texts = {path: received[path] for path in FILES}
         trouble = next(
@@ -143,13 +147,13 @@ class _Static:
         return unknown("no-file", message, hint)
 
 
-def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[InterfaceAddress, ...] | Finding:
+def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
     """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
     current = addresses(results["router"], router)
     ports = rows(results["sockets"], router, "the names of its ports", "default-name")
-    if isinstance(current, Finding):
+    if isinstance(current, BearerFinding):
         return current
-    if isinstance(ports, Finding):
+    if isinstance(ports, BearerFinding):
         return ports
     socket = {row.get("name", ""): row.get("default-name", "") for row in ports}
     return tuple(replace(item, interface=socket.get(item.interface, item.interface)) for item in current)
@@ -161,7 +165,7 @@ def _says(text: str, interface: IPv4Interface) -> bool:
     return any(str(interface) in line for line in lines)
 
 
-def _promised(name: str, path: str, text: str | None, content: str, interface: IPv4Interface) -> Finding | None:
+def _promised(name: str, path: str, text: str | None, content: str, interface: IPv4Interface) -> BearerFinding | None:
     hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
         return fail(
@@ -174,7 +178,9 @@ def _promised(name: str, path: str, text: str | None, content: str, interface: I
     return None
 
 
-def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: InterfaceAddress | None) -> Finding | None:
+def _as_it_runs(
+    gateway: ComputerReadings, interface: IPv4Interface, there: InterfaceAddress | None
+) -> BearerFinding | None:
     if there is None:
         return fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
     if there.interface == _LOOPBACK:
@@ -194,7 +200,7 @@ def _as_it_runs(gateway: Computer, interface: IPv4Interface, there: InterfaceAdd
 
 def _wrong(
     name: str, expected: tuple[tuple[str, str], ...], current: tuple[InterfaceAddress, ...]
-) -> Iterator[Finding]:
+) -> Iterator[BearerFinding]:
     for interface, text in expected:
         address = IPv4Interface(text)
         there = next((item for item in current if item.address.ip == address.ip), None)
@@ -238,8 +244,8 @@ class _OneSubnet:
         if self.site.gateway is not None:
             names["gateway"] = self.site.gateway.name
         values = {name: addresses(results[question], name) for question, name in names.items()}
-        current = {name: found for name, found in values.items() if not isinstance(found, Finding)}
-        silence = tuple(found for found in values.values() if isinstance(found, Finding))
+        current = {name: found for name, found in values.items() if not isinstance(found, BearerFinding)}
+        silence = tuple(found for found in values.values() if isinstance(found, BearerFinding))
         wrong = tuple(finding for name, found in current.items() for finding in _twice(name, found))
         evidence = tuple(
             read(f"{item.interface} of {name}", _worded(item)) for name, found in current.items() for item in found
@@ -248,7 +254,7 @@ class _OneSubnet:
         return Judged((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, found: tuple[InterfaceAddress, ...]) -> Iterator[Finding]:
+def _twice(name: str, found: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
     for item, other in combinations([current for current in found if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
             message = f"{item.interface} of {name} has {_worded(item)} and {_worded(other)}, which are in one subnet"
@@ -288,16 +294,20 @@ class _Duplicates:
         if self.site.gateway is not None:
             result.append(neighbours(results["neighbours"], self.site.gateway.name))
         leases = rows(results["leases"], router, "its leases", "address")
-        seen = [item for part in result if not isinstance(part, Finding) for item in part if self._in_lan(item)]
-        silence = [part for part in (*result, leases) if isinstance(part, Finding)]
-        wrong = [*self._twice(seen), *self._wrong(seen), *self._busy(() if isinstance(leases, Finding) else leases)]
+        seen = [item for part in result if not isinstance(part, BearerFinding) for item in part if self._in_lan(item)]
+        silence = [part for part in (*result, leases) if isinstance(part, BearerFinding)]
+        wrong = [
+            *self._twice(seen),
+            *self._wrong(seen),
+            *self._busy(() if isinstance(leases, BearerFinding) else leases),
+        ]
         evidence = tuple(read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in seen)
         return Judged(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(seen),), evidence)
 
     def _in_lan(self, neighbour: Neighbour) -> bool:
         return IPv4Address(neighbour.address) in self.site.declared.lan.network
 
-    def _twice(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
+    def _twice(self, seen: Sequence[Neighbour]) -> Iterator[BearerFinding]:
         cards: dict[str, dict[str, Neighbour]] = {}
         for neighbour in sorted(seen, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
@@ -311,7 +321,7 @@ class _Duplicates:
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
 
-    def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[Finding]:
+    def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[BearerFinding]:
         lan = self.site.declared.lan
         by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
@@ -329,14 +339,14 @@ class _Duplicates:
                 hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
                 yield fail("wrong-address", message, hint)
 
-    def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
         """RouterOS' `busy`: somebody answered at an address that was to be handed out (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
                 yield warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
-    def _fine(self, seen: Sequence[Neighbour]) -> Finding:
+    def _fine(self, seen: Sequence[Neighbour]) -> BearerFinding:
         count = len({neighbour.address for neighbour in seen})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
@@ -382,7 +392,7 @@ class _RogueDhcp:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         found = offers(results["offers"], self.site.gateway.name)
         alerts = tuple(self._alerts(results))
-        if isinstance(found, Finding):
+        if isinstance(found, BearerFinding):
             return Judged((*alerts, found))
         each = {(offer.server, offer.mac): offer for offer in found}.values()
         evidence = tuple(measured(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
@@ -393,12 +403,12 @@ class _RogueDhcp:
         )
         return Judged((*alerts, *judged), evidence)
 
-    def _alerts(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _alerts(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
         if self.site.router is None or "alerts" not in results:
             return
         result = rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
-        for row in () if isinstance(result, Finding) else result:
+        for row in () if isinstance(result, BearerFinding) else result:
             server = row.get("unknown-server", "")
             if server and not yes(row, "disabled"):
                 place = row.get("interface", "its LAN")
@@ -410,11 +420,11 @@ class _RogueDhcp:
         local = str(self.site.declared.lan.gateway)
         return (
             None
-            if isinstance(result, Finding)
+            if isinstance(result, BearerFinding)
             else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
         )
 
-    def _judged(self, found: tuple[DhcpOffer, ...], known: str | None) -> Iterator[Finding]:
+    def _judged(self, found: tuple[DhcpOffer, ...], known: str | None) -> Iterator[BearerFinding]:
         local = str(self.site.declared.lan.gateway)
         strangers = {(item.server, item.mac): item for item in found if item.server != local}
         cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -52,7 +52,7 @@ _STAMP = "%b %d %H:%M:%S %Y GMT"
 
 
 @dataclass(frozen=True, slots=True)
-class _Certificate:
+class _SiteCertificate:
     holder: str
     """The device."""
     name: str
@@ -94,9 +94,9 @@ class _Certificates:
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = rows(results["router"], self.site.router.name, "its certificates", "name")
-        missing: list[Finding] = []
-        certificates: list[_Certificate] = []
-        if isinstance(result, Finding):
+        missing: list[BearerFinding] = []
+        certificates: list[_SiteCertificate] = []
+        if isinstance(result, BearerFinding):
             missing.append(result)
         else:
             missing += self._missing(result)
@@ -104,8 +104,8 @@ class _Certificates:
         if self._gateway_is_in:
             assert self.site.gateway is not None  # noqa: S101 - just looked
             local = _of_identity(self.site.gateway.name, self.site.name, results["identity"])
-            missing += [local] if isinstance(local, Finding) else []
-            certificates += [] if isinstance(local, Finding) else local
+            missing += [local] if isinstance(local, BearerFinding) else []
+            certificates += [] if isinstance(local, BearerFinding) else local
         now = _now(results)
         wrong = [finding for item in certificates for finding in _judged(item, now)]
         evidence = tuple(
@@ -124,7 +124,7 @@ class _Certificates:
             prerequisite.name: prerequisite.reason for prerequisite in all_of_it if prerequisite.menu == "/certificate"
         }
 
-    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+    def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         there = {row.get("name") for row in result}
         for name, reason in self._required.items():
@@ -139,7 +139,7 @@ class _Certificates:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
-    def _of_router(self, result: Sequence[Mapping[str, str]]) -> Iterator[_Certificate]:
+    def _of_router(self, result: Sequence[Mapping[str, str]]) -> Iterator[_SiteCertificate]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
@@ -148,7 +148,7 @@ class _Certificates:
             if until is not None or name in self._required:
                 renew, expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
                 host = self.site.router.name
-                yield _Certificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
+                yield _SiteCertificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
 
     def _unfit(self, name: str, row: Mapping[str, str]) -> str:
         """Why a certificate is no use to the router, though it may be valid; empty: it is, as far as can be told."""
@@ -175,7 +175,7 @@ def _router_stamp(text: str) -> datetime | None:
     return router_time({"date": date, "time": clock})
 
 
-def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | Finding:
+def _of_identity(name: str, site: str, answer: Answer) -> list[_SiteCertificate] | BearerFinding:
     """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
     if not isinstance(answer, CommandResult):
         return unreadable(name, "its identity in the VPN")
@@ -190,7 +190,7 @@ def _of_identity(name: str, site: str, answer: Answer) -> list[_Certificate] | F
         there = listed(subject.strip() for subject in names)
         return fail("other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew)
     return [
-        _Certificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
+        _SiteCertificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
         for subject, (since, until) in zip(names, dates, strict=True)
     ]
 
@@ -202,7 +202,7 @@ def _stamp(text: str) -> datetime | None:
         return None
 
 
-def _judged(certificate: _Certificate, now: datetime) -> Iterator[Finding]:
+def _judged(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFinding]:
     if certificate.until is None:
         yield unknown(
             "no-date",
@@ -239,7 +239,7 @@ def _judged(certificate: _Certificate, now: datetime) -> Iterator[Finding]:
         )
 
 
-def _fine(certificates: Sequence[_Certificate]) -> Finding:
+def _fine(certificates: Sequence[_SiteCertificate]) -> BearerFinding:
     """Of those that are used: a declared one that is not there has been told of."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -76,11 +76,11 @@ def _span(seconds: float) -> str:
 
 def clock_check(site: OwnSite) -> Step:
     """The clocks of router, gateway computer and this computer, beside each other, and what sets them."""
-    return step("clock", "Clocks agree, and are set by time servers", _Clock(site), site.hosts)
+    return step("clock", "Clocks agree, and are set by time servers", _ClockReading(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
-class _Clock:
+class _ClockReading:
     """Clocks agree, and are set by time servers."""
 
     site: OwnSite
@@ -95,12 +95,12 @@ class _Clock:
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        offsets: dict[str, Offset | Finding] = {router: _of_router(router, results["clock"])}
+        offsets: dict[str, Offset | BearerFinding] = {router: _of_router(router, results["clock"])}
         if self.site.gateway is not None:
             offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
         known = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
         wrong = [
-            *(offset for offset in offsets.values() if isinstance(offset, Finding)),
+            *(offset for offset in offsets.values() if isinstance(offset, BearerFinding)),
             *_judged(known),
             *self._set(results, known),
         ]
@@ -109,18 +109,18 @@ class _Clock:
         fine = good("clocks-agree", f"{agree}, and time servers set them")
         return Judged(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
-    def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[Finding]:
+    def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[BearerFinding]:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
         clock, ntp = _row(results["clock"]), rows(results["ntp"], name, "what sets its clock", "enabled")
         if name in known:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
-            yield from (ntp,) if isinstance(ntp, Finding) else self._of_client(name, ntp[0] if ntp else {})
+            yield from (ntp,) if isinstance(ntp, BearerFinding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known:
             reply, result = printed(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
-            if isinstance(reply, Finding):
+            if isinstance(reply, BearerFinding):
                 yield reply
             elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
                 yield unreadable(gateway.name, "the service that sets its clock")
@@ -130,7 +130,7 @@ class _Clock:
                 yield _waiting(gateway.name, self.site.name)
             yield from _zone(gateway.name, result.get("Timezone", ""), zone)
 
-    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[Finding]:
+    def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[BearerFinding]:
         """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
         declared = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
@@ -160,7 +160,7 @@ class _Clock:
 _YES_NO = frozenset({"yes", "no"})
 
 
-def _judged(known: Mapping[str, Offset]) -> Iterator[Finding]:
+def _judged(known: Mapping[str, Offset]) -> Iterator[BearerFinding]:
     """Where two clocks agree with each other and not with ours, it is ours that is wrong."""
     wrong = {name: offset for name, offset in known.items() if offset.wrong}
     if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
@@ -183,24 +183,24 @@ def _together(offsets: list[Offset]) -> bool:
     return max(item.least_s for item in offsets) - min(offset.most_s for offset in offsets) <= APART_S
 
 
-def _zone(name: str, text: str, zone: str) -> Iterator[Finding]:
+def _zone(name: str, text: str, zone: str) -> Iterator[BearerFinding]:
     if text and text != zone:
         message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
         yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
-def _waiting(name: str, site: str) -> Finding:
+def _waiting(name: str, site: str) -> BearerFinding:
     hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
     return warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
-def _unset(name: str) -> Finding:
+def _unset(name: str) -> BearerFinding:
     return fail("no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on")
 
 
-def _of_router(name: str, answer: Answer) -> Offset | Finding:
+def _of_router(name: str, answer: Answer) -> Offset | BearerFinding:
     result = rows(answer, name, "its clock", "time")
-    if isinstance(result, Finding):
+    if isinstance(result, BearerFinding):
         return result
     moment = router_time(result[0]) if result else None
     if moment is None or not isinstance(answer, Rows):
@@ -227,17 +227,17 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
         return None
 
 
-def _of_computer(name: str, answer: Answer) -> Offset | Finding:
+def _of_computer(name: str, answer: Answer) -> Offset | BearerFinding:
     """Whatever the program says: when it was started, its clock was read."""
     if not isinstance(answer, CommandResult) or answer.trouble is not None or not answer.began:
         result = printed(answer, name)
-        return result if isinstance(result, Finding) else unreadable(name, "its clock")
+        return result if isinstance(result, BearerFinding) else unreadable(name, "its clock")
     if not answer.heard:
         return _uncompared(name)
     return Offset(answer.began - answer.heard, answer.began - answer.asked)
 
 
-def _uncompared(name: str) -> Finding:
+def _uncompared(name: str) -> BearerFinding:
     return unknown("not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check")
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     by_hand,
@@ -135,7 +135,7 @@ def dds_check(site: OwnSite) -> Step:
         do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
         return by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
     if site.gateway is not None:
-        return step("dds", title, _Seen(site), site.hosts[1:])
+        return step("dds", title, _SeenParticipant(site), site.hosts[1:])
     hosts = site.declaration.site_hosts(site.name)
     centres = tuple(host.name for host in hosts if isinstance(host.device, ControlCentre))
     where = f"On {' and '.join(centres)}" if centres else f"On a computer at {site.name}"
@@ -150,7 +150,7 @@ def dds_check(site: OwnSite) -> Step:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
+class _SeenParticipant:
     """DDS answers on the gateway computer."""
 
     site: OwnSite
@@ -179,11 +179,11 @@ class _Seen:
             printed(results["sockets"], gateway.name),
             _answered(results["participants"], gateway.name, self._address),
         )
-        if isinstance(result, Finding):
+        if isinstance(result, BearerFinding):
             return Judged((result,))
         if "local_address" not in result:
             return Judged((unreadable(gateway.name, "its UDP sockets"),))
-        if isinstance(answered, Finding):
+        if isinstance(answered, BearerFinding):
             return Judged((answered,))
         found = tuple(_read_sockets(result))
         ours = next((entry for entry in found if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
@@ -203,7 +203,7 @@ class _Seen:
         fine = tuple(finding for finding in reached if not wrong or finding.verdict is not Verdict.PASS)
         return Judged((*wrong, *fine), evidence)
 
-    def _reached(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> Finding:
+    def _reached(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> BearerFinding:
         address, domain = self._address, self._dds.domain
         if not there:
             message = (
@@ -228,7 +228,7 @@ def _named(there: Sequence[_Participant]) -> str:
     return listed(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
-def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | Finding:
+def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
     """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
     if not isinstance(answer, DdsDiscoverResult):
         return unreadable(name, "its DDS participants")
@@ -307,7 +307,7 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
         yield _BoundPorts(domain, tuple(those))
 
 
-def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> Finding:
+def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
     if near:
         message = (
             f"DDS on {name} runs in domain {listed(str(item.domain) for item in near)}, and {dds.domain} is declared"
@@ -318,7 +318,7 @@ def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> Finding:
     return unknown("nobody-announces", message, hint)
 
 
-def _judged(name: str, dds: Dds, received: _BoundPorts) -> Iterator[Finding]:
+def _judged(name: str, dds: Dds, received: _BoundPorts) -> Iterator[BearerFinding]:
     ours = received.participants
     yield from _profile(name, received)
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
@@ -333,7 +333,7 @@ def _judged(name: str, dds: Dds, received: _BoundPorts) -> Iterator[Finding]:
         yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
-def _profile(name: str, received: _BoundPorts) -> Iterator[Finding]:
+def _profile(name: str, received: _BoundPorts) -> Iterator[BearerFinding]:
     hint = "end what runs, source the site's ros.env of the link in use, and start it again"
     if received.strangers and not received.participants:
         message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"

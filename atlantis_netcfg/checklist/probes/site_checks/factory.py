@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -84,7 +84,7 @@ class _Factory:
         seen = {
             (neighbour.address, neighbour.mac): neighbour.interface
             for part in result
-            if not isinstance(part, Finding)
+            if not isinstance(part, BearerFinding)
             for neighbour in part
         }
         pings = {
@@ -92,14 +92,14 @@ class _Factory:
             for address in self._addresses
         }
         answered = [
-            entry for entry, told_of in pings.items() if not isinstance(told_of, Finding) and _received(told_of)
+            entry for entry, told_of in pings.items() if not isinstance(told_of, BearerFinding) and _received(told_of)
         ]
         wrong = [
             *self._at_addresses(seen, answered),
-            *_called(self.site.name, () if isinstance(names, Finding) else names),
+            *_called(self.site.name, () if isinstance(names, BearerFinding) else names),
         ]
         unasked = [] if all(map(_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
-        silence = [part for part in (*result, names, *pings.values(), *unasked) if isinstance(part, Finding)]
+        silence = [part for part in (*result, names, *pings.values(), *unasked) if isinstance(part, BearerFinding)]
         evidence = (
             *(measured(f"{item}, asked by ARP", "answers") for item in answered),
             *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
@@ -109,7 +109,7 @@ class _Factory:
             tuple(dict.fromkeys((*wrong, *silence))) or (good("nobody-on-factory-settings", told_of),), evidence
         )
 
-    def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[Finding]:
+    def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[BearerFinding]:
         for address in self._addresses:
             there = next(((mac, place) for (item, mac), place in seen.items() if item == address), None)
             if there is None and address not in answered:
@@ -123,12 +123,12 @@ def _received(result: Sequence[Mapping[str, str]]) -> bool:
     return any(row.get("received", "0") not in {"", "0"} for row in result)
 
 
-def _sent(result: Sequence[Mapping[str, str]] | Finding) -> bool:
+def _sent(result: Sequence[Mapping[str, str]] | BearerFinding) -> bool:
     """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
-    return isinstance(result, Finding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
+    return isinstance(result, BearerFinding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
 
 
-def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Finding]:
+def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[BearerFinding]:
     for row in names:
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")

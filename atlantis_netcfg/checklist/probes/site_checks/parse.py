@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, cast
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.step import (
     Answer,
@@ -24,11 +24,11 @@ from atlantis_netcfg.checklist.probes.step import (
     Probe,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Step,
     Trouble,
 )
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Kind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router, Site
 from atlantis_netcfg.render import RouterView, router_view
@@ -39,27 +39,27 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
 
 
-def good(code: str, message: str) -> Finding:
+def good(code: str, message: str) -> BearerFinding:
     """It was seen to hold."""
-    return Finding(Verdict.PASS, code, message)
+    return BearerFinding(Verdict.PASS, code, message)
 
 
-def warn(code: str, message: str, hint: str) -> Finding:
+def warn(code: str, message: str, hint: str) -> BearerFinding:
     """It works, and somebody should look at it."""
-    return Finding(Verdict.WARN, code, message, hint)
+    return BearerFinding(Verdict.WARN, code, message, hint)
 
 
-def fail(code: str, message: str, hint: str) -> Finding:
+def fail(code: str, message: str, hint: str) -> BearerFinding:
     """It was seen not to hold."""
-    return Finding(Verdict.FAIL, code, message, hint)
+    return BearerFinding(Verdict.FAIL, code, message, hint)
 
 
-def unknown(code: str, message: str, hint: str) -> Finding:
+def unknown(code: str, message: str, hint: str) -> BearerFinding:
     """It could not be seen."""
-    return Finding(Verdict.INCONCLUSIVE, code, message, hint)
+    return BearerFinding(Verdict.INCONCLUSIVE, code, message, hint)
 
 
-def silent(who: str, trouble: Trouble, words: str) -> Finding:
+def silent(who: str, trouble: Trouble, words: str) -> BearerFinding:
     """Somebody was asked and gave no whole answer: nothing is known of it."""
     code, message, hint = _SILENT.get(trouble, _SILENT[Trouble.SILENT])
     text = f": {words}" if words else ""
@@ -95,7 +95,7 @@ _SILENT = {
 }
 
 
-def unreadable(who: str, what: str) -> Finding:
+def unreadable(who: str, what: str) -> BearerFinding:
     """It answered with something else than it should."""
     return unknown(
         "unreadable",
@@ -172,7 +172,7 @@ def is_address(text: str) -> bool:
     return True
 
 
-def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | Finding:
+def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | BearerFinding:
     """Rows of a RouterOS menu; rows none of which has its `key` are not of that menu."""
     if not isinstance(answer, Rows):
         return unreadable(who, what)
@@ -187,7 +187,7 @@ def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, st
     return answer.rows
 
 
-def printed(answer: Answer, who: str) -> str | Finding:
+def printed(answer: Answer, who: str) -> str | BearerFinding:
     """What a program printed that has ended well."""
     if not isinstance(answer, CommandResult):
         return unreadable(who, "itself")
@@ -199,10 +199,10 @@ def printed(answer: Answer, who: str) -> str | Finding:
     return answer.out
 
 
-def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Finding:
+def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
     """Read the JSON of iproute2: a list of objects."""
     text = printed(answer, who)
-    if isinstance(text, Finding):
+    if isinstance(text, BearerFinding):
         return text
     try:
         found = json.loads(text or "[]")
@@ -213,16 +213,16 @@ def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | Findin
     return found
 
 
-def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | Finding:
+def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
     """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
-    result: Iterable[Mapping[str, Any]] | Finding
+    result: Iterable[Mapping[str, Any]] | BearerFinding
     if isinstance(answer, Rows):
         result = rows(answer, who, "its addresses", "address")
-        current = () if isinstance(result, Finding) else tuple(_of_router(result))
+        current = () if isinstance(result, BearerFinding) else tuple(_of_router(result))
     else:
         result = parsed(answer, who, "its addresses")
-        current = () if isinstance(result, Finding) else tuple(_of_computer(result))
-    if isinstance(result, Finding):
+        current = () if isinstance(result, BearerFinding) else tuple(_of_computer(result))
+    if isinstance(result, BearerFinding):
         return result
     known = tuple(item for item in current if item is not None)
     return known if known and len(known) == len(current) else unreadable(who, "its addresses")
@@ -260,13 +260,13 @@ def _interface(text: str | None) -> IPv4Interface | None:
         return None
 
 
-def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | Finding:
+def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
     """Who has answered: of a computer `ip -j neigh show`, of a router `/ip/arp`."""
     if isinstance(answer, Rows):
         found = rows(answer, who, "its table of ARP", "address")
-        return found if isinstance(found, Finding) else tuple(_arp(found, who))
+        return found if isinstance(found, BearerFinding) else tuple(_arp(found, who))
     result = parsed(answer, who, "its neighbours")
-    return result if isinstance(result, Finding) else tuple(_neigh(result, who))
+    return result if isinstance(result, BearerFinding) else tuple(_neigh(result, who))
 
 
 def _arp(found: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
@@ -285,7 +285,7 @@ def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
             yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
-def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | Finding:
+def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | BearerFinding:
     """Who hands out addresses."""
     if not isinstance(answer, DhcpOffers):
         return unreadable(who, "DHCP servers")
@@ -294,7 +294,7 @@ def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | Finding:
     return answer.offers
 
 
-def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
+def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding:
     """How a bearer is."""
     if not isinstance(answer, LinkStatusResult):
         return unreadable(who, "its links")
@@ -306,7 +306,7 @@ def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Computer:
+class ComputerReadings:
     """The gateway computer as it is declared."""
 
     name: str
@@ -336,7 +336,7 @@ class OwnSite:
     router: Host | None
     view: RouterView | None
     """Of the router."""
-    gateway: Computer | None
+    gateway: ComputerReadings | None
 
     @property
     def device(self) -> Router:
@@ -359,7 +359,7 @@ def own_site(cell: Cell) -> OwnSite:
         declared=cell.declared,
         router=router,
         view=None if router is None else router_view(cell.declaration, router),
-        gateway=None if gateway is None else Computer(gateway.name, cast("Gateway", gateway.device)),
+        gateway=None if gateway is None else ComputerReadings(gateway.name, cast("Gateway", gateway.device)),
     )
 
 
@@ -368,7 +368,7 @@ def step(name: str, title: str, probe: Probe | None, concerns: tuple[str, ...] =
     return Step(
         name=name,
         title=title,
-        kind=Kind.AUTOMATIC,
+        kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=None if unless else probe,
         unless=unless,
@@ -381,7 +381,7 @@ def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, 
     return Step(
         name=name,
         title=title,
-        kind=Kind.PERSON,
+        kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=do,
         look_for=look_for,
@@ -396,9 +396,9 @@ def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[RouterOs
     return (RouterOsQuery(name, site.router.name, Query(menu, "print", proplist=properties)),)
 
 
-def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[Run, ...]:
+def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[RunProgram, ...]:
     """Run a program on the gateway computer; nothing where the site has none."""
-    return (Run(name, Place.GATEWAY, tuple(command.split()), within_s),) if site.gateway is not None else ()
+    return (RunProgram(name, Place.GATEWAY, tuple(command.split()), within_s),) if site.gateway is not None else ()
 
 
 def bearer_requests(site: OwnSite) -> tuple[LinkStatusRequest, ...]:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.status import Query
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -45,7 +45,7 @@ def poe_check(site: OwnSite) -> Step:
     ports = _ports(site)
     unless = "" if ports else "no port of the router is declared to feed power"
     fed = tuple(_fed(site).values())
-    return step("poe", "Boxes are fed by PoE", _Poe(site), (*site.hosts[:1], *fed), unless)
+    return step("poe", "Boxes are fed by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
 
 
 def _ports(site: OwnSite) -> tuple[str, ...]:
@@ -64,7 +64,7 @@ def _fed(site: OwnSite) -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Poe:
+class _PoeCheck:
     """Boxes are fed by PoE."""
 
     site: OwnSite
@@ -84,11 +84,11 @@ class _Poe:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
         values = {port: rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
-        silence = [entry for entry in values.values() if isinstance(entry, Finding)]
+        silence = [entry for entry in values.values() if isinstance(entry, BearerFinding)]
         if len(silence) == len(values):
             return Judged((_board(name, values) or silence[0],))
         names = rows(results[_NAMES], name, "the names of its ports", "default-name")
-        if isinstance(names, Finding):
+        if isinstance(names, BearerFinding):
             return Judged((names,))
         if renamed := tuple(_renamed(name, values, names)):
             return Judged(renamed)
@@ -100,14 +100,14 @@ class _Poe:
         evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
         return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
-    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> Finding:
+    def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> BearerFinding:
         drawn = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
         if not drawn:
             return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
         return good("powered", f"{listed(drawn)} {'draws' if len(drawn) == 1 else 'draw'} power from the router")
 
 
-def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[Finding]:
+def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
     """What was told under the name of a port is about another socket, or none."""
     called = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
@@ -116,20 +116,22 @@ def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]
             yield fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
-def _board(name: str, values: Mapping[str, object]) -> Finding | None:
+def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
     """A board without PoE knows neither the menu nor the ports."""
-    if any(not isinstance(item, Finding) or item.code != "refused" for item in values.values()):
+    if any(not isinstance(item, BearerFinding) or item.code != "refused" for item in values.values()):
         return None
     message = f"{name} tells nothing of PoE: it seems to have none, though {listed(values)} are declared to feed"
     hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
     return unknown("no-poe", message, hint)
 
 
-def _row_of(port: str, result: tuple[Mapping[str, str], ...] | Finding) -> Mapping[str, str] | None:
-    return None if isinstance(result, Finding) else next((row for row in result if row.get("name") == port), None)
+def _row_of(port: str, result: tuple[Mapping[str, str], ...] | BearerFinding) -> Mapping[str, str] | None:
+    return None if isinstance(result, BearerFinding) else next((row for row in result if row.get("name") == port), None)
 
 
-def _judged(name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode) -> Iterator[Finding]:
+def _judged(
+    name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode
+) -> Iterator[BearerFinding]:
     where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
     if row is None or "poe-out-status" not in row:
         hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"

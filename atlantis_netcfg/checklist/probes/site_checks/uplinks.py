@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.bearers import Finding, LinkState
-from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, Route, active_bearer, active_bearers
+from atlantis_netcfg.bearers import BearerFinding, LinkState
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, BearerRoute, active_bearer, active_bearers
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
@@ -69,7 +69,7 @@ class _DefaultRoute:
         name = self.site.router.name
         result = rows(results["routes"], name, "its routes", "dst-address")
         local = self._of_gateway(results)
-        if isinstance(result, Finding):
+        if isinstance(result, BearerFinding):
             return Judged((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
         found = tuple(_broad(result)) or tuple(self._of_router(routes, results))
@@ -77,13 +77,13 @@ class _DefaultRoute:
         return Judged((*found, *local), evidence)
 
     @property
-    def _ways(self) -> tuple[Route, ...]:
+    def _ways(self) -> tuple[BearerRoute, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return tuple(
-            Route(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
+            BearerRoute(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
         )
 
-    def _of_router(self, routes: Sequence[Mapping[str, str]], results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _of_router(self, routes: Sequence[Mapping[str, str]], results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         active = active_bearers(routes, self._ways)
         if not active:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
@@ -95,14 +95,16 @@ class _DefaultRoute:
         else:
             yield self._judged(active[0], results)
 
-    def _judged(self, active: str, results: Mapping[str, Answer]) -> Finding:
+    def _judged(self, active: str, results: Mapping[str, Answer]) -> BearerFinding:
         bearers = self.site.declared.bearers
         place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
         better = {item.name: bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
         up = [
-            name for name, found in better.items() if not isinstance(found, Finding) and _state(found) is LinkState.UP
+            name
+            for name, found in better.items()
+            if not isinstance(found, BearerFinding) and _state(found) is LinkState.UP
         ]
-        unseen = [name for name, found in better.items() if isinstance(found, Finding) or _state(found) is None]
+        unseen = [name for name, found in better.items() if isinstance(found, BearerFinding) or _state(found) is None]
         paid = ", which costs by the byte" if bearers[place].metered else ""
         if up:
             return self._passed_by(active, paid, up)
@@ -118,23 +120,23 @@ class _DefaultRoute:
         why = f", because {listed(better)} is not up" if better else ""
         return good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
-    def _passed_by(self, active: str, paid: str, up: list[str]) -> Finding:
+    def _passed_by(self, active: str, paid: str, up: list[str]) -> BearerFinding:
         message = f"traffic leaves by {active}{paid}, though {up[0]} is up and better"
         wait = self.site.declared.failover.fail_back_s
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
         return fail("metered-by-mistake", message, hint) if paid else warn("not-the-best", message, hint)
 
-    def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[Finding, ...]:
+    def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[BearerFinding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
         result = parsed(results["gateway"], gateway.name, "its default route")
-        if isinstance(result, Finding):
+        if isinstance(result, BearerFinding):
             return (result,)
         return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), result))
 
 
-def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> Finding:
+def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> BearerFinding:
     if foreign:
         message = (
             f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
@@ -154,7 +156,7 @@ def _is_broad(text: str) -> bool:
         return False
 
 
-def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
@@ -187,7 +189,7 @@ def _is_dead(row: Mapping[str, Any]) -> bool:
     return isinstance(flags, list) and not _DEAD.isdisjoint(map(str, flags))
 
 
-def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[Finding]:
+def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) -> Iterator[BearerFinding]:
     hint = f"set the default route of {name} to {router} alone: `provision` writes it where `network:` is declared"
     ways = sorted((row for row in routes if row.get("dst") == "default" and not _is_dead(row)), key=_metric)
     broad = next((route for route in routes if _is_broad(str(route.get("dst", "")))), None)
@@ -265,7 +267,7 @@ class _Filter:
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = rows(results["rules"], self.site.router.name, "its firewall", "chain")
-        if isinstance(result, Finding):
+        if isinstance(result, BearerFinding):
             return Judged((result,))
         rules = [row for row in result if not yes(row, "disabled") and not yes(row, "invalid")]
         wrong = [finding for entry in self._satellites for finding in _judged(entry, rules)]
@@ -282,10 +284,10 @@ class _Filter:
         ]
         return Judged(tuple(wrong or fine), tuple(evidence))
 
-    def _counted(self, satellite: Uplink, results: Mapping[str, Answer]) -> Finding:
+    def _counted(self, satellite: Uplink, results: Mapping[str, Answer]) -> BearerFinding:
         """Counters that cannot be read take nothing away: the rules were seen."""
         values = bearer_status(results[f"look {satellite.name}"], satellite.name)
-        quality = {} if isinstance(values, Finding) else values.get("quality") or {}
+        quality = {} if isinstance(values, BearerFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
         kept = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
         allowed = listed(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
@@ -296,7 +298,7 @@ def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
     return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
 
 
-def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[Finding]:
+def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
     for chain in ("forward", "output"):
         yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
@@ -315,7 +317,7 @@ def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[F
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
 
 
-def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[Finding]:
+def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[BearerFinding]:
     """Whether everything that leaves comes to the list, before anybody else accepts it."""
     place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
     if place is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
@@ -46,7 +46,7 @@ def vpn_check(site: OwnSite) -> Step:
     gateway = site.gateway is not None and site.gateway.device.vpn_address is not None
     title = "The VPN is up"
     if router or gateway:
-        return step("vpn", title, _Vpn(site), site.hosts)
+        return step("vpn", title, _VpnCheck(site), site.hosts)
     members = {
         host.name: str(host.device.vpn_address)
         for host in site.declaration.site_hosts(site.name)
@@ -66,7 +66,7 @@ def vpn_check(site: OwnSite) -> Step:
 
 
 @dataclass(frozen=True, slots=True)
-class _Vpn:
+class _VpnCheck:
     """The VPN is up."""
 
     site: OwnSite
@@ -103,14 +103,14 @@ class _Vpn:
             found += self._of_gateway(results)
         return Judged(tuple(found), tuple(self._evidence(results)))
 
-    def _of_router(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _of_router(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
             return
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
         assert client is not None  # noqa: S101 - the question is asked for routers with one
         assert tunnel is not None  # noqa: S101 - the same
         result = rows(results["clients"], name, "its tunnels", "name")
-        if isinstance(result, Finding):
+        if isinstance(result, BearerFinding):
             yield result
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
@@ -128,18 +128,18 @@ class _Vpn:
         else:
             yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, expected: str, answer: Answer) -> Finding:
+    def _address(self, name: str, interface: str, expected: str, answer: Answer) -> BearerFinding:
         current = addresses(answer, name)
-        if isinstance(current, Finding):
+        if isinstance(current, BearerFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
         return _compared("router", f"{interface} of {name}", expected, there)
 
-    def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         gateway = self.site.gateway
         assert gateway is not None  # noqa: S101 - the caller has looked
         current = addresses(results["gateway"], gateway.name)
-        if isinstance(current, Finding):
+        if isinstance(current, BearerFinding):
             yield current
             return
         there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
@@ -156,7 +156,7 @@ class _Vpn:
                 "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
             )
 
-    def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[Finding]:
+    def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         answer, server = results["ping"], self._server or ""
         if isinstance(answer, CommandResult) and answer.trouble is not None:
             yield silent(name, answer.trouble, answer.words)
@@ -168,7 +168,7 @@ class _Vpn:
         strange = tuple(odd_answers(f"the VPN server {server}", echoes))
         yield from strange or (self._counted(echoes, server, results),)
 
-    def _counted(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> Finding:
+    def _counted(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> BearerFinding:
         sent, received = echoes.sent, echoes.received
         if not received and self._over_satellite(results):
             message = f"the VPN server {server} answered none of {sent} pings, over a satellite that may pause for 70 s"
@@ -205,11 +205,11 @@ class _Vpn:
             yield measured(f"pings of {self._server} through the tunnel", line)
         clients = results.get("clients")
         result = rows(clients, "", "", "name") if clients is not None else ()
-        for row in () if isinstance(result, Finding) else result:
+        for row in () if isinstance(result, BearerFinding) else result:
             yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 
 
-def _compared(code: str, what: str, expected: str, there: list[str]) -> Finding:
+def _compared(code: str, what: str, expected: str, there: list[str]) -> BearerFinding:
     if expected in there:
         return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected}")
     has = there[0] if there else "no address"

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.report import _words as words
 from atlantis_netcfg.checklist.report._html import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
-from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, State, cut, grid, state
+from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.checklist.report._words import clock, counts, evidence_groups, headline, scope, signed, title
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.checklist.report._shapes import Badge, Box, Cell, Grid, Layout, Wire
+    from atlantis_netcfg.checklist.report._shapes import Badge, DrawingLayout, DrawnBox, DrawnWire, Grid, GridCell
     from atlantis_netcfg.checklist.report.document import Document, Item, Override
 
 
@@ -71,7 +71,7 @@ def since_green(sheet: Sheet, document: Document) -> None:
     sheet.tell(f"Run {green.run} of {clock(green.at)} was green.")
     for change in green.changes:
         before, after = (
-            SYMBOLS[State(word)] + f" {word}" if word else "no such item" for word in (change.before, change.after)
+            SYMBOLS[ShownState(word)] + f" {word}" if word else "no such item" for word in (change.before, change.after)
         )
         sheet.tell(f"{change.id}: {before} → {after}: {change.message}", indent=_INDENT)
     if not green.changes:
@@ -81,7 +81,7 @@ def since_green(sheet: Sheet, document: Document) -> None:
 def not_checked(sheet: Sheet, document: Document) -> None:
     """What was not checked, and why."""
     sheet.head("What was not checked, and why")
-    unsettled = [item for item in document.items if state(item) in {State.OPEN, State.INCONCLUSIVE}]
+    unsettled = [item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}]
     for entry in document.left_out:
         sheet.tell(f"{entry.what}: {entry.why}", indent=_INDENT)
     for item in unsettled:
@@ -148,7 +148,7 @@ def _item(sheet: Sheet, item: Item, kept: _Kept) -> None:
 def _findings(sheet: Sheet, item: Item) -> None:
     result = [finding for finding in item.findings if len(item.findings) > 1 or finding.message != item.message]
     for entry in result:
-        sign = SYMBOLS[State(entry.verdict.value)]
+        sign = SYMBOLS[ShownState(entry.verdict.value)]
         sheet.tell(f"{sign} {entry.verdict} {entry.message} ({entry.code})", size=SMALL, indent=_INDENT + 3)
         if entry.hint and entry.hint != item.hint:
             sheet.tell(f"→ {entry.hint}", size=SMALL, indent=_INDENT + 6)
@@ -230,8 +230,8 @@ def provenance(sheet: Sheet, document: Document) -> None:
 
 _NAME, _GAP, _ROW = 27.0, 3.0, 9.0
 _NAME_LETTERS = 16
-_LOUD = frozenset({State.FAIL, State.ERROR})
-_THICK = frozenset({State.FAIL, State.ERROR, State.INCONCLUSIVE, State.OPEN})
+_LOUD = frozenset({ShownState.FAIL, ShownState.ERROR})
+_THICK = frozenset({ShownState.FAIL, ShownState.ERROR, ShownState.INCONCLUSIVE, ShownState.OPEN})
 
 
 def table(sheet: Sheet, document: Document) -> None:
@@ -280,7 +280,7 @@ def _heads(sheet: Sheet, arranged: Grid) -> None:
     sheet.set_xy(sheet.l_margin, y + 8.5)
 
 
-def _cell(sheet: Sheet, cell: Cell, x: float, y: float, width: float) -> None:
+def _cell(sheet: Sheet, cell: GridCell, x: float, y: float, width: float) -> None:
     if cell.empty:
         sheet.set_draw_color(205)
         sheet.set_line_width(0.1)
@@ -343,7 +343,7 @@ class _Pen:
         self._sheet, self._scale = sheet, scale
         self._x, self._y = sheet.l_margin, sheet.y
 
-    def draw(self, shapes: Layout) -> None:
+    def draw(self, shapes: DrawingLayout) -> None:
         sheet = self._sheet
         sheet.set_auto_page_break(False)
         for wire in shapes.wires:
@@ -359,7 +359,7 @@ class _Pen:
     def _at(self, x: float, y: float) -> tuple[float, float]:
         return self._x + x * self._scale, self._y + y * self._scale
 
-    def _wire(self, wire: Wire) -> None:
+    def _wire(self, wire: DrawnWire) -> None:
         self._sheet.tint(wire.state)
         self._sheet.set_line_width(0.5 if wire.state in _LOUD else 0.3)
         if wire.dashed:
@@ -367,14 +367,14 @@ class _Pen:
         self._sheet.polyline([self._at(*point) for point in wire.points])
         self._sheet.set_dash_pattern()
 
-    def _face(self, shape: Box | Badge, height: float) -> None:
+    def _face(self, shape: DrawnBox | Badge, height: float) -> None:
         self._sheet.tint(shape.state)
         self._sheet.set_line_width(0.7 if shape.state in _LOUD else 0.25)
         x, y = self._at(shape.x, shape.y)
         width, height = shape.width * self._scale, height * self._scale
         self._sheet.rect(x, y, width, height, style="DF", round_corners=True, corner_radius=1.2)
 
-    def _box(self, box: Box) -> None:
+    def _box(self, box: DrawnBox) -> None:
         self._face(box, box.height)
         sign = f"{SYMBOLS[box.state]} " if box.state is not None else ""
         self._write(f"{sign}{box.label}", box, box.y + (4 if box.detail else 12), 11, "B")
@@ -385,7 +385,7 @@ class _Pen:
         self._face(badge, BADGE_HEIGHT)
         self._write(badge.text, badge, badge.y + 1, 10, "")
 
-    def _write(self, text: str, shape: Box | Badge, top: float, size: float, style: str) -> None:
+    def _write(self, text: str, shape: DrawnBox | Badge, top: float, size: float, style: str) -> None:
         sheet, width = self._sheet, shape.width * self._scale
         words = printable(text).replace("\n", " ")
         sheet.set_font(FAMILY, style, size * self._scale * _POINTS)

@@ -10,7 +10,7 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, State
+from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
 from atlantis_netcfg.checklist.report._words import signed
 from atlantis_netcfg.core.printable import visible
 
@@ -147,14 +147,14 @@ class Sheet(FPDF):
         if self.will_page_break(height):
             self.add_page()
 
-    def tint(self, state: State | None) -> None:
+    def tint(self, state: ShownState | None) -> None:
         """The colours of a state, and an edge that tells it on black and white paper."""
         tint = TINTS[state]
         self.set_text_color(*rgb(tint.ink))
         self.set_fill_color(*rgb(tint.paper))
         self.set_draw_color(*rgb(tint.edge))
 
-    def badge(self, state: State, words: str, *, link: int | None = None) -> None:
+    def badge(self, state: ShownState, words: str, *, link: int | None = None) -> None:
         """A state in a box; what follows stands beside it."""
         self.plain(SMALL, bold=True)
         self.tint(state)
@@ -163,7 +163,7 @@ class Sheet(FPDF):
         self.cell(width, 5, text, border=1, fill=True, align="C", link=link or "")
         self.set_x(self.x + 2)
 
-    def titled(self, state: State, words: str, text: str, *, link: int | None = None) -> None:
+    def titled(self, state: ShownState, words: str, text: str, *, link: int | None = None) -> None:
         """A badge, and beside it the words that it is about."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)

@@ -8,7 +8,7 @@ items of the checklist have to notice.
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS, Fault
+from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS, RehearsedFault
 from atlantis_netcfg.checklist.runner.simulated.environment import rehearsed_ears
 
-__all__ = ["FAULTS", "Fault", "rehearsed_ears"]
+__all__ = ["FAULTS", "RehearsedFault", "rehearsed_ears"]

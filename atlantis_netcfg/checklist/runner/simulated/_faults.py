@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.runner.simulated._world import added, apart, changed, hushed, refitted, set_clock
-from atlantis_netcfg.emulator.gnss import Access, Speech
+from atlantis_netcfg.emulator.gnss import GnssAccess, Speech
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
     CertificateSpec,
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class RehearsedFault:
     """One thing that is broken on purpose."""
 
     words: str
@@ -104,75 +104,79 @@ def _expired(computer: ComputerSpec) -> dict[str, Any]:
     return {"certificates": {**computer.certificates, IDENTITY: (old, *computer.certificates[IDENTITY][1:])}}
 
 
-GATEWAY_FAULTS: Mapping[str, Fault] = {
-    "wifi-saturated": Fault(
+GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
+    "wifi-saturated": RehearsedFault(
         "the access point of Sparus is so near that it overdrives the receiver",
         ("sparus/wifi",),
         _received("wlan1", signal_dbm=-18),
     ),
-    "wifi-weak": Fault(
+    "wifi-weak": RehearsedFault(
         "the access point of Girona 500 is hardly heard", ("girona500/wifi",), _received("wlan0", signal_dbm=-88)
     ),
-    "wifi-gone": Fault(
+    "wifi-gone": RehearsedFault(
         "the gateway has lost the access point of Mares",
         ("mares/wifi",),
         _interface("wlan2", lambda _: {"association": None}),
     ),
-    "wifi-other": Fault(
+    "wifi-other": RehearsedFault(
         "the gateway's radio for Sparus has joined another network",
         ("sparus/wifi",),
         _received("wlan1", ssid="EXAMPLE-SOMEBODY"),
     ),
-    "wifi-indoors": Fault(
+    "wifi-indoors": RehearsedFault(
         "the access point of Mares is on a channel for indoor use",
         ("mares/wifi",),
         _received("wlan2", frequency_mhz=5180),
     ),
-    "wifi-loss": Fault("two of five pings to Zarco are lost", ("zarco/wifi",), _echo("10.64.1.23", loss_percent=40.0)),
-    "cable-out": Fault(
+    "wifi-loss": RehearsedFault(
+        "two of five pings to Zarco are lost", ("zarco/wifi",), _echo("10.64.1.23", loss_percent=40.0)
+    ),
+    "cable-out": RehearsedFault(
         "the cable of the ECA ROV is unplugged", ("eca-rov/ethernet",), _echo("10.64.1.26", loss_percent=100.0)
     ),
-    "rogue-dhcp": Fault("a robot's own DHCP server is plugged into the LAN", ("SITE/site/rogue-dhcp",), _offer()),
-    "rogue-dhcp-known": Fault(
+    "rogue-dhcp": RehearsedFault(
+        "a robot's own DHCP server is plugged into the LAN", ("SITE/site/rogue-dhcp",), _offer()
+    ),
+    "rogue-dhcp-known": RehearsedFault(
         "a second DHCP server answers the card of Zarco and nobody else",
         ("SITE/site/rogue-dhcp",),
         _offer("02:00:5E:00:01:23"),
     ),
-    "second-address": Fault(
+    "second-address": RehearsedFault(
         "the gateway has leased a second address of its subnet on the same card",
         ("SITE/site/one-subnet-twice",),
         _interface(
             "eth0", lambda item: {"addresses": (*item.addresses, AddressSpec(address="10.64.1.130/24", lease_s=3000))}
         ),
     ),
-    "address-leased": Fault(
+    "address-leased": RehearsedFault(
         "the gateway's static address is only leased",
         ("SITE/site/static-addresses",),
         _interface(
             "eth0", lambda entry: {"addresses": (AddressSpec(address=entry.addresses[0].address, lease_s=1800),)}
         ),
     ),
-    "address-unkept": Fault(
+    "address-unkept": RehearsedFault(
         "no file gives the gateway its address at the next start",
         ("SITE/site/static-addresses",),
         _gateway(lambda computer: {"files": {"/etc/resolv.conf": computer.files["/etc/resolv.conf"]}}),
     ),
-    "gateway-route": Fault(
+    "gateway-route": RehearsedFault(
         "the gateway's default route leads through a robot's access point",
         ("SITE/site/default-route",),
         _gateway(_another_way),
     ),
-    "address-twice": Fault(
+    "address-twice": RehearsedFault(
         "another card answers for the address of Zarco",
         ("SITE/site/duplicate-addresses",),
         _neighbour("10.64.1.23", _STRANGER),
     ),
-    "factory-address": Fault(
+    "factory-address": RehearsedFault(
         "a device in the LAN is left on 192.168.2.2",
         ("SITE/site/factory-defaults",),
         _neighbour("192.168.2.2", _STRANGER),
     ),
-    "gateway-clock": Fault(
+    "gateway-clock": RehearsedFault(
         "the gateway's clock is an hour behind, and nothing sets it",
         ("SITE/site/clock",),
         _gateway(
@@ -181,12 +185,12 @@ GATEWAY_FAULTS: Mapping[str, Fault] = {
             }
         ),
     ),
-    "gateway-ntp-off": Fault(
+    "gateway-ntp-off": RehearsedFault(
         "a time server has set the gateway's clock once, and nothing sets it any more",
         ("SITE/site/clock",),
         _gateway(lambda computer: {"time": computer.time.model_copy(update={"ntp": False})}),
     ),
-    "gateway-tunnel": Fault(
+    "gateway-tunnel": RehearsedFault(
         "the gateway is not in the VPN",
         ("SITE/site/vpn", "SITE/site/dds"),
         _gateway(
@@ -195,16 +199,16 @@ GATEWAY_FAULTS: Mapping[str, Fault] = {
             }
         ),
     ),
-    "server-silent": Fault(
+    "server-silent": RehearsedFault(
         "the VPN server does not answer", ("SITE/site/vpn",), _echo("10.80.0.1", loss_percent=100.0)
     ),
-    "certificate-expired": Fault(
+    "certificate-expired": RehearsedFault(
         "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expired)
     ),
-    "dds-silent": Fault(
+    "dds-silent": RehearsedFault(
         "nothing speaks DDS on the gateway", ("SITE/site/dds",), _gateway(lambda _: {"udp": (), "dds": ()})
     ),
-    "dds-loopback": Fault(
+    "dds-loopback": RehearsedFault(
         "what speaks DDS on the gateway is bound to its loopback (ROS_LOCALHOST_ONLY=1)",
         ("SITE/site/dds",),
         _gateway(lambda _: {"dds": (DdsSpec(addresses=("127.0.0.1",)),)}),
@@ -237,64 +241,64 @@ def _years_ago(world: World) -> None:
     world.acts.append(set_clock(_ROUTER, _LONG_AGO))
 
 
-ROUTER_FAULTS: Mapping[str, Fault] = {
-    "bridge-saturated": Fault(
+ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
+    "bridge-saturated": RehearsedFault(
         "the two ends of the Wi-Fi bridge stand on one bench, 2 m apart",
         ("SITE/wifi",),
         _done(apart("coastal-cpe", before={"distance_m": 150.0}, after={"distance_m": 2.0})),
     ),
-    "bridge-weak": Fault(
+    "bridge-weak": RehearsedFault(
         "something stands between the two ends of the Wi-Fi bridge",
         ("SITE/wifi",),
         _done(apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
     ),
-    "lte-no-card": Fault("there is no SIM in the 4G unit", ("SITE/4g",), _unit({"sim": {}}, {"sim": None})),
-    "lte-roaming": Fault(
+    "lte-no-card": RehearsedFault("there is no SIM in the 4G unit", ("SITE/4g",), _unit({"sim": {}}, {"sim": None})),
+    "lte-roaming": RehearsedFault(
         "the 4G unit hears a foreign network only, and roaming is off",
         ("SITE/4g",),
         _unit({"cell": {"plmn": "00101"}}, {"cell": {"plmn": "26803"}}),
     ),
-    "lte-no-coverage": Fault("no network is heard", ("SITE/4g",), _unit({"cell": {}}, {"cell": None})),
-    "lte-refused": Fault(
+    "lte-no-coverage": RehearsedFault("no network is heard", ("SITE/4g",), _unit({"cell": {}}, {"cell": None})),
+    "lte-refused": RehearsedFault(
         "the network refuses the card",
         ("SITE/4g",),
         _unit({"cell": {"denies": False}}, {"cell": {"denies": True}}),
     ),
-    "dear-route": Fault(
+    "dear-route": RehearsedFault(
         "somebody has set a default route over 4G by hand",
         ("SITE/site/default-route", "SITE/wifi", "SITE/4g"),
         _done(added(_ROUTER, "/ip/route", dst_address="0.0.0.0/0", gateway="10.10.1.1", distance="1")),
     ),
-    "bridge-beyond-silent": Fault(
+    "bridge-beyond-silent": RehearsedFault(
         "nobody answers beyond the Wi-Fi bridge",
         ("SITE/wifi",),
         _done(hushed(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
     ),
-    "poe-overload": Fault(
+    "poe-overload": RehearsedFault(
         "the port of the 4G unit is overloaded", ("SITE/site/poe",), _around(loads={"ether2": {"status": "overload"}})
     ),
-    "router-tunnel": Fault("the router is not in the VPN", ("SITE/site/vpn",), _around(tunnels={})),
-    "router-clock": Fault(
+    "router-tunnel": RehearsedFault("the router is not in the VPN", ("SITE/site/vpn",), _around(tunnels={})),
+    "router-clock": RehearsedFault(
         "the router's clock stands at the year before, and no time server answers",
         ("SITE/site/clock",),
         _years_ago,
     ),
-    "router-ntp-waiting": Fault(
+    "router-ntp-waiting": RehearsedFault(
         "no time server answers the router, whose clock is right so far",
         ("SITE/site/clock",),
         _around(time_server=None),
     ),
-    "router-certificate": Fault(
+    "router-certificate": RehearsedFault(
         "the router's certificate of the VPN ends in a week",
         ("SITE/site/certificates",),
         lambda world: world.routers[_ROUTER].update(validity={"atlantis-vpn": _week()}),
     ),
-    "router-subnet-twice": Fault(
+    "router-subnet-twice": RehearsedFault(
         "the router has a second address of its LAN on the same bridge",
         ("SITE/site/one-subnet-twice",),
         _done(added(_ROUTER, "/ip/address", address="10.64.1.2/24", interface="bridge-lan")),
     ),
-    "filter-open": Fault(
+    "filter-open": RehearsedFault(
         "a rule of the satellite's allow-list is switched off",
         ("SITE/site/satellite-filter", "SITE/satellite/allow-list"),
         _done(changed(_ROUTER, "/ip/firewall/filter", {"chain": "to-satellite", "action": "drop"}, disabled="yes")),
@@ -327,109 +331,113 @@ def _sent_from(vehicle: str, address: str) -> Callable[[World], None]:
 
 
 _GPS = {
-    "gps-no-fix": Fault(
+    "gps-no-fix": RehearsedFault(
         "the receiver of Girona 500 has no fix under an open sky", ("girona500/gps",), _receiver("girona500", mode=1)
     ),
-    "gps-stale": Fault(
+    "gps-stale": RehearsedFault(
         "the receiver of Sparus repeats an old position", ("sparus/gps",), _receiver("sparus", stale=True)
     ),
-    "gps-lost": Fault(
+    "gps-lost": RehearsedFault(
         "the receiver of Zarco loses its fix while it is watched", ("zarco/gps",), _receiver("zarco", lost_after=2)
     ),
-    "gps-swapped": Fault(
+    "gps-swapped": RehearsedFault(
         "the receiver of Mares has longitude and latitude exchanged", ("mares/gps",), _receiver("mares", swapped=True)
     ),
-    "gps-elsewhere": Fault(
+    "gps-elsewhere": RehearsedFault(
         "the receiver of Sparus tells a position far from the site", ("sparus/gps",), _receiver("sparus", latitude=41.2)
     ),
-    "gps-simulated": Fault(
+    "gps-simulated": RehearsedFault(
         "the receiver of Zarco tells simulated positions", ("zarco/gps",), _receiver("zarco", status=8)
     ),
-    "gps-clock": Fault(
+    "gps-clock": RehearsedFault(
         "the receiver of Stork is ten minutes behind", ("stork/gps",), _receiver("stork", time_offset_s=-600.0)
     ),
-    "gps-no-satellites": Fault(
+    "gps-no-satellites": RehearsedFault(
         "the receiver of Mares tells a position that no satellite gives",
         ("mares/gps",),
         _receiver("mares", satellites=0),
     ),
-    "gps-silent": Fault(
+    "gps-silent": RehearsedFault(
         "the receiver of Mares says nothing", ("mares/gps",), _receiver("mares", speech=Speech.NOTHING)
     ),
-    "gps-in-use": Fault(
-        "the gpsd of Stork is held by its own software", ("stork/gps",), _receiver("stork", access=Access.IN_USE)
+    "gps-in-use": RehearsedFault(
+        "the gpsd of Stork is held by its own software", ("stork/gps",), _receiver("stork", access=GnssAccess.IN_USE)
     ),
-    "gps-gone": Fault("no gpsd runs on Zarco", ("zarco/gps",), _receiver("zarco", access=Access.REFUSED)),
+    "gps-gone": RehearsedFault("no gpsd runs on Zarco", ("zarco/gps",), _receiver("zarco", access=GnssAccess.REFUSED)),
 }
 _GIRONA_MODEM = ("girona500/acoustic", "girona500/acoustic/fleet", "girona500/acoustic/message", "girona500/usbl")
 _SPARUS_MODEM = ("sparus/acoustic", "girona500/acoustic/fleet", "sparus/acoustic/message", "sparus/usbl")
 _ZARCO_MODEM = ("zarco/acoustic", "zarco/acoustic/fleet", "zarco/usbl", "zarco/usbl/ping")
 _ACOUSTIC = {
-    "modem-silent": Fault("the modem of Girona 500 is silent", _GIRONA_MODEM, _modem("girona500", silent=True)),
-    "modem-in-use": Fault(
+    "modem-silent": RehearsedFault(
+        "the modem of Girona 500 is silent", _GIRONA_MODEM, _modem("girona500", silent=True)
+    ),
+    "modem-in-use": RehearsedFault(
         "the modem of Sparus is held by its own software", _SPARUS_MODEM, _modem("sparus", held=True)
     ),
-    "modem-alarm": Fault(
+    "modem-alarm": RehearsedFault(
         "the modem of Sparus tells an internal error",
         ("sparus/acoustic", "sparus/acoustic/message"),
         _modem("sparus", state="OFFLINE ALARM"),
     ),
-    "modem-twice": Fault(
+    "modem-twice": RehearsedFault(
         "the modem of Sparus has the acoustic address of Girona 500",
         _SPARUS_MODEM,
         _modem("sparus", local_address=1),
     ),
-    "modem-foreign": Fault(
+    "modem-foreign": RehearsedFault(
         "another modem than that of Girona 500 answers at its end",
         _GIRONA_MODEM,
         _modem("girona500", local_address=9),
     ),
-    "modem-packet-time": Fault(
+    "modem-packet-time": RehearsedFault(
         "the modem of Sparus has another packet time than the fleet",
         ("girona500/acoustic/fleet",),
         _modem("sparus", packet_time_ms=500),
     ),
-    "modem-loud": Fault(
+    "modem-loud": RehearsedFault(
         "the modem of Girona 500 is set to a source level that is not for air",
         ("girona500/acoustic", "girona500/acoustic/message"),
         _modem("girona500", source_level=0),
     ),
-    "beacon-damaged": Fault(
+    "beacon-damaged": RehearsedFault(
         "every answer of Zarco's beacon has a wrong sum", _ZARCO_MODEM, _modem("zarco", every_sum_wrong=True)
     ),
-    "usbl-nobody": Fault("nobody answers the pings of Mares", ("mares/usbl",), _modem("mares", fixes=0)),
-    "usbl-frozen": Fault("the modem of Mares repeats one fix", ("mares/usbl",), _modem("mares", frozen=True)),
-    "usbl-foreign": Fault(
+    "usbl-nobody": RehearsedFault("nobody answers the pings of Mares", ("mares/usbl",), _modem("mares", fixes=0)),
+    "usbl-frozen": RehearsedFault("the modem of Mares repeats one fix", ("mares/usbl",), _modem("mares", frozen=True)),
+    "usbl-foreign": RehearsedFault(
         "the modem of Mares hears a modem that is not the declared one", ("mares/usbl",), _modem("mares", hears=(9,))
     ),
-    "usbl-off": Fault(
+    "usbl-off": RehearsedFault(
         "the modem of Girona 500 does not put its fixes out",
         ("girona500/usbl",),
         _modem("girona500", tells_fixes=False),
     ),
 }
 _REMOTE = {
-    "rc-armed": Fault("Stork is armed", ("stork/rc_rf", "stork/rc_rf/sticks"), _autopilot("stork", armed=True)),
-    "rc-sticks-dead": Fault(
+    "rc-armed": RehearsedFault(
+        "Stork is armed", ("stork/rc_rf", "stork/rc_rf/sticks"), _autopilot("stork", armed=True)
+    ),
+    "rc-sticks-dead": RehearsedFault(
         "the channels of Stork do not follow the sticks", ("stork/rc_rf/sticks",), _autopilot("stork", moving=0)
     ),
-    "rc-silent": Fault(
+    "rc-silent": RehearsedFault(
         "no stream of Stork's autopilot arrives",
         ("stork/rc_rf", "stork/rc_rf/sticks"),
         _autopilot("stork", silent=True),
     ),
-    "rc-foreign": Fault(
+    "rc-foreign": RehearsedFault(
         "another computer sends as the autopilot of Stork",
         ("stork/rc_rf", "stork/rc_rf/sticks"),
         _sent_from("stork", "10.64.1.199"),
     ),
-    "rc-receiver-sick": Fault(
+    "rc-receiver-sick": RehearsedFault(
         "the autopilot of Stork calls its RC receiver sick",
         ("stork/rc_rf",),
         _autopilot("stork", receiver_healthy=False),
     ),
 }
-VEHICLE_FAULTS: Mapping[str, Fault] = {**_GPS, **_ACOUSTIC, **_REMOTE}
+VEHICLE_FAULTS: Mapping[str, RehearsedFault] = {**_GPS, **_ACOUSTIC, **_REMOTE}
 
 FAULTS = {**VEHICLE_FAULTS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
 """Name to fault; they may be put together."""

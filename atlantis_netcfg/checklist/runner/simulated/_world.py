@@ -282,7 +282,7 @@ def _fed(declaration: Declaration, router: str) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Receiver:
+class SimulatedReceiver:
     """A GNSS receiver at the end that is declared for it."""
 
     spec: GnssSpec
@@ -293,7 +293,7 @@ class Receiver:
 
 
 @dataclass(frozen=True, slots=True)
-class Modem:
+class SimulatedModem:
     """An acoustic modem at the end that is declared for it; `acoustic` and `usbl` of a vehicle may be one."""
 
     spec: EvologicsSpec | SeatracSpec
@@ -317,8 +317,8 @@ class World:
 
     site: str
     computer: ComputerSpec | None
-    receivers: dict[str, Receiver] = field(default_factory=dict)
-    modems: dict[str, Modem] = field(default_factory=dict)
+    receivers: dict[str, SimulatedReceiver] = field(default_factory=dict)
+    modems: dict[str, SimulatedModem] = field(default_factory=dict)
     autopilots: dict[str, Autopilot] = field(default_factory=dict)
     routers: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Router to what stands around it."""
@@ -363,7 +363,7 @@ def healthy(declaration: Declaration, site: str) -> World:
     return world
 
 
-def _receiver(cell: Cell) -> Iterator[tuple[str, Receiver]]:
+def _receiver(cell: Cell) -> Iterator[tuple[str, SimulatedReceiver]]:
     gps = cell.endpoints.gps
     if gps is None or gps.driver is GpsDriver.ROUTEROS:
         return
@@ -372,21 +372,21 @@ def _receiver(cell: Cell) -> Iterator[tuple[str, Receiver]]:
     gpsd = gps.driver is GpsDriver.GPSD
     port = gps.port or (GPSD_PORT if gpsd else NMEA_PORT)
     if gps.device is not None:
-        yield cell.row, Receiver(spec, gpsd, device=gps.device)
+        yield cell.row, SimulatedReceiver(spec, gpsd, device=gps.device)
     elif (address := cell.address(gps.address)) is not None:
-        yield cell.row, Receiver(spec, gpsd, address, port)
+        yield cell.row, SimulatedReceiver(spec, gpsd, address, port)
 
 
-def _modem(cell: Cell) -> Iterator[tuple[str, Modem]]:
+def _modem(cell: Cell) -> Iterator[tuple[str, SimulatedModem]]:
     """One twin serves both columns, where they are declared to be at one end."""
     ends = [end for end in (cell.endpoints.acoustic, cell.endpoints.usbl) if end is not None]
     if not ends:
         return
     end, spec = ends[0], _spec(cell)
     if end.device is not None:
-        yield cell.row, Modem(spec.model_copy(update={"serial": True}), device=end.device)
+        yield cell.row, SimulatedModem(spec.model_copy(update={"serial": True}), device=end.device)
     elif (address := cell.address(end.address)) is not None:
-        yield cell.row, Modem(spec, address, end.port)
+        yield cell.row, SimulatedModem(spec, address, end.port)
 
 
 def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:

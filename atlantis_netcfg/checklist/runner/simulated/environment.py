@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist.probes import (
     Listen,
     Place,
     Question,
-    Run,
+    RunProgram,
     Transcript,
     Trouble,
 )
@@ -34,7 +34,14 @@ from atlantis_netcfg.checklist.probes.step import DhcpOffer
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, unanswered
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
-from atlantis_netcfg.checklist.runner.simulated._world import Autopilot, Modem, Receiver, World, clock_words, healthy
+from atlantis_netcfg.checklist.runner.simulated._world import (
+    Autopilot,
+    SimulatedModem,
+    SimulatedReceiver,
+    World,
+    clock_words,
+    healthy,
+)
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
@@ -100,7 +107,7 @@ class RehearsedEars:
     def _answer(self, question: Question) -> Answer:
         if self.computer is None or isinstance(question, Listen):
             return unanswered(question, _NOBODY)
-        if isinstance(question, Run):
+        if isinstance(question, RunProgram):
             return self._ran(question, self.computer)
         if isinstance(question, DhcpDiscoverRequest):
             return self._offered(question, self.computer)
@@ -109,7 +116,7 @@ class RehearsedEars:
         return unanswered(question, _NOBODY)
 
     @staticmethod
-    def _ran(question: Run, computer: Computer) -> CommandResult:
+    def _ran(question: RunProgram, computer: Computer) -> CommandResult:
         requested = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
@@ -172,7 +179,7 @@ def standing(world: World) -> Iterator[tuple[Stand, ...]]:
         yield tuple(stands)
 
 
-def _receiver(stack: ExitStack, receiver: Receiver) -> Stand:
+def _receiver(stack: ExitStack, receiver: SimulatedReceiver) -> Stand:
     if receiver.device:
         port = stack.enter_context(RunningNmeaPort(receiver.spec))
         return Stand("serial", device=receiver.device, here_device=port.path)
@@ -181,7 +188,7 @@ def _receiver(stack: ExitStack, receiver: Receiver) -> Stand:
     return Stand("tcp", receiver.address, receiver.port, here_port=server.port)
 
 
-def _modem(stack: ExitStack, modem: Modem) -> Stand:
+def _modem(stack: ExitStack, modem: SimulatedModem) -> Stand:
     twin = RunningEvologics(modem.spec) if isinstance(modem.spec, EvologicsSpec) else RunningSeatrac(modem.spec)
     stack.enter_context(twin)
     if modem.device:

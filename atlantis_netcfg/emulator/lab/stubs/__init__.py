@@ -2,12 +2,12 @@
 
 from atlantis_netcfg.emulator.lab.stubs.archive import (
     NOT_REHEARSED,
-    Archive,
     StandInFailed,
+    StubArchive,
     publish,
     ros_packages,
     why_no_archive,
 )
-from atlantis_netcfg.emulator.lab.stubs.packages import StandIn
+from atlantis_netcfg.emulator.lab.stubs.packages import StubPackage
 
-__all__ = ["NOT_REHEARSED", "Archive", "StandIn", "StandInFailed", "publish", "ros_packages", "why_no_archive"]
+__all__ = ["NOT_REHEARSED", "StandInFailed", "StubArchive", "StubPackage", "publish", "ros_packages", "why_no_archive"]

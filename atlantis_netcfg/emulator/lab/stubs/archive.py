@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.emulator.lab.stubs.packages import StandIn, StandInFailed, build
+from atlantis_netcfg.emulator.lab.stubs.packages import StandInFailed, StubPackage, build
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["NOT_REHEARSED", "Archive", "StandInFailed", "publish", "ros_packages", "why_no_archive"]
+__all__ = ["NOT_REHEARSED", "StandInFailed", "StubArchive", "publish", "ros_packages", "why_no_archive"]
 
 
 _PROGRAMS = ("dpkg-deb", "gpg", "gpgconf")
@@ -34,7 +34,7 @@ _KEY_IS_OLDER = timedelta(hours=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Archive:
+class StubArchive:
     """A folder to be served by HTTP, and the public key that has signed it."""
 
     folder: Path
@@ -52,14 +52,14 @@ def why_no_archive() -> str | None:
 
 def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a test
     folder: Path,
-    packages: Sequence[StandIn],
+    packages: Sequence[StubPackage],
     *,
     codename: str,
     architectures: Sequence[str] = ("amd64", "arm64"),
     signed: datetime | None = None,
     expires: datetime | None = None,
     dated: datetime | None = None,
-) -> Archive:
+) -> StubArchive:
     """Build the packages and sign the archive, all below `folder`. Raises StandInFailed.
 
     `signed`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
@@ -87,10 +87,10 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
     )
     (dist / "Release").write_text(release, encoding="utf-8")
     key, fingerprint = _sign(dist, made, expires or made + _YEAR)
-    return Archive(folder, codename, key, fingerprint)
+    return StubArchive(folder, codename, key, fingerprint)
 
 
-def _entry(made: Path, package: StandIn) -> str:
+def _entry(made: Path, package: StubPackage) -> str:
     """Its stanza of `Packages`."""
     content = made.read_bytes()
     head = package.control.rstrip("\n")
@@ -146,7 +146,9 @@ PATH={home}/bin:$PATH
 """
 
 
-def ros_packages(distribution: str, version: str = "0.9.2-1stand.in", more: Iterable[str] = ()) -> tuple[StandIn, ...]:
+def ros_packages(
+    distribution: str, version: str = "0.9.2-1stand.in", more: Iterable[str] = ()
+) -> tuple[StubPackage, ...]:
     """The packages that a gateway asks for, of a release such as foxy; `more`: names that are declared besides."""
     home = f"/opt/ros/{distribution}"
     setup = _SETUP.format(home=home, distribution=distribution)
@@ -157,27 +159,27 @@ def ros_packages(distribution: str, version: str = "0.9.2-1stand.in", more: Iter
 
     ros = f"ros-{distribution}"
     known = (
-        StandIn(f"{ros}-ros-core", version, ("python3",), {f"{home}/bin/ros2": program("ros2")}),
-        StandIn(
+        StubPackage(f"{ros}-ros-core", version, ("python3",), {f"{home}/bin/ros2": program("ros2")}),
+        StubPackage(
             f"{ros}-ros-base",
             version,
             (f"{ros}-ros-core",),
             {f"{home}/setup.sh": setup, f"{home}/setup.bash": f". {home}/setup.sh\n"},
         ),
-        StandIn(
+        StubPackage(
             f"{ros}-demo-nodes-cpp",
             version,
             (f"{ros}-ros-core",),
             {f"{home}/lib/demo_nodes_cpp/talker": program("talker")},
         ),
-        StandIn(
+        StubPackage(
             f"{ros}-demo-nodes-py",
             version,
             (f"{ros}-ros-core",),
             {f"{home}/lib/demo_nodes_py/listener": program("listener")},
         ),
-        StandIn("python3-colcon-common-extensions", version, ("colcon",)),
+        StubPackage("python3-colcon-common-extensions", version, ("colcon",)),
     )
     names = {package.name for package in known}
     others = dict.fromkeys((f"{ros}-rmw-cyclonedds-cpp", *more))
-    return (*known, *(StandIn(name, version) for name in others if name not in names))
+    return (*known, *(StubPackage(name, version) for name in others if name not in names))

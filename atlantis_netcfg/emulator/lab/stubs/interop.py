@@ -229,7 +229,7 @@ def serve_git(
     made = GitServer(folder, token)
     host, port = listener.getsockname()[:2]
     made.url = f"{'http' if tls is None else 'https'}://{host}:{port}"
-    handler = type("_Handler", (_Git,), {"git": made})
+    handler = type("_Handler", (_GitHandler,), {"git": made})
     server = ThreadingHTTPServer((host, port), handler, bind_and_activate=False)
     server.socket.close()
     # Handshakes are made where a request is read, so that a client which trusts nobody stops no other.
@@ -246,7 +246,7 @@ def serve_git(
         server.server_close()
 
 
-class _Git(BaseHTTPRequestHandler):
+class _GitHandler(BaseHTTPRequestHandler):
     """One connection; `git http-backend` is a CGI program (RFC 3875)."""
 
     git: GitServer

@@ -20,7 +20,7 @@ class StandInFailed(MachineFailed):
 
 
 @dataclass(frozen=True, slots=True)
-class StandIn:
+class StubPackage:
     """A package. `files` maps an absolute path to its text; programs are those below a `bin` or `lib` folder."""
 
     name: str
@@ -52,7 +52,7 @@ class StandIn:
         )
 
 
-def build(package: StandIn, folder: Path) -> Path:
+def build(package: StubPackage, folder: Path) -> Path:
     """Make the .deb in `folder`. Raises StandInFailed."""
     made = folder / package.file
     with temporary.folder("stand-in") as root:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from atlantis_netcfg.emulator.routeros.core import Call, Core
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 
 class MissingArgument(Trap):
@@ -58,7 +58,7 @@ _SRCNAT_IN = {"in-interface-list": "7.18", "in-interface": "7.21"}
 """Since when, at the latest, srcnat matches where a packet came in: the oldest exports that have such rules."""
 
 
-def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -> None:
+def check(core: Core, menu: str, values: Mapping[str, str], item: StoredItem | None) -> None:
     """Refuse a row's new content. `item` is the row that gets it, None for a new one. Raises Trap."""
     table = core.store.table(menu)
     for unique in table.menu.unique:
@@ -70,7 +70,7 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: Item | None) -
         more(core, values, item)
 
 
-def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: Item | None) -> None:
+def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: StoredItem | None) -> None:
     first, key = unique.arguments[0], _key(table, unique, values)
     if key[0] is None or (unique.enabled and values.get("disabled") == "yes"):
         return
@@ -97,7 +97,7 @@ def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
             raise Trap(NOT_OFFERED.format(name), Category.ARGUMENT)
 
 
-def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item | None) -> None:
+def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: StoredItem | None) -> None:
     feature = table.menu.feature
     if feature and _switches_on(table, values, item):
         if not allowed(core.spec, feature):
@@ -109,7 +109,7 @@ def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: Item 
         raise Trap(FLAGGED)
 
 
-def _switches_on(table: Table, values: Mapping[str, str], item: Item | None) -> bool:
+def _switches_on(table: Table, values: Mapping[str, str], item: StoredItem | None) -> bool:
     arg = table.args.get("enabled")
     if arg is None:
         return True
@@ -117,7 +117,7 @@ def _switches_on(table: Table, values: Mapping[str, str], item: Item | None) -> 
     return values.get("enabled", arg.default) == "yes" and before != "yes"
 
 
-def _address(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _address(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     ip = IPv4Interface(values["address"]).ip
     if ip.is_unspecified or ip.is_multicast or ip == _LIMITED_BROADCAST:
         raise Trap("invalid value for argument address", Category.ARGUMENT)
@@ -126,7 +126,7 @@ def _address(_core: Core, values: Mapping[str, str], _item: Item | None) -> None
 _LIMITED_BROADCAST = IPv4Interface("255.255.255.255").ip
 
 
-def _bridge_port(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _bridge_port(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     name = spell(values["interface"], core.store)
     bridge = core.store.table("/interface/bridge")
     if core.store.id_of("interface", name) is not None and any(
@@ -135,7 +135,7 @@ def _bridge_port(core: Core, values: Mapping[str, str], _item: Item | None) -> N
         raise Trap("failure: can not add bridge as bridge port")
 
 
-def _rule(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _rule(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     """Matchers that a chain or protocol cannot have, and targets that an action needs."""
     chain, action = values["chain"], values.get("action", "accept")
     if any(name in values for name in _PORTS) and values.get("protocol", "") not in _WITH_PORTS:
@@ -164,7 +164,7 @@ _NEEDS = {
 }
 
 
-def _nat(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+def _nat(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     chain, action = values["chain"], values.get("action", "accept")
     if action in ("masquerade", "src-nat") and chain in ("dstnat", "output"):
         raise Trap(f"failure: {action} action must be in srcnat/input chains")
@@ -173,7 +173,7 @@ def _nat(core: Core, values: Mapping[str, str], item: Item | None) -> None:
     _rule(core, values, item)
 
 
-def _static_dns(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _static_dns(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if "name" not in values and "regexp" not in values:
         raise MissingArgument("name")
     needed = _RECORD_NEEDS.get(values.get("type", "A"))
@@ -193,13 +193,13 @@ _RECORD_NEEDS = {
 }
 
 
-def _ethernet(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+def _ethernet(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     given = [name for name in values if name.startswith(("poe-", "power-cycle"))]
     if given and item is not None and (item.factory or {})["name"] not in core.spec.poe_ports:
         raise Trap(f"unknown parameter {given[0]}")
 
 
-def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _modem(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
     modem = core.spec.modem
     given = [int(word) for word in values.get("band", "").split(",") if word]
@@ -207,19 +207,19 @@ def _modem(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
         raise Trap("invalid value for argument band", Category.ARGUMENT)
 
 
-def _route(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _route(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     """Only a black hole goes nowhere: an export of 7.19.1 has `blackhole ... gateway=""`."""
     if values.get("gateway") == "" and "blackhole" not in values:
         raise Trap("input does not match any value of gateway")
 
 
-def _virtual(_core: Core, values: Mapping[str, str], item: Item | None) -> None:
+def _virtual(_core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     """A row beside the radios of the board is a virtual one, on top of one of them."""
     if item is None and "master-interface" not in values:
         raise Trap("failure: master interface not specified")
 
 
-def _service(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+def _service(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     for name in ("certificate", "tls-version"):
         if name in values and item is not None and name not in (item.factory or {}):
             raise Trap(f"unknown parameter {name}")
@@ -228,22 +228,22 @@ def _service(core: Core, values: Mapping[str, str], item: Item | None) -> None:
         raise Trap("failure: port already in use")
 
 
-def _user(core: Core, values: Mapping[str, str], item: Item | None) -> None:
+def _user(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
     if item is not None and not _someone_left(core, item, values):
         raise Trap("failure: there should be at least one user with full access")
 
 
-def _ssh_key(core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _ssh_key(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if public_key(core, values.get("key", "")) is None:
         raise Trap(BAD_KEY)
 
 
-def _action(_core: Core, values: Mapping[str, str], _item: Item | None) -> None:
+def _action(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if re.fullmatch(r"[A-Za-z0-9]*", values.get("name", "")) is None:
         raise Trap("action name can contain only letters and numbers")
 
 
-def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -> bool:
+def _someone_left(core: Core, changed: StoredItem, values: Mapping[str, str] | None) -> bool:
     table = core.store.table("/user")
     for other in table.items:
         now = values if other is changed else other.values
@@ -252,7 +252,7 @@ def _someone_left(core: Core, changed: Item, values: Mapping[str, str] | None) -
     return False
 
 
-_MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
+_MORE: dict[str, Callable[[Core, Mapping[str, str], StoredItem | None], None]] = {
     "/interface/bridge/port": _bridge_port,
     "/interface/ethernet": _ethernet,
     "/interface/lte": _modem,
@@ -272,7 +272,7 @@ _MORE: dict[str, Callable[[Core, Mapping[str, str], Item | None], None]] = {
 }
 
 
-def check_removal(core: Core, menu: str, item: Item) -> None:
+def check_removal(core: Core, menu: str, item: StoredItem) -> None:
     """Refuse the removal of a row that the router cannot do without. Raises Trap."""
     if menu == "/user" and not _someone_left(core, item, None):
         raise Trap("failure: there should be at least one user with full access")
@@ -281,12 +281,12 @@ def check_removal(core: Core, menu: str, item: Item) -> None:
 Values = tuple[tuple[str, str | None], ...]
 
 
-def added(core: Core, call: Call, item: Item) -> None:
+def added(core: Core, call: Call, item: StoredItem) -> None:
     """Record that a row was added."""
     _record(core, call, "added", Statement(call.menu, "remove", target=id_text(item.id)), _add(core, call, item))
 
 
-def changed(core: Core, call: Call, item: Item, before: Mapping[str, str]) -> None:
+def changed(core: Core, call: Call, item: StoredItem, before: Mapping[str, str]) -> None:
     """Record that a row was set."""
     table = core.store.table(call.menu)
     names = sorted(name for name in {*before, *item.values} if before.get(name) != item.values.get(name))
@@ -298,14 +298,14 @@ def changed(core: Core, call: Call, item: Item, before: Mapping[str, str]) -> No
     _record(core, call, "changed", undo, redo)
 
 
-def removed(core: Core, call: Call, item: Item) -> None:
+def removed(core: Core, call: Call, item: StoredItem) -> None:
     """Remove a row and record it."""
     undo = _add(core, call, item)
     core.store.remove(call.menu, item)
     _record(core, call, "removed", undo, Statement(call.menu, "remove", target=id_text(item.id)))
 
 
-def moved(core: Core, call: Call, item: Item, index: int) -> None:
+def moved(core: Core, call: Call, item: StoredItem, index: int) -> None:
     """Move a row and record it."""
     undo = _move(core, call, item)
     core.store.move(call.menu, item, index)
@@ -319,13 +319,13 @@ def _record(core: Core, call: Call, verb: str, undo: Statement, redo: Statement)
     core.note("system,info", f"{noun} {verb} by {caller.via}:{caller.user}@{caller.address}")
 
 
-def _add(core: Core, call: Call, item: Item) -> Statement:
+def _add(core: Core, call: Call, item: StoredItem) -> Statement:
     table = core.store.table(call.menu)
     names = sorted(name for name in item.values if name in table.args)
     return Statement(call.menu, "add", _values(core, table, names, item.values))
 
 
-def _move(core: Core, call: Call, item: Item) -> Statement:
+def _move(core: Core, call: Call, item: StoredItem) -> Statement:
     """Where the row stands now, as a command that puts it there."""
     items = core.store.table(call.menu).items
     after = items[items.index(item) + 1 :]

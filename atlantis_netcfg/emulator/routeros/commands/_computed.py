@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.emulator.routeros.core import Call, Core
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
     from atlantis_netcfg.emulator.routeros.topology import Interface
 
 Rows = list[dict[str, str]]
@@ -42,7 +42,7 @@ def _interfaces(core: Core, _call: Call) -> Rows:
     return [row for _, row in sorted(found, key=lambda pair: pair[0])]
 
 
-def _interface(core: Core, table: Table, item: Item, interface: Interface) -> dict[str, str]:
+def _interface(core: Core, table: Table, item: StoredItem, interface: Interface) -> dict[str, str]:
     mtu = core.store.text(table, item, "mtu") or "1500"
     row = {".id": id_text(item.id), "name": interface.name, "type": type_of(interface), "mtu": mtu}
     row["actual-mtu"] = "1500" if mtu == "auto" else mtu

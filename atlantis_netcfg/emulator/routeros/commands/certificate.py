@@ -26,20 +26,20 @@ from atlantis_netcfg.emulator.routeros.certificates import TLS_CRYPT_SINCE, Ovpn
 from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check, complete, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands.write import located
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.values import BadValue, reference
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from atlantis_netcfg.emulator.routeros.store import Item
+    from atlantis_netcfg.emulator.routeros.store import StoredItem
 
 
 _MENU = "/certificate"
 _SELECTORS = ("numbers", "number", ".id")
 
 
-def sign(core: Core, call: Call) -> Result:
+def sign(core: Core, call: Call) -> CallResult:
     """Make the key of a template and sign it, by itself or by `ca=`."""
     _known(core, call)
     named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
@@ -62,10 +62,10 @@ def sign(core: Core, call: Call) -> Result:
         core.store.update(_MENU, item, {**item.values, "name": call.arguments["name"]})
         core.store.changes.clear()
     core.store.revision += 1
-    return Result(rows=[{"progress": "done"}], text="  progress: done")
+    return CallResult(rows=[{"progress": "done"}], text="  progress: done")
 
 
-def import_certificate(core: Core, call: Call) -> Result:
+def import_certificate(core: Core, call: Call) -> CallResult:
     """Take certificates and keys from a PEM file; a key joins the certificate that it belongs to."""
     _known(core, call)
     name = call.arguments.get("file-name")
@@ -82,10 +82,10 @@ def import_certificate(core: Core, call: Call) -> Result:
         raise Trap("failure: unable to decode file") from error
     counts = {"certificates-imported": len(made), "private-keys-imported": keys}
     row = {word: str(count) for word, count in (counts | {"files-imported": 1, "decryption-failures": 0}).items()}
-    return Result(rows=[row], text="\n".join(f"  {word}: {count}" for word, count in row.items()))
+    return CallResult(rows=[row], text="\n".join(f"  {word}: {count}" for word, count in row.items()))
 
 
-def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str = "yes") -> tuple[list[Item], int]:
+def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str = "yes") -> tuple[list[StoredItem], int]:
     """Make rows of the certificates in a PEM text, and let keys join theirs; rows made, and keys taken.
 
     `name` is given whether a certificate is an authority's, and its number in the text. Raises ValueError.
@@ -119,7 +119,7 @@ def _signed(core: Core) -> list[int]:
     return [item.id for item in core.store.table(_MENU).items if item.id in core.keys]
 
 
-def _row(core: Core, call: Call, named: str) -> Item:
+def _row(core: Core, call: Call, named: str) -> StoredItem:
     item = located(core, core.store.table(_MENU), named, console=call.console)
     if item is None:
         raise no_such_item()
@@ -137,7 +137,7 @@ _CLIENTS = "/interface/ovpn-client"
 _TRUE = ("", "yes", "true")
 
 
-def import_profile(core: Core, call: Call) -> Result:
+def import_profile(core: Core, call: Call) -> CallResult:
     """Make what the file says; nothing is made where any of it is refused."""
     name = call.arguments.get("file-name")
     if name is None:
@@ -161,7 +161,7 @@ def import_profile(core: Core, call: Call) -> Result:
     if read.wrap is not None:
         core.wraps[item.id] = read.wrap
     _checks.added(core, Call(call.caller, _CLIENTS, "add", console=call.console), item)
-    return Result(rows=[{"progress": "done"}], text="  progress: done")
+    return CallResult(rows=[{"progress": "done"}], text="  progress: done")
 
 
 def _stem(core: Core) -> str:

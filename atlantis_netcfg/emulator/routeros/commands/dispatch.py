@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.core import Call, Core, Handler, Result
+    from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, Handler
 
 _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/certificate/import": (certificate.import_certificate, "policy"),
@@ -76,7 +76,7 @@ _ROWS: dict[str, tuple[Handler, str]] = {
 _READ_ONLY = ("export", "find", "get", "getall", "print")
 
 
-def dispatch(core: Core, call: Call) -> Result:
+def dispatch(core: Core, call: Call) -> CallResult:
     """Run one command. Raises Trap in the router's words."""
     if not core.schema.has_menu(call.menu):
         raise Trap("no such command prefix", Category.MISSING)

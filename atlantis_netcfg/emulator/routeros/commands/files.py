@@ -8,7 +8,7 @@ from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
 from atlantis_netcfg.emulator.routeros.console.run import check_syntax, run_file, run_script
-from atlantis_netcfg.emulator.routeros.core import Call, Core, File, Result
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile
 from atlantis_netcfg.emulator.routeros.spec import Deviation, Execute
 from atlantis_netcfg.emulator.routeros.values import id_text
 
@@ -38,21 +38,21 @@ def _named(core: Core, text: str) -> str:
     raise no_such_item()
 
 
-def _write(core: Core, name: str, contents: str) -> File:
+def _write(core: Core, name: str, contents: str) -> FlashFile:
     if len(contents) > core.free_space(besides=name):
         raise Trap(DISK_FULL)
     number = core.files[name].number if name in core.files else core.number()
-    core.files[name] = File(number, contents, core.stamp())
+    core.files[name] = FlashFile(number, contents, core.stamp())
     return core.files[name]
 
 
-def add(core: Core, call: Call) -> Result:
+def add(core: Core, call: Call) -> CallResult:
     """Make a file; contents come in one argument and are limited (Manual, Files: 60 kB)."""
     _arguments(core, call)
     name = _needed(call, "name")
     if name in core.files:
         raise Trap("failure: file already exists")
-    return Result(ret=id_text(_write(core, name, _contents(call)).number))
+    return CallResult(ret=id_text(_write(core, name, _contents(call)).number))
 
 
 def _contents(call: Call) -> str:
@@ -69,7 +69,7 @@ def _targets(core: Core, call: Call) -> list[str]:
     return [_named(core, part) for part in named.split(",")]
 
 
-def set_(core: Core, call: Call) -> Result:
+def set_(core: Core, call: Call) -> CallResult:
     """Write a file anew, or rename it."""
     _arguments(core, call)
     for name in _targets(core, call):
@@ -77,25 +77,25 @@ def set_(core: Core, call: Call) -> Result:
             _write(core, name, _contents(call))
         if "name" in call.arguments:
             core.files[call.arguments["name"]] = core.files.pop(name)
-    return Result()
+    return CallResult()
 
 
-def remove(core: Core, call: Call) -> Result:
+def remove(core: Core, call: Call) -> CallResult:
     """Delete files."""
     _arguments(core, call)
     for name in _targets(core, call):
         del core.files[name]
-    return Result()
+    return CallResult()
 
 
-def read(core: Core, call: Call) -> Result:
+def read(core: Core, call: Call) -> CallResult:
     """Return a piece of a file, `chunk-size` bytes from `offset`."""
     _arguments(core, call)
     data = core.files[_named(core, _needed(call, "file"))].contents.encode(errors="surrogateescape")
     offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
     if not 1 <= size <= _MOST_CHUNK:
         raise Trap(f"value of chunk-size out of range (1..{_MOST_CHUNK})", Category.ARGUMENT)
-    return Result(rows=[{"data": data[offset : offset + size].decode(errors="surrogateescape")}])
+    return CallResult(rows=[{"data": data[offset : offset + size].decode(errors="surrogateescape")}])
 
 
 def _number(call: Call, name: str, default: int) -> int:
@@ -105,7 +105,7 @@ def _number(call: Call, name: str, default: int) -> int:
     return int(text)
 
 
-def export(core: Core, call: Call) -> Result:
+def export(core: Core, call: Call) -> CallResult:
     """Print the configuration to a file or, on the console, as text; over the API without `file` nothing comes back.
 
     Version 6 shows secrets unless told otherwise, version 7 hides them (Manual, Configuration Management).
@@ -125,11 +125,11 @@ def export(core: Core, call: Call) -> Result:
     if "file" in call.arguments:
         name = call.arguments["file"]
         _write(core, name if name.endswith(".rsc") else f"{name}.rsc", text)
-        return Result()
-    return Result(text=text if call.console else "")
+        return CallResult()
+    return CallResult(text=text if call.console else "")
 
 
-def import_(core: Core, call: Call) -> Result:
+def import_(core: Core, call: Call) -> CallResult:
     """Run a file of commands; with `dry-run` only look for syntax errors."""
     _arguments(core, call)
     text = core.files[_named(core, _needed(call, "file-name"))].contents
@@ -141,10 +141,10 @@ def import_(core: Core, call: Call) -> Result:
         error = run_file(core, call.caller, text).error
     if error is not None:
         raise Trap(error, Category.SCRIPTING)
-    return Result(text="Script file loaded and executed successfully")
+    return CallResult(text="Script file loaded and executed successfully")
 
 
-def execute(core: Core, call: Call) -> Result:
+def execute(core: Core, call: Call) -> CallResult:
     """Run a script; with `as-string` wait for it and return what it printed, else return its job's id."""
     _arguments(core, call)
     if core.spec.execute is Execute.NONE:
@@ -163,21 +163,21 @@ def execute(core: Core, call: Call) -> Result:
     if "as-string" not in call.arguments or (call.console and core.deviates(Deviation.NESTED)):
         if outcome.error is not None:
             core.note("script,error", outcome.error)
-        return Result(ret=id_text(core.number()))
+        return CallResult(ret=id_text(core.number()))
     if outcome.error is not None and core.spec.execute is Execute.TRAP:
         raise Trap(outcome.error, Category.SCRIPTING)
-    return Result(ret=outcome.as_string)
+    return CallResult(ret=outcome.as_string)
 
 
-def save(core: Core, call: Call) -> Result:
+def save(core: Core, call: Call) -> CallResult:
     """Keep a backup of the configuration in a file."""
     _arguments(core, call)
     name = call.arguments.get("name", core.spec.name)
     _write(core, f"{name.removesuffix('.backup')}.backup", json.dumps(core.store.dump()))
-    return Result()
+    return CallResult()
 
 
-def load(core: Core, call: Call) -> Result:
+def load(core: Core, call: Call) -> CallResult:
     """Load a backup, which reboots the router; the ending of its name may be left out, as `save` lets one."""
     _arguments(core, call)
     name = _needed(call, "name")
@@ -185,4 +185,4 @@ def load(core: Core, call: Call) -> Result:
     core.history.clear()
     core.store.load(json.loads(contents))
     core.wants_reboot = True
-    return Result()
+    return CallResult()

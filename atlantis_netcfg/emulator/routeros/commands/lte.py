@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
-from atlantis_netcfg.emulator.routeros.modem import Phase, Settings, phase_of, settings_of
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
+from atlantis_netcfg.emulator.routeros.modem import ModemPhase, ModemSettings, phase_of, settings_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
@@ -19,7 +19,7 @@ _CARD = {"imsi": "001010000000000", "iccid": "8900101000000000000"}
 _ANY = (".id", "number", "numbers")
 
 
-def monitor(core: Core, call: Call) -> Result:
+def monitor(core: Core, call: Call) -> CallResult:
     """`monitor <interface> once`."""
     mine = _named(core, call, "numbers")
     if "once" not in call.arguments:
@@ -29,16 +29,16 @@ def monitor(core: Core, call: Call) -> Result:
         row["pin-status"] = "CHV1 state 7"
     desired = call.arguments.get("proplist", call.arguments.get(".proplist"))
     names = set(desired.split(",")) if desired else set(row)
-    return Result(rows=[{name: value for name, value in row.items() if name in names}])
+    return CallResult(rows=[{name: value for name, value in row.items() if name in names}])
 
 
-def capabilities(core: Core, call: Call) -> Result:
+def capabilities(core: Core, call: Call) -> CallResult:
     """`show-capabilities <interface>`: which features the modem has. Assumption: lte-pin-once."""
     _named(core, call, "number")
-    return Result(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
+    return CallResult(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
 
 
-def _named(core: Core, call: Call, needed: str) -> Settings:
+def _named(core: Core, call: Call, needed: str) -> ModemSettings:
     named = next((call.arguments[name] for name in _ANY if name in call.arguments), None)
     if named is None:
         raise MissingArgument(needed)
@@ -48,23 +48,23 @@ def _named(core: Core, call: Call, needed: str) -> Settings:
     return mine
 
 
-def _shown(core: Core, mine: Settings) -> _Row:
+def _shown(core: Core, mine: ModemSettings) -> _Row:
     phase = phase_of(core, mine)
-    if phase is Phase.OFF:
+    if phase is ModemPhase.OFF:
         return {"status": "disabled"}
-    if phase is Phase.NO_SIM:
+    if phase is ModemPhase.NO_SIM:
         return dict(_BOX)
-    if phase is Phase.PUK:
+    if phase is ModemPhase.PUK:
         return {"pin-status": "SIM PUK required", "functionality": "full", **_BOX}
-    if phase is Phase.PIN:
+    if phase is ModemPhase.PIN:
         text = "wrong PIN" if core.sim.refused else "SIM PIN required"
         return {"pin-status": text, "functionality": "full", **_BOX}
-    words = {Phase.SEARCHING: "searching", Phase.DENIED: "denied", Phase.REGISTERED: "registered"}
+    words = {ModemPhase.SEARCHING: "searching", ModemPhase.DENIED: "denied", ModemPhase.REGISTERED: "registered"}
     row = {"pin-status": "no password required", "status": words.get(phase, "connected"), **_BOX, **_CARD}
-    return row if phase in {Phase.SEARCHING, Phase.DENIED} else row | _cell(core, phase)
+    return row if phase in {ModemPhase.SEARCHING, ModemPhase.DENIED} else row | _cell(core, phase)
 
 
-def _cell(core: Core, phase: Phase) -> _Row:
+def _cell(core: Core, phase: ModemPhase) -> _Row:
     modem = core.spec.modem
     if modem is None or modem.cell is None or modem.sim is None:
         return {}
@@ -81,6 +81,6 @@ def _cell(core: Core, phase: Phase) -> _Row:
         "sinr": f"{cell.sinr_db}dB",
     }
     since = core.sim.connected_since
-    if phase is Phase.CONNECTED and since is not None:
+    if phase is ModemPhase.CONNECTED and since is not None:
         row["session-uptime"] = interval(int(core.now() - since))
     return row

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Peer, RadioState, Settings
+from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Peer, RadioSettings, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _Row = dict[str, str]
 _ALONE = RadioState("searching-for-network")
 _SELECTORS = (".id", "numbers")
 
 
-def monitor(core: Core, call: Call) -> Result:
+def monitor(core: Core, call: Call) -> CallResult:
     """`monitor <radio> once`."""
     for name in call.arguments:
         if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
@@ -38,27 +38,27 @@ def monitor(core: Core, call: Call) -> Result:
     radios = [(item, mine) for item, mine in _radios(core, call.menu) if desired in _names(core, call.menu, item)]
     if not radios:
         raise no_such_item()
-    return Result(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
+    return CallResult(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
 
 
-def _radios(core: Core, menu: str) -> Iterator[tuple[Item, Settings]]:
+def _radios(core: Core, menu: str) -> Iterator[tuple[StoredItem, RadioSettings]]:
     for item in core.store.table(menu).items:
         if item.factory is not None and (mine := settings_of(core, item.factory["name"])) is not None:
             yield item, mine
 
 
-def _names(core: Core, menu: str, item: Item) -> tuple[str, ...]:
+def _names(core: Core, menu: str, item: StoredItem) -> tuple[str, ...]:
     return id_text(item.id), core.store.text(core.store.table(menu), item, "name") or ""
 
 
-def _state(core: Core, item: Item, mine: Settings) -> RadioState:
+def _state(core: Core, item: StoredItem, mine: RadioSettings) -> RadioState:
     """Return what a radio sees; where nobody emulates the air, it is alone."""
     name = (item.factory or {})["name"]
     alone = RadioState("running-ap") if mine.is_ap else _ALONE
     return core.radios.get(name, alone) if mine.enabled else RadioState("disabled")
 
 
-def _legacy(core: Core, item: Item, mine: Settings) -> _Row:
+def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
     state = _state(core, item, mine)
     row = {"status": state.status}
     peer = state.peer
@@ -87,7 +87,7 @@ def _legacy(core: Core, item: Item, mine: Settings) -> _Row:
     }
 
 
-def _wifi(core: Core, item: Item, mine: Settings) -> _Row:
+def _wifi(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
     state = _state(core, item, mine)
     words = {"running-ap": "running", "connected-to-ess": "connected", "searching-for-network": "searching"}
     row = {"state": words.get(state.status, state.status)}
@@ -114,7 +114,7 @@ def registrations(core: Core, call: Call) -> list[_Row]:
     ]
 
 
-def _legacy_registration(core: Core, menu: str, item: Item, mine: Settings, peer: Peer) -> _Row:
+def _legacy_registration(core: Core, menu: str, item: StoredItem, mine: RadioSettings, peer: Peer) -> _Row:
     protocol = mine.speaks if mine.is_ap else peer.settings.speaks
     row = {
         "interface": _names(core, menu, item)[1],
@@ -144,7 +144,7 @@ def _legacy_registration(core: Core, menu: str, item: Item, mine: Settings, peer
     return row
 
 
-def _wifi_registration(core: Core, menu: str, item: Item, mine: Settings, peer: Peer) -> _Row:
+def _wifi_registration(core: Core, menu: str, item: StoredItem, mine: RadioSettings, peer: Peer) -> _Row:
     band = (mine if mine.is_ap else peer.settings).band or "5ghz-ax"
     return {
         "interface": _names(core, menu, item)[1],

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
 from atlantis_netcfg.emulator.routeros.commands.radio import amounting
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -133,7 +133,7 @@ def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
     return found if "config" in call.arguments else amounting(core, call.menu, found)
 
 
-def print_(core: Core, call: Call) -> Result:
+def print_(core: Core, call: Call) -> CallResult:
     """Show the rows that the queries let through."""
     known = core.schema.arguments(call.menu, "print") | {".proplist"}
     for name in (*call.arguments, *call.unset):
@@ -144,7 +144,7 @@ def print_(core: Core, call: Call) -> Result:
     orders = not core.deviates(Deviation.QUERY_ORDER)
     found = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
     if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
-        return Result(ret=str(len(found)))
+        return CallResult(ret=str(len(found)))
     desired = _proplist(call)
     if desired is None and "stats" not in call.arguments:
         found = [without_counters(row) for row in found]
@@ -155,7 +155,7 @@ def print_(core: Core, call: Call) -> Result:
         if absent is not None and core.deviates(Deviation.PROPERTIES):
             raise unknown(absent)
         found = [{name: row[name] for name in desired if name in row} for row in found]
-    return Result(rows=found, listing=True)
+    return CallResult(rows=found, listing=True)
 
 
 def _proplist(call: Call) -> list[str] | None:
@@ -170,16 +170,16 @@ def select(core: Core, call: Call, where: Where) -> list[str]:
     return [row[".id"] for row in all_rows(core, call) if ".id" in row and fits(row, where)]
 
 
-def find(core: Core, call: Call) -> Result:
+def find(core: Core, call: Call) -> CallResult:
     """Return all ids of the menu, joined by `;`."""
     for name in call.arguments:
         if name not in core.schema.arguments(call.menu, "find"):
             raise unknown(name)
         raise Trap(f"not rehearsed by the twin: {call.path} {name}")
-    return Result(ret=";".join(row[".id"] for row in all_rows(core, call) if ".id" in row))
+    return CallResult(ret=";".join(row[".id"] for row in all_rows(core, call) if ".id" in row))
 
 
-def get(core: Core, call: Call) -> Result:
+def get(core: Core, call: Call) -> CallResult:
     """Return one property of one row, or the whole row as `name=value;...`."""
     known = core.schema.arguments(call.menu, "get") | {".id", "numbers"}
     for name in call.arguments:
@@ -188,10 +188,10 @@ def get(core: Core, call: Call) -> Result:
     row = _row(core, call)
     desired = call.arguments.get("value-name")
     if desired is None:
-        return Result(ret=";".join(f"{key}={value}" for key, value in row.items()))
+        return CallResult(ret=";".join(f"{key}={value}" for key, value in row.items()))
     if desired not in row and (call.menu in COMPUTED or desired not in core.store.table(call.menu).args):
         raise Trap("input does not match any value of value-name", Category.ARGUMENT)
-    return Result(ret=row.get(desired, ""))
+    return CallResult(ret=row.get(desired, ""))
 
 
 def _row(core: Core, call: Call) -> dict[str, str]:
@@ -212,7 +212,7 @@ def _is_settings(core: Core, menu: str) -> bool:
     return menu in COMPUTED or core.store.table(menu).menu.shape is Shape.SETTINGS
 
 
-def inspect(core: Core, call: Call) -> Result:
+def inspect(core: Core, call: Call) -> CallResult:
     """`/console/inspect`: what is below a path (`child`), and which values are offered for an argument (`completion`).
 
     Paths are words with commas between them; slashes find nothing (tikoci/centrs, commands/api/AGENTS.md: CHR 7.23.1).
@@ -227,7 +227,7 @@ def inspect(core: Core, call: Call) -> Result:
     if not call.queries and core.deviates(Deviation.LISTS) and core.number() % 2:
         found = found[:-1]
     desired = _proplist(call)
-    return Result(
+    return CallResult(
         rows=found if desired is None else [{name: row[name] for name in desired if name in row} for row in found]
     )
 

@@ -19,27 +19,27 @@ from atlantis_netcfg.emulator.routeros.access import FEATURES
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result, notify_holder_lost
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.path import answers
-from atlantis_netcfg.emulator.routeros.spec import Deviation, Mode
+from atlantis_netcfg.emulator.routeros.spec import Deviation, DeviceModeName
 from atlantis_netcfg.emulator.routeros.values import id_text
 from atlantis_netcfg.emulator.routeros.views import count_echoes
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.store import Item
+    from atlantis_netcfg.emulator.routeros.store import StoredItem
 
 _PING_SIZE = "56"
 
 
-def reboot(core: Core, _call: Call) -> Result:
+def reboot(core: Core, _call: Call) -> CallResult:
     """Restart, as soon as whoever owns the sockets lets the router."""
     core.wants_reboot = True
     core.note("system,info", "router rebooted")
-    return Result()
+    return CallResult()
 
 
-def ping(core: Core, call: Call) -> Result:
+def ping(core: Core, call: Call) -> CallResult:
     """Send echo requests; who answers is in the spec, whether they get there is in the configuration."""
     known = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
@@ -54,10 +54,10 @@ def ping(core: Core, call: Call) -> Result:
     source = call.arguments.get("src-address")
     if call.arguments.get("arp-ping") == "yes":
         # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
-        return Result(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
+        return CallResult(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
     reachable = answers(core, target, source)
     count_echoes(core, target, source, int(count), answered=reachable)
-    return Result(rows=_echoes(str(target), int(count), reachable=reachable))
+    return CallResult(rows=_echoes(str(target), int(count), reachable=reachable))
 
 
 def _target(text: str) -> IPv4Address:
@@ -80,42 +80,42 @@ def _echoes(host: str, count: int, *, reachable: bool) -> list[dict[str, str]]:
     return rows
 
 
-def log(core: Core, call: Call) -> Result:
+def log(core: Core, call: Call) -> CallResult:
     """Write a line to the log (`/log/info message=...`)."""
     if "message" not in call.arguments:
         raise MissingArgument("message")
     core.note(f"script,{call.command}", call.arguments["message"])
-    return Result()
+    return CallResult()
 
 
-def logout(core: Core, call: Call) -> Result:
+def logout(core: Core, call: Call) -> CallResult:
     """`/user/active/request-logout`, `remove` from 7.20: end another session, as if its client had closed it."""
     numbers = {f"*{number:X}": number for number in core.sessions}
     named = call.arguments.get(".id") or call.arguments.get("numbers") or ""
     if named not in numbers:
         raise no_such_item()
     core.ended.add(numbers[named])
-    return Result()
+    return CallResult()
 
 
-def update_mode(core: Core, call: Call) -> Result:
+def update_mode(core: Core, call: Call) -> CallResult:
     """Ask for a button press that no twin can give: nothing changes (Manual, Device-mode)."""
     known = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in known:
             raise unknown(name)
     mode = call.arguments.get("mode")
-    if mode is not None and mode not in list(Mode):
+    if mode is not None and mode not in list(DeviceModeName):
         raise Trap("input does not match any value of mode", Category.ARGUMENT)
     for name in call.arguments:
         if name in FEATURES and call.arguments[name] not in ("yes", "no", "true", "false"):
             raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)
     window = call.arguments.get("activation-timeout", "5m")
     text = f"turn off power or reboot by pressing reset or mode button in {window} to activate changes"
-    return Result(rows=[{"update": text}])
+    return CallResult(rows=[{"update": text}])
 
 
-def interface(core: Core, call: Call) -> Result:
+def interface(core: Core, call: Call) -> CallResult:
     """Change rows of `/interface` in the menu where they live."""
     named = call.arguments.get(".id") or call.arguments.get("numbers")
     if named is None:
@@ -129,7 +129,7 @@ def interface(core: Core, call: Call) -> Result:
     for part in named.split(","):
         rest = {name: value for name, value in call.arguments.items() if name != "numbers"}
         _ROW_COMMANDS[call.command](core, replace(call, menu=_home(core, part), arguments=rest | {".id": part}))
-    return Result()
+    return CallResult()
 
 
 def _home(core: Core, named: str) -> str:
@@ -147,7 +147,7 @@ _ROW_COMMANDS = {
 }
 
 
-def poe(core: Core, call: Call) -> Result:
+def poe(core: Core, call: Call) -> CallResult:
     """`/interface/ethernet/poe` sets what `/interface/ethernet` has too."""
     known = core.schema.arguments(call.menu, "set") | {".id"}
     for name in call.arguments:
@@ -159,7 +159,7 @@ def poe(core: Core, call: Call) -> Result:
 _SELECTORS = ("numbers", ".id")
 
 
-def monitor(core: Core, call: Call) -> Result:
+def monitor(core: Core, call: Call) -> CallResult:
     """`monitor <ports> once`; without `once` it would not end."""
     known = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
     for name in call.arguments:
@@ -170,10 +170,10 @@ def monitor(core: Core, call: Call) -> Result:
         raise MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
-    return Result(rows=[_row(core, _port(core, part)) for part in named.split(",")])
+    return CallResult(rows=[_row(core, _port(core, part)) for part in named.split(",")])
 
 
-def _port(core: Core, named: str) -> Item:
+def _port(core: Core, named: str) -> StoredItem:
     """The port of that name or id, if it can feed."""
     table = core.store.table("/interface/ethernet")
     for item in table.items:
@@ -183,7 +183,7 @@ def _port(core: Core, named: str) -> Item:
     raise no_such_item()
 
 
-def _row(core: Core, item: Item) -> dict[str, str]:
+def _row(core: Core, item: StoredItem) -> dict[str, str]:
     table = core.store.table("/interface/ethernet")
     setting = core.store.text(table, item, "poe-out") or "auto-on"
     local = {"name": core.store.text(table, item, "name") or "", "poe-out": setting}
@@ -196,7 +196,7 @@ def _arguments(core: Core, call: Call) -> None:
             raise unknown(name)
 
 
-def take(core: Core, call: Call) -> Result:
+def take(core: Core, call: Call) -> CallResult:
     """Enter safe mode; only one session may hold it."""
     _arguments(core, call)
     holder = core.history.holder
@@ -204,48 +204,48 @@ def take(core: Core, call: Call) -> Result:
         if core.deviates(Deviation.SECOND_TAKER):
             notify_holder_lost(core, call.caller)
             core.history.take(call.caller)
-            return Result()
+            return CallResult()
         raise Trap(f"failure: safe mode is held by {holder.via}:{holder.user}@{holder.address}")
     if holder is None:
         core.history.take(call.caller)
         core.note("system,info", f"safe mode taken by {call.caller.user}")
-    return Result()
+    return CallResult()
 
 
-def release(core: Core, call: Call) -> Result:
+def release(core: Core, call: Call) -> CallResult:
     """Keep everything; any session may do that."""
     _arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
         core.history.release()
         core.note("system,info", f"safe mode released by {call.caller.user}")
-    return Result()
+    return CallResult()
 
 
-def unroll(core: Core, call: Call) -> Result:
+def unroll(core: Core, call: Call) -> CallResult:
     """Undo everything and leave safe mode; the session goes on."""
     _arguments(core, call)
     if core.history.holder is not None:
         notify_holder_lost(core, call.caller)
         core.history.unroll(core.store)
         core.note("system,info", f"safe mode unrolled by {call.caller.user}")
-    return Result(text="Unrolling Safe Mode... Success!")
+    return CallResult(text="Unrolling Safe Mode... Success!")
 
 
-def toggle(core: Core, call: Call) -> Result:
+def toggle(core: Core, call: Call) -> CallResult:
     """Take or release."""
     return take(core, call) if core.history.holder is None else release(core, call)
 
 
-def undo(core: Core, _call: Call) -> Result:
+def undo(core: Core, _call: Call) -> CallResult:
     """Undo the latest action."""
     if not core.history.undo(core.store):
         raise Trap("failure: nothing to undo")
-    return Result()
+    return CallResult()
 
 
-def redo(core: Core, _call: Call) -> Result:
+def redo(core: Core, _call: Call) -> CallResult:
     """Do the action undone last again."""
     if not core.history.redo(core.store):
         raise Trap("failure: nothing to redo")
-    return Result()
+    return CallResult()

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.commands._checks import (
     no_such_item,
     unknown,
 )
-from atlantis_netcfg.emulator.routeros.core import Call, Core, Result
+from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import OF_THE_BOARD, Shape
 from atlantis_netcfg.emulator.routeros.schema import needed
 from atlantis_netcfg.emulator.routeros.spec import Deviation
@@ -25,14 +25,14 @@ from atlantis_netcfg.emulator.routeros.views import made_rows
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _SELECTORS = (".id", "numbers", "number")
 _BUILTIN = "failure: cannot change builtin"
 _PLACEMENT = ("copy-from", "place-before")
 
 
-def add(core: Core, call: Call) -> Result:
+def add(core: Core, call: Call) -> CallResult:
     """Add a row, at the end or before another; return its id."""
     table = core.store.table(call.menu)
     known = core.schema.arguments(call.menu, "add") & {*table.args, *_PLACEMENT}
@@ -48,7 +48,7 @@ def add(core: Core, call: Call) -> Result:
     item = core.store.insert(call.menu, values, index)
     _expire(core, call.menu, item)
     _checks.added(core, call, item)
-    return Result(ret=id_text(item.id))
+    return CallResult(ret=id_text(item.id))
 
 
 def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
@@ -71,14 +71,14 @@ def _index(core: Core, call: Call, table: Table, named: str) -> int:
     return table.items.index(_item(core, call, table, named))
 
 
-def _expire(core: Core, menu: str, item: Item) -> None:
+def _expire(core: Core, menu: str, item: StoredItem) -> None:
     """An address-list entry with a timeout is dynamic: it goes by itself and no export shows it."""
     if menu == "/ip/firewall/address-list" and "timeout" in item.values:
         item.dynamic = True
         core.expires[item.id] = core.now() + (seconds(item.values["timeout"]) or 0)
 
 
-def set_(core: Core, call: Call) -> Result:
+def set_(core: Core, call: Call) -> CallResult:
     """Give rows new values; several rows at once are several actions."""
     table = core.store.table(call.menu)
     known = core.schema.arguments(call.menu, "set") & {*table.args}
@@ -87,10 +87,10 @@ def set_(core: Core, call: Call) -> Result:
     _may_change(items)
     for item in items:
         _set_one(core, call, item, change, unset=call.unset)
-    return Result()
+    return CallResult()
 
 
-def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unset: Iterable[str] = ()) -> None:
+def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str], unset: Iterable[str] = ()) -> None:
     values = {name: value for name, value in {**item.values, **change}.items() if name not in set(unset)}
     if values == item.values:
         return
@@ -105,7 +105,7 @@ def _set_one(core: Core, call: Call, item: Item, change: Mapping[str, str], unse
     _checks.changed(core, call, item, before)
 
 
-def unset(core: Core, call: Call) -> Result:
+def unset(core: Core, call: Call) -> CallResult:
     """Take properties away from rows (`value-name=a,b`)."""
     _only(core, call, {"value-name"})
     table = core.store.table(call.menu)
@@ -118,29 +118,29 @@ def unset(core: Core, call: Call) -> Result:
     _may_change(items)
     for item in items:
         _set_one(core, call, item, {}, unset=names)
-    return Result()
+    return CallResult()
 
 
-def enable(core: Core, call: Call) -> Result:
+def enable(core: Core, call: Call) -> CallResult:
     """Set `disabled=no`."""
     return _able(core, call, "no")
 
 
-def disable(core: Core, call: Call) -> Result:
+def disable(core: Core, call: Call) -> CallResult:
     """Set `disabled=yes`."""
     return _able(core, call, "yes")
 
 
-def _able(core: Core, call: Call, disabled: str) -> Result:
+def _able(core: Core, call: Call, disabled: str) -> CallResult:
     _only(core, call, set())
     items = _selected(core, call, core.store.table(call.menu))
     _may_change(items)
     for item in items:
         _set_one(core, call, item, {"disabled": disabled})
-    return Result()
+    return CallResult()
 
 
-def comment(core: Core, call: Call) -> Result:
+def comment(core: Core, call: Call) -> CallResult:
     """Set a row's comment; an empty one takes it away."""
     _only(core, call, {"comment"})
     if "comment" not in call.arguments:
@@ -150,10 +150,10 @@ def comment(core: Core, call: Call) -> Result:
     text = call.arguments["comment"]
     for item in items:
         _set_one(core, call, item, {"comment": text} if text else {}, unset=() if text else ("comment",))
-    return Result()
+    return CallResult()
 
 
-def remove(core: Core, call: Call) -> Result:
+def remove(core: Core, call: Call) -> CallResult:
     """Remove rows; nothing is removed if one of them must stay."""
     _only(core, call, set())
     table = core.store.table(call.menu)
@@ -165,10 +165,10 @@ def remove(core: Core, call: Call) -> Result:
         check_removal(core, call.menu, item)
     for item in items:
         _checks.removed(core, call, item)
-    return Result()
+    return CallResult()
 
 
-def move(core: Core, call: Call) -> Result:
+def move(core: Core, call: Call) -> CallResult:
     """Put rows before the row `destination`, or at the end."""
     _only(core, call, {"destination"})
     table = core.store.table(call.menu)
@@ -177,13 +177,13 @@ def move(core: Core, call: Call) -> Result:
     destination = call.arguments.get("destination")
     target = _item(core, call, table, destination) if destination else None
     if target in items:
-        return Result()
+        return CallResult()
     for item in items:
         others = [other for other in table.items if other is not item]
         index = others.index(target) if target is not None else len(others)
         if table.items.index(item) != index:
             _checks.moved(core, call, item, index)
-    return Result()
+    return CallResult()
 
 
 # --- which rows ----------------------------------------------------------------------------------------------------
@@ -196,7 +196,7 @@ def _only(core: Core, call: Call, names: set[str]) -> None:
             raise unknown(name)
 
 
-def _selected(core: Core, call: Call, table: Table) -> list[Item]:
+def _selected(core: Core, call: Call, table: Table) -> list[StoredItem]:
     """Return the rows that the call names; the one row of a settings menu needs no name."""
     if table.menu.shape is Shape.SETTINGS:
         if not table.items:
@@ -210,7 +210,7 @@ def _selected(core: Core, call: Call, table: Table) -> list[Item]:
     return list({item.id: item for item in found}.values())
 
 
-def _item(core: Core, call: Call, table: Table, named: str) -> Item:
+def _item(core: Core, call: Call, table: Table, named: str) -> StoredItem:
     item = located(core, table, named, console=call.console)
     if item is None:
         if any(row[".id"] == named for row in made_rows(core, call.menu)):
@@ -221,7 +221,7 @@ def _item(core: Core, call: Call, table: Table, named: str) -> Item:
     return item
 
 
-def located(core: Core, table: Table, named: str, *, console: bool = False) -> Item | None:
+def located(core: Core, table: Table, named: str, *, console: bool = False) -> StoredItem | None:
     """Find a row by `*ID` or by what it is called; on the console also by number, as exports name builtin rows."""
     if match := re.fullmatch(r"\*([0-9A-Fa-f]+)", named):
         return table.find(int(match[1], 16))
@@ -230,7 +230,7 @@ def located(core: Core, table: Table, named: str, *, console: bool = False) -> I
     return next((item for item in table.items if core.store.text(table, item, table.menu.called) == named), None)
 
 
-def _may_change(items: Iterable[Item]) -> None:
+def _may_change(items: Iterable[StoredItem]) -> None:
     for item in items:
         if item.dynamic and item.factory is not None:
             raise Trap(_BUILTIN)

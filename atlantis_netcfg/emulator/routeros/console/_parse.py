@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.commands.read import Condition, Where
 from atlantis_netcfg.emulator.routeros.schema import UNSEEN, UNSEEN_6
 from atlantis_netcfg.emulator.routeros.spec import Deviation
-from atlantis_netcfg.emulator.routeros.values import BadValue, Flag
+from atlantis_netcfg.emulator.routeros.values import BadValue, FlagValue
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -56,12 +56,12 @@ class Find:
 
 
 @dataclass(slots=True)
-class Command:
+class MenuCommand:
     """A command with its arguments."""
 
     menu: str
     name: str
-    arguments: dict[str, str | Template | Find | Command] = field(default_factory=dict)
+    arguments: dict[str, str | Template | Find | MenuCommand] = field(default_factory=dict)
     unset: list[str] = field(default_factory=list)
     where: Where = ()
     place: int = 0
@@ -79,15 +79,15 @@ class Parse:
 class Put:
     """`:put` with a text, or with a command or the code of a text, whose value it prints."""
 
-    what: Template | Command | Find | Parse
+    what: Template | MenuCommand | Find | Parse
 
 
 @dataclass(frozen=True, slots=True)
-class Local:
+class LocalVariable:
     """`:local name [command]`."""
 
     name: str
-    value: Command | Find
+    value: MenuCommand | Find
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class DoOnError:
     """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
 
     tried: tuple[Statement, ...]
@@ -117,7 +117,7 @@ class Attempt:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class IfStatement:
     """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression."""
 
     left: Variable | Find
@@ -127,7 +127,7 @@ class Choice:
     otherwise: tuple[Statement, ...] = ()
 
 
-Statement = Command | Put | Failure | Attempt | Choice | Local | Each
+Statement = MenuCommand | Put | Failure | DoOnError | IfStatement | LocalVariable | Each
 
 
 _ESCAPES = {
@@ -163,7 +163,7 @@ class ConsoleError(Exception):
 
 
 @dataclass(slots=True)
-class Text:
+class TextPart:
     """A script and a position in it."""
 
     source: str
@@ -356,7 +356,7 @@ class Parser:
     """Reads statement after statement; a menu on a line of its own is the starting point of the lines below."""
 
     core: Core
-    text: Text
+    text: TextPart
     menu: str = "/"
     only_code: bool = False
     """For `:parse`: nothing of it will run."""
@@ -406,20 +406,20 @@ class Parser:
         if self.text.match(_ERROR) is not None:
             return self._failure()
         if (local := self.text.match(_LOCAL)) is not None:
-            return Local(local.split()[1], self._bracket())
+            return LocalVariable(local.split()[1], self._bracket())
         return self._each() if self.text.peek() == ":" else None
 
-    def _attempt(self) -> Attempt:
+    def _attempt(self) -> DoOnError:
         menu = self.menu
         tried = self._block()
         self.text.space()
         if self.text.match(_ON_ERROR) is None:
             raise self.text.error("syntax error")
-        attempt = Attempt(tried, self._block())
+        attempt = DoOnError(tried, self._block())
         self.menu = menu
         return attempt
 
-    def _choice(self) -> Choice:
+    def _choice(self) -> IfStatement:
         menu = self.menu
         self._expect("(")
         left = self._counted()
@@ -438,7 +438,7 @@ class Parser:
         self.text.space()
         otherwise = self._block() if self.text.match(_ELSE) is not None else ()
         self.menu = menu
-        return Choice(left, sign, right if pattern else int(right), then, otherwise)
+        return IfStatement(left, sign, right if pattern else int(right), then, otherwise)
 
     def _each(self) -> Each | None:
         names = _FOREACH.match(self.text.source, self.text.at)
@@ -493,7 +493,7 @@ class Parser:
             raise self.text.error("syntax error")
         return tuple(inside)
 
-    def _put(self) -> Template | Command | Find | Parse:
+    def _put(self) -> Template | MenuCommand | Find | Parse:
         if self.text.match(_PARSE) is not None:
             self.text.space()
             parse = Parse(self._template())
@@ -523,7 +523,7 @@ class Parser:
 
     # --- commands --------------------------------------------------------------------------------------------------
 
-    def _command(self) -> Command:
+    def _command(self) -> MenuCommand:
         """Read path, command and arguments; a command without name is a path alone."""
         place, line = self.text.at, self.text.line
         menu = "/" if self.text.take("/") or self.text.match(_ROOT) is not None else self.menu
@@ -532,14 +532,14 @@ class Parser:
             start = self.text.at
             word = self.text.match(_SEGMENT)
             if word is None:
-                return Command(menu, "", place=place, line=line)
+                return MenuCommand(menu, "", place=place, line=line)
             word = self._whole(word, schema.submenus(menu) | schema.commands(menu))
             below = f"{menu.rstrip('/')}/{word}"
             if schema.has_menu(below):
                 menu = below
                 self._step()
             elif schema.has_command(menu, word):
-                command = Command(menu, word, place=place, line=line)
+                command = MenuCommand(menu, word, place=place, line=line)
                 self._arguments(command)
                 return command
             else:
@@ -581,7 +581,7 @@ class Parser:
         rest = _REST.match(self.text.source, start)
         return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
 
-    def _bad_parameter(self, command: Command, name: str, start: int) -> ConsoleError:
+    def _bad_parameter(self, command: MenuCommand, name: str, start: int) -> ConsoleError:
         """From 7.23 the argument is named, and the column of a run is the one behind it."""
         # Recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others answer as the next of these. Assumption: parse-words
         if not self.core.schema.at_least("7.23beta1"):
@@ -593,7 +593,7 @@ class Parser:
         column = start if command.arguments else start + len(name)
         return ConsoleError(words, f"(evl {self.text.placed(f'bad parameter {name}', column)} {path})")
 
-    def _arguments(self, command: Command) -> None:
+    def _arguments(self, command: MenuCommand) -> None:
         """Read the rest of the command; brackets in it begin in the command's own menu."""
         outer, self.menu = self.menu, command.menu
         self.text.space()
@@ -602,7 +602,7 @@ class Parser:
         self._plain_arguments(command)
         self.menu = outer
 
-    def _plain_arguments(self, command: Command) -> None:
+    def _plain_arguments(self, command: MenuCommand) -> None:
         known = self._known(command)
         positional = list(_POSITIONAL.get(command.name, ()))
         if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
@@ -624,7 +624,7 @@ class Parser:
             else:
                 self._positional(command, known, positional, start)
 
-    def _known(self, command: Command) -> frozenset[str]:
+    def _known(self, command: MenuCommand) -> frozenset[str]:
         known = self.core.schema.arguments(command.menu, command.name)
         if command.name in ("add", "set"):
             table = self.core.store.table(command.menu)
@@ -635,14 +635,14 @@ class Parser:
         self.text.space()
         return self.text.peek() not in ("\n", ";", "]", "}", "")
 
-    def _check(self, command: Command, name: str, known: frozenset[str], start: int) -> None:
+    def _check(self, command: MenuCommand, name: str, known: frozenset[str], start: int) -> None:
         if name not in known:
             raise self._bad_parameter(command, name, start)
 
-    def _given(self, command: Command, name: str) -> str | Template | Find | Command:
+    def _given(self, command: MenuCommand, name: str) -> str | Template | Find | MenuCommand:
         """Read `=value` behind a name. A flag takes none, which only a run says, not `:parse` (7.22.1, 7.23)."""
         arg = self._arg(command, name)
-        if arg is not None and isinstance(arg.kind, Flag) and not self.only_code:
+        if arg is not None and isinstance(arg.kind, FlagValue) and not self.only_code:
             raise self.text.error("expected end of command")
         self.text.at += 1
         start = self.text.at
@@ -655,10 +655,10 @@ class Parser:
         except BadValue as error:
             raise self.text.error("syntax error", start) from error
 
-    def _arg(self, command: Command, name: str) -> Arg | None:
+    def _arg(self, command: MenuCommand, name: str) -> Arg | None:
         return self.core.store.table(command.menu).args.get(name) if command.name in ("add", "set") else None
 
-    def _positional(self, command: Command, known: frozenset[str], positional: list[str], start: int) -> None:
+    def _positional(self, command: MenuCommand, known: frozenset[str], positional: list[str], start: int) -> None:
         if positional:
             command.arguments[positional.pop(0)] = self._value()
             return
@@ -671,14 +671,14 @@ class Parser:
             raise self.text.error("syntax error")
         command.arguments[word] = ""
 
-    def _value(self) -> str | Template | Find | Command:
+    def _value(self) -> str | Template | Find | MenuCommand:
         if self.text.peek() == "[":
             return self._bracket()
         return self._template() if self.text.peek() in ("$", "(") else self.text.value()
 
     # --- brackets --------------------------------------------------------------------------------------------------
 
-    def _bracket(self) -> Find | Command:
+    def _bracket(self) -> Find | MenuCommand:
         place = self.text.at
         self.text.at += 1
         self.text.space()
@@ -694,10 +694,10 @@ class Parser:
             raise self.text.error("syntax error", place)
         return command
 
-    def _find(self, command: Command, place: int) -> Find:
+    def _find(self, command: MenuCommand, place: int) -> Find:
         return Find(command.menu, command.where, place)
 
-    def _where(self, command: Command) -> bool:
+    def _where(self, command: MenuCommand) -> bool:
         """Read `where name=value ...`; `find` does not need the word."""
         start = self.text.at
         if self.text.match(_SEGMENT) != "where":
@@ -706,7 +706,7 @@ class Parser:
         self._conditions(command)
         return True
 
-    def _conditions(self, command: Command) -> None:
+    def _conditions(self, command: MenuCommand) -> None:
         alternatives: list[list[Condition]] = [[]]
         while self._more():
             word = self.text.match(_JOINT)

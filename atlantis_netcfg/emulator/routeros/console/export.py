@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
-from atlantis_netcfg.emulator.routeros.values import Flag, id_text, spell
+from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
 from atlantis_netcfg.rsc import Export, Statement, print_export, print_statement
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.store import Item, Table
+    from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 Values = tuple[tuple[str, str | None], ...]
 
@@ -86,7 +86,7 @@ def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterat
             yield _set(table, item, position, values)
 
 
-def _set(table: Table, item: Item, position: int, values: Values) -> Statement:
+def _set(table: Table, item: StoredItem, position: int, values: Values) -> Statement:
     path, factory = table.menu.path, item.factory or {}
     if table.menu.shape is Shape.SETTINGS:
         return Statement(path, "set", values)
@@ -105,7 +105,7 @@ def _comments(core: Core, path: str) -> tuple[str, ...]:
 
 
 def _values(
-    core: Core, table: Table, item: Item, *, verbose: bool, sensitive: bool
+    core: Core, table: Table, item: StoredItem, *, verbose: bool, sensitive: bool
 ) -> Iterator[tuple[str, str | None]]:
     """Yield names and values in alphabetical order; None is `!name`."""
     for name, arg in sorted(table.args.items()):
@@ -119,7 +119,7 @@ def _values(
             yield from _shown(arg, value, item)
 
 
-def _differs(table: Table, item: Item, arg: Arg, value: str | None) -> bool:
+def _differs(table: Table, item: StoredItem, arg: Arg, value: str | None) -> bool:
     if table.menu.sparse and item.factory is None:
         return arg.name in item.values
     always = arg.always and item.factory is None and value is not None
@@ -127,11 +127,11 @@ def _differs(table: Table, item: Item, arg: Arg, value: str | None) -> bool:
     return always or value != usual
 
 
-def _shown(arg: Arg, value: str | None, item: Item) -> Iterator[tuple[str, str | None]]:
+def _shown(arg: Arg, value: str | None, item: StoredItem) -> Iterator[tuple[str, str | None]]:
     if value is not None:
         yield arg.name, arg.kind.exported(value)
     elif arg.name == "comment":
         if item.factory is not None and "comment" in item.factory:
             yield arg.name, ""
-    elif not isinstance(arg.kind, Flag):
+    elif not isinstance(arg.kind, FlagValue):
         yield arg.name, None

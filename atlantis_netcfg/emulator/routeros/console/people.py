@@ -142,7 +142,7 @@ _WIDE = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class PrintView:
     """What was asked for: the menu, the words after `print`, the properties named by `proplist`."""
 
     menu: str
@@ -151,7 +151,7 @@ class View:
     width: int | None = None
 
 
-def shown(core: Core, view: View, rows: Sequence[Row]) -> list[str]:
+def shown(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
     """The lines of a print."""
     v7 = core.schema.at_least("7.0")
     if _single(core, view.menu):
@@ -167,7 +167,7 @@ def shown(core: Core, view: View, rows: Sequence[Row]) -> list[str]:
     return table(rows, flags, view, columns_of(core, view.menu) if not view.wanted else view.wanted)
 
 
-def summed(core: Core, view: View, rows: Sequence[Row]) -> list[Row]:
+def summed(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]:
     """The properties that `as-value` returns: those named, or with `detail` all, or what a table shows."""
     if view.wanted:
         return [{name: value for name, value in row.items() if name in (".id", *view.wanted)} for row in rows]
@@ -181,7 +181,7 @@ def reported(command: str, rows: Sequence[Row]) -> list[str]:
     """What a command that is no print shows of its rows: a line for each echo, else values under each other."""
     if command == "ping" and rows:
         return _echoes(rows)
-    view = View("", frozenset())
+    view = PrintView("", frozenset())
     return [line for row in rows for line in _values(row, view, padded=False)]
 
 
@@ -233,7 +233,7 @@ def _size(number: float) -> str:
     return ""
 
 
-def _values(row: Row, view: View, *, padded: bool) -> list[str]:
+def _values(row: Row, view: PrintView, *, padded: bool) -> list[str]:
     """Settings: names flush right, and from 7.18 values of one width and an empty line below."""
     pairs = [(name, _spelled(name, value)) for name, value in row.items() if not view.wanted or name in view.wanted]
     width = max((len(name) for name, _ in pairs), default=0) + 2
@@ -252,21 +252,21 @@ def _legend(rows: Sequence[Row], flags: tuple[str, ...], *, upper: bool, all_fla
     return ["Flags: " + ", ".join(f"{FLAGS[name]} - {name.upper() if upper else name}" for name in named)]
 
 
-def _properties(row: Row, flags: tuple[str, ...], view: View) -> Iterator[tuple[str, str]]:
+def _properties(row: Row, flags: tuple[str, ...], view: PrintView) -> Iterator[tuple[str, str]]:
     for name, value in row.items():
         if name in flags or name in (".id", "comment", ".about") or (view.wanted and name not in view.wanted):
             continue
         yield name, _spelled(name, value)
 
 
-def _terse(number: int, row: Row, flags: tuple[str, ...], view: View) -> str:
+def _terse(number: int, row: Row, flags: tuple[str, ...], view: PrintView) -> str:
     marks = f"{flag_letters(row, flags):<3}"
     comment = [f"comment={row['comment']}"] if row.get("comment") else []
     pairs = [*comment, *(f"{name}={value}" for name, value in _properties(row, flags, view))]
     return f"{number:>2} {marks} {' '.join(pairs)} "
 
 
-def _details(rows: Sequence[Row], flags: tuple[str, ...], view: View) -> list[str]:
+def _details(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView) -> list[str]:
     """A paragraph for each row; its marks have as many columns as the menu has kinds of them."""
     most = 0 if not flags else 2 if set(flags) <= {"disabled", "dynamic", "invalid"} else 3
     lines: list[str] = []
@@ -301,7 +301,7 @@ def _cells(rows: Sequence[Row], names: Sequence[str]) -> list[list[str]]:
     return [[_spelled(name, row.get(name, "")) for name in names] for row in rows]
 
 
-def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Sequence[str]) -> list[str]:
+def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, columns: Sequence[str]) -> list[str]:
     """Only flags and columns that occur."""
     del view
     names = [name for name in columns if any(row.get(name) for row in rows) and name not in flags]
@@ -324,7 +324,7 @@ def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Se
     return lines
 
 
-def _table6(rows: Sequence[Row], flags: tuple[str, ...], view: View, columns: Sequence[str]) -> list[str]:
+def _table6(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, columns: Sequence[str]) -> list[str]:
     """All flags and columns, remarks behind the number."""
     del view
     names = [name for name in columns if name not in flags]

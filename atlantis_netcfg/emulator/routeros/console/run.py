@@ -15,23 +15,23 @@ from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument
 from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
 from atlantis_netcfg.emulator.routeros.console._parse import (
-    Attempt,
-    Choice,
-    Command,
     ConsoleError,
+    DoOnError,
     Each,
     Failure,
     Find,
-    Local,
+    IfStatement,
+    LocalVariable,
+    MenuCommand,
     Parse,
     Parser,
     Put,
     Statement,
     Template,
-    Text,
+    TextPart,
     Variable,
 )
-from atlantis_netcfg.emulator.routeros.console.people import View, reported, shown, summed
+from atlantis_netcfg.emulator.routeros.console.people import PrintView, reported, shown, summed
 from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.views import without_counters
@@ -52,7 +52,7 @@ _NUMBERS = frozenset({"destination", "number", "numbers"})
 
 
 @dataclass(slots=True)
-class Outcome:
+class ScriptOutcome:
     """What a script printed, and the words at which it stopped."""
 
     lines: list[str] = field(default_factory=list)
@@ -73,11 +73,11 @@ class Outcome:
         return self.output if self.returned is None else "\n".join([*self.lines, self.returned])
 
 
-def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> Outcome:
+def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> ScriptOutcome:
     """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
-    outcome = Outcome()
+    outcome = ScriptOutcome()
     try:
-        statements = list(Parser(core, Text(script)).statements())
+        statements = list(Parser(core, TextPart(script)).statements())
     except ConsoleError as error:
         outcome.error = str(error)
         return outcome
@@ -87,20 +87,22 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     return outcome
 
 
-def _placed(core: Core, words: str, failed: Command) -> str:
+def _placed(core: Core, words: str, failed: MenuCommand) -> str:
     """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
     missing = words.startswith("missing value(s)")
     place = f" ({failed.menu.rstrip('/')}/{failed.name}; line {failed.line})"
     return f"{'Script Error: ' if missing else ''}{words}{place if core.schema.at_least('7.22') or not missing else ''}"
 
 
-def run_line(core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None) -> tuple[Outcome, str]:
+def run_line(
+    core: Core, caller: Caller, line: str, menu: str, *, width: int | None = None
+) -> tuple[ScriptOutcome, str]:
     """Run what was typed while the prompt stood at `menu`; the second value is where it stands now.
 
     `width` is the screen's, in columns; None has no end.
     """
-    outcome = Outcome()
-    parser = Parser(core, Text(line), menu)
+    outcome = ScriptOutcome()
+    parser = Parser(core, TextPart(line), menu)
     try:
         statements = list(parser.statements())
     except ConsoleError as error:
@@ -110,10 +112,10 @@ def run_line(core: Core, caller: Caller, line: str, menu: str, *, width: int | N
     return outcome, parser.menu
 
 
-def run_file(core: Core, caller: Caller, text: str) -> Outcome:
+def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
     """Run each statement as soon as it is parsed."""
-    outcome = Outcome()
-    source = Text(text)
+    outcome = ScriptOutcome()
+    source = TextPart(text)
     try:
         for statement in Parser(core, source).statements():
             _run(core, caller, [statement], outcome)
@@ -127,7 +129,7 @@ def run_file(core: Core, caller: Caller, text: str) -> Outcome:
 def check_syntax(core: Core, text: str) -> str | None:
     """Return the first mistake that `import dry-run` finds."""
     try:
-        list(Parser(core, Text(text)).statements())
+        list(Parser(core, TextPart(text)).statements())
     except ConsoleError as error:
         return str(error)
     return None
@@ -137,7 +139,7 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
     core: Core,
     caller: Caller,
     statements: list[Statement],
-    outcome: Outcome,
+    outcome: ScriptOutcome,
     width: int | None = None,
     variables: Mapping[str, str] | None = None,
 ) -> _Runner:
@@ -163,16 +165,16 @@ class _Runner:
     variables: dict[str, str]
     paged: bool = False
     """Somebody may want to read it page by page."""
-    failed: Command | None = None
+    failed: MenuCommand | None = None
     """The command that stopped it."""
 
     def run(self, statement: Statement) -> list[str]:
-        if isinstance(statement, Attempt):
+        if isinstance(statement, DoOnError):
             return self._attempt(statement)
-        if isinstance(statement, Choice):
+        if isinstance(statement, IfStatement):
             chosen = statement.then if self._holds(statement) else statement.otherwise
             return [line for inner in chosen for line in self.run(inner)]
-        if isinstance(statement, Local):
+        if isinstance(statement, LocalVariable):
             self.variables[statement.name] = self._returned(statement.value)
             return []
         if isinstance(statement, Each):
@@ -184,7 +186,7 @@ class _Runner:
             return self._put(statement.what)
         return self._command(statement)[1]
 
-    def _put(self, what: Template | Command | Find | Parse) -> list[str]:
+    def _put(self, what: Template | MenuCommand | Find | Parse) -> list[str]:
         if isinstance(what, Parse):
             return [_code(self.core, self._filled(what.text))]
         return [self._filled(what) if isinstance(what, tuple) else self._returned(what)]
@@ -201,7 +203,7 @@ class _Runner:
         """Put in the variables; one that nobody has set is nothing."""
         return "".join(self.variables.get(part.name, "") if isinstance(part, Variable) else part for part in text)
 
-    def _attempt(self, attempt: Attempt) -> list[str]:
+    def _attempt(self, attempt: DoOnError) -> list[str]:
         """Run a block until a command fails, then the other one; what was done before the failure stays."""
         lines: list[str] = []
         try:
@@ -212,7 +214,7 @@ class _Runner:
                 lines += self.run(statement)
         return lines
 
-    def _holds(self, choice: Choice) -> bool:
+    def _holds(self, choice: IfStatement) -> bool:
         """Compare numbers; a variable that nobody has set is no number, and nothing holds of it."""
         if isinstance(choice.left, Find) and isinstance(choice.right, int):
             return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
@@ -221,7 +223,7 @@ class _Runner:
             return re.search(choice.right, value) is not None
         return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
-    def _returned(self, what: Command | Find) -> str:
+    def _returned(self, what: MenuCommand | Find) -> str:
         """Return what stands for `[...]`: ids of rows, a property, a count."""
         if isinstance(what, Find):
             return ";".join(self._found(what))
@@ -231,7 +233,7 @@ class _Runner:
         call = Call(self.caller, find.menu, "find", console=True)
         return select(self.core, call, find.where)
 
-    def _command(self, command: Command) -> tuple[str, list[str]]:
+    def _command(self, command: MenuCommand) -> tuple[str, list[str]]:
         self.failed = None
         try:
             return self._done(command)
@@ -239,7 +241,7 @@ class _Runner:
             self.failed = self.failed or command
             raise
 
-    def _done(self, command: Command) -> tuple[str, list[str]]:
+    def _done(self, command: MenuCommand) -> tuple[str, list[str]]:
         from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch  # noqa: PLC0415 - scripts run commands that run scripts
 
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
@@ -261,12 +263,12 @@ class _Runner:
             return value
         return ",".join(seen[int(part)] for part in parts)
 
-    def _argument(self, value: str | Template | Find | Command) -> str:
+    def _argument(self, value: str | Template | Find | MenuCommand) -> str:
         if isinstance(value, str):
             return value
         if isinstance(value, tuple):
             return self._filled(value)
-        if isinstance(value, Command):
+        if isinstance(value, MenuCommand):
             return self._returned(value)
         found = self._found(value)
         if not found:
@@ -286,7 +288,7 @@ class _Runner:
         if "stats" not in words:
             found = [without_counters(row) for row in found]
         desired = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
-        view = View(call.menu, words, desired if desired != ("",) else (), self.width)
+        view = PrintView(call.menu, words, desired if desired != ("",) else (), self.width)
         if "as-value" in words:
             return _as_value(summed(self.core, view, found)), []
         if self.width is not None:
@@ -305,7 +307,7 @@ def _code(core: Core, text: str) -> str:
     Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
     test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
     """
-    parser = Parser(core, Text(text), only_code=True)
+    parser = Parser(core, TextPart(text), only_code=True)
     codes: list[str] = []
     try:
         codes += (_code_of(statement) for statement in parser.statements())
@@ -318,7 +320,7 @@ def _code(core: Core, text: str) -> str:
 
 
 def _code_of(statement: Statement) -> str:
-    if isinstance(statement, Command):
+    if isinstance(statement, MenuCommand):
         path = f"{statement.menu.rstrip('/')}/{statement.name}"
         return (
             f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in sorted(statement.arguments.items()))})"
@@ -326,16 +328,15 @@ def _code_of(statement: Statement) -> str:
     if isinstance(statement, Put):
         return f"(evl /putmessage={_echo(statement.what)})"
     # Of statements that hold others no code is recorded in full. Assumption: parse-words
-    return (
-        f"(evl /{ {Attempt: 'do', Choice: 'if', Local: 'local', Each: 'foreach', Failure: 'error'}[type(statement)] })"
-    )
+    words = {DoOnError: "do", IfStatement: "if", LocalVariable: "local", Each: "foreach", Failure: "error"}
+    return f"(evl /{words[type(statement)]})"
 
 
-def _echo(value: str | Template | Command | Find | Parse) -> str:
+def _echo(value: str | Template | MenuCommand | Find | Parse) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, tuple):
         return "".join(part if isinstance(part, str) else f"${part.name}" for part in value)
-    if isinstance(value, Command):
+    if isinstance(value, MenuCommand):
         return _code_of(value)
     return f"(evl {value.menu}/find)" if isinstance(value, Find) else f"(evl /parse{_echo(value.text)})"

@@ -1,7 +1,7 @@
 """The table of menus that the twin models in depth, and how it treats all the others.
 
 A menu of the command tree that has no row here takes and prints every argument as text, yes/no arguments excepted:
-names are checked by the tree, values hardly. `Menu.modelled` says which case it is.
+names are checked by the tree, values hardly. `EmulatedMenu.modelled` says which case it is.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.routeros.menus import (
 )
 from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, OF_THE_BOARD, generic, unmodelled
 from atlantis_netcfg.emulator.routeros.menus._interface import OLD_WORDS
-from atlantis_netcfg.emulator.routeros.menus._model import Arg, Menu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import Arg, EmulatedMenu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.menus._order import EXPORT_ORDER
 from atlantis_netcfg.emulator.routeros.menus._system import POLICIES
 
@@ -32,7 +32,7 @@ __all__ = [
     "OLD_WORDS",
     "POLICIES",
     "Arg",
-    "Menu",
+    "EmulatedMenu",
     "Select",
     "Shape",
     "Unique",
@@ -40,7 +40,7 @@ __all__ = [
     "unmodelled",
 ]
 
-MODELLED: dict[str, Menu] = {
+MODELLED: dict[str, EmulatedMenu] = {
     menu.path: menu
     for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system)
     for menu in module.MENUS

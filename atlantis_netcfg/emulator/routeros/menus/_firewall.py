@@ -6,7 +6,15 @@ verbose exports of RouterOS 7.19.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique, of_schema
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    COMMENT,
+    DISABLED,
+    Arg,
+    EmulatedMenu,
+    Shape,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
@@ -14,7 +22,6 @@ from atlantis_netcfg.emulator.routeros.values import (
     Choice,
     Choices,
     Int,
-    Kind,
     Mac,
     Matcher,
     Not,
@@ -23,6 +30,7 @@ from atlantis_netcfg.emulator.routeros.values import (
     Ref,
     Text,
     Time,
+    ValueType,
 )
 from atlantis_netcfg.routeros import menus as schema
 
@@ -35,7 +43,7 @@ _STATES = Choices(("invalid", "established", "related", "new", "untracked"))
 _NUMBER = r"\d+"
 _RANGE = r"\d+(-\d+)?"
 
-_MATCHERS: dict[str, Kind] = {
+_MATCHERS: dict[str, ValueType] = {
     "connection-bytes": Pattern(r"\d+-\d+"),
     "connection-limit": Not(Pattern(r"\d+,\d+")),
     "connection-mark": Not(Text(empty=False)),
@@ -103,14 +111,16 @@ _COMMON = (
 )
 
 
-def _rules(path: str, noun: str, *further: Arg) -> Menu:
+def _rules(path: str, noun: str, *further: Arg) -> EmulatedMenu:
     """Make a table of rules: arguments of its own, those of every rule, and the matchers."""
     known = schema.MENUS[path].by_name if path in schema.MENUS else {}
     action = Arg("action", Choice(offered(path, "action")), "accept", always=True)
     local = (action, *further, *_COMMON, *(Arg(name, kind) for name, kind in _MATCHERS.items() if name not in known))
     if known:
         return of_schema(path, noun=noun, kinds=_MATCHERS, local=local, flags=("dynamic", "invalid"))
-    return Menu(path, Shape.LIST, tuple(sorted(local, key=lambda arg: arg.name)), noun, flags=("dynamic", "invalid"))
+    return EmulatedMenu(
+        path, Shape.LIST, tuple(sorted(local, key=lambda arg: arg.name)), noun, flags=("dynamic", "invalid")
+    )
 
 
 _MARK = Text(empty=False)

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, EmulatedMenu, Shape, Unique
 from atlantis_netcfg.emulator.routeros.schema import Schema, offered
-from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Kind, Not, Ref, Refs, Text
+from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Not, Ref, Refs, Text, ValueType
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
 _EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
 _NEVER = {("/user/ssh-keys", "key")}
 _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
-_KINDS: dict[tuple[str, str], Kind] = {("/interface/vlan", "vlan-id"): Int(1, 4094)}
+_KINDS: dict[tuple[str, str], ValueType] = {("/interface/vlan", "vlan-id"): Int(1, 4094)}
 _INTERFACES = frozenset({"primary", "tagged", "untagged", "mvrp-forbidden"})
 """Arguments that name interfaces without saying so in their name."""
 _ROWS = frozenset({"<l2tp>", "clientid", "default", "ether1", "full", "lo", "main", "serial0", "skins/"})
@@ -122,7 +122,7 @@ OF_THE_BOARD = ("/app", "/disk", "/system/resource/irq/rps")
 """Menus whose rows come with disks, processors and packages of a board: the twin does not have them."""
 
 
-def generic(schema: Schema, path: str) -> Menu:
+def generic(schema: Schema, path: str) -> EmulatedMenu:
     """Make the menu of a path that the command tree has."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
     built_in = BUILT_IN.get(path)
@@ -130,7 +130,7 @@ def generic(schema: Schema, path: str) -> Menu:
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
     unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
     unique = () if path in _NAMES_REPEAT else unique
-    return Menu(
+    return EmulatedMenu(
         path,
         _shape(schema, path),
         unmodelled(path, names.union(*factory)),
@@ -161,7 +161,7 @@ def _shape(schema: Schema, path: str) -> Shape:
     return Shape.SETTINGS
 
 
-def _kind(path: str, name: str) -> Kind:
+def _kind(path: str, name: str) -> ValueType:
     values = offered(path, name)
     if values == ("no", "yes"):
         return Bool()

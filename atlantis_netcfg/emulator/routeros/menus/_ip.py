@@ -10,12 +10,12 @@ from atlantis_netcfg.emulator.routeros.menus._model import Arg, Unique, of_schem
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
-    Addresses,
+    AddressesValue,
     Bool,
     Choice,
     Choices,
-    Flag,
-    Gateway,
+    FlagValue,
+    GatewayValue,
     HostPrefix,
     Int,
     Prefixes,
@@ -27,7 +27,7 @@ from atlantis_netcfg.emulator.routeros.values import (
 )
 
 _V4 = Address(v6=False)
-_V4S = Addresses(_V4)
+_V4S = AddressesValue(_V4)
 _NAME_TAKEN = Unique(("name",), "failure: item with such name already exists")
 _INTERFACE = Arg("interface", Ref(("interface",)), required=True, always=True)
 
@@ -156,7 +156,7 @@ _DNS = of_schema(
     kinds={
         "max-udp-packet-size": Int(50, 65507),
         "mdns-repeat-ifaces": Refs(Ref(("interface",))),
-        "servers": Addresses(),
+        "servers": AddressesValue(),
         "vrf": Ref(("table",)),
     },
 )
@@ -192,7 +192,7 @@ _ROUTE = of_schema(
     "/ip/route",
     noun="route",
     kinds={
-        "blackhole": Flag("true"),
+        "blackhole": FlagValue("true"),
         "distance": Int(1, 255),
         "dst-address": Prefixes(v6=False, empty="0.0.0.0/0"),
         "routing-table": Ref(("table",)),
@@ -201,7 +201,7 @@ _ROUTE = of_schema(
     },
     local=(
         Arg("check-gateway", Choice(("arp", "none", "ping"))),
-        Arg("gateway", Gateway()),
+        Arg("gateway", GatewayValue()),
         Arg("pref-src", Address(v6=False, empty=True)),
         Arg("suppress-hw-offload", Bool(), "no"),
     ),

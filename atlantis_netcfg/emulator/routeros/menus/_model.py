@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.emulator.routeros import values
-from atlantis_netcfg.emulator.routeros.values import Bool, Kind, Text
+from atlantis_netcfg.emulator.routeros.values import Bool, Text, ValueType
 from atlantis_netcfg.routeros import menus as schema
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Arg:
     """One argument of a menu."""
 
     name: str
-    kind: Kind
+    kind: ValueType
     default: str | None = None
     """Value of a row that does not say otherwise; None: the property is absent then, and can be unset."""
     required: bool = False
@@ -75,7 +75,7 @@ class Unique:
 
 
 @dataclass(frozen=True, slots=True)
-class Menu:
+class EmulatedMenu:
     """One menu: what its rows hold, how they are told apart, and what a factory-new router has in it."""
 
     path: str
@@ -120,15 +120,15 @@ _SHAPES: Final = {
     schema.Shape.SINGLETON: Shape.SETTINGS,
 }
 _PLAIN: Final = {
-    schema.Kind.BOOLEAN: Bool(),
-    schema.Kind.FLAG: values.Flag(),
-    schema.Kind.INTERFACE: values.Ref(("interface",)),
-    schema.Kind.MAC: values.Mac(),
-    schema.Kind.NUMBER: values.Int(),
-    schema.Kind.PREFIX: values.Address(v6=False),
-    schema.Kind.RATE: values.Rate(),
-    schema.Kind.SIZE: values.Size(),
-    schema.Kind.TIME: values.Time(),
+    schema.PropertyKind.BOOLEAN: Bool(),
+    schema.PropertyKind.FLAG: values.FlagValue(),
+    schema.PropertyKind.INTERFACE: values.Ref(("interface",)),
+    schema.PropertyKind.MAC: values.Mac(),
+    schema.PropertyKind.NUMBER: values.Int(),
+    schema.PropertyKind.PREFIX: values.Address(v6=False),
+    schema.PropertyKind.RATE: values.Rate(),
+    schema.PropertyKind.SIZE: values.Size(),
+    schema.PropertyKind.TIME: values.Time(),
 }
 """What a device takes for a kind of value where nothing narrower is said; for the others any text."""
 
@@ -137,11 +137,11 @@ def of_schema(
     path: str,
     *,
     shape: Shape | None = None,
-    kinds: Mapping[str, Kind] | None = None,
+    kinds: Mapping[str, ValueType] | None = None,
     local: Iterable[Arg] = (),
     without: Iterable[str] = (),
     **rest: Any,  # noqa: ANN401 - fields of Menu
-) -> Menu:
+) -> EmulatedMenu:
     """Make a menu of the engine's schema.
 
     `kinds` says which values a device takes; `local` are arguments that the schema lacks or of which the emulator
@@ -158,4 +158,4 @@ def of_schema(
         for field in menu.fields
         if field.name not in without
     } | {arg.name: arg for arg in local}
-    return Menu(path, shape or _SHAPES[menu.shape], tuple(args[name] for name in sorted(args)), **rest)
+    return EmulatedMenu(path, shape or _SHAPES[menu.shape], tuple(args[name] for name in sorted(args)), **rest)

@@ -13,7 +13,15 @@ Assumption: netwatch-values
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, Menu, Shape, Unique, of_schema
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    COMMENT,
+    DISABLED,
+    Arg,
+    EmulatedMenu,
+    Shape,
+    Unique,
+    of_schema,
+)
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Prefixes, Ref, Refs, Text, Time
 
@@ -33,7 +41,7 @@ _ROUTING = (
         sparse=True,
         first_id=0,
     ),
-    Menu(
+    EmulatedMenu(
         "/ip/vrf",
         Shape.LIST,
         (

@@ -9,7 +9,7 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.routeros.menus._model import Arg, Select, of_schema
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
-    Addresses,
+    AddressesValue,
     Choice,
     Choices,
     Int,
@@ -90,7 +90,7 @@ MENUS = (
             "parent-proxy": Address(),
             "parent-proxy-port": Int(0, 65535),
             "port": Pattern(r"\d{1,5}(,\d{1,5})*"),
-            "src-address": Addresses(),
+            "src-address": AddressesValue(),
         },
         feature="proxy",
     ),

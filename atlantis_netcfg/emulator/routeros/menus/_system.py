@@ -10,7 +10,7 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     COMMENT,
     DISABLED,
     Arg,
-    Menu,
+    EmulatedMenu,
     Select,
     Shape,
     Unique,
@@ -19,7 +19,7 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
 from atlantis_netcfg.emulator.routeros.schema import offered
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
-    Addresses,
+    AddressesValue,
     Bool,
     Choice,
     Choices,
@@ -120,7 +120,7 @@ _ACTION = of_schema(
     first_id=0,
 )
 
-_SCHEDULER = Menu(
+_SCHEDULER = EmulatedMenu(
     "/system/scheduler",
     Shape.LIST,
     (
@@ -207,7 +207,7 @@ _SETTINGS = (
         "/system/ntp/client",
         noun="ntp client",
         kinds={"mode": Choice(("broadcast", "manycast", "multicast", "unicast"))},
-        local=(Arg("servers", Addresses(_HOST), "", exported=False), _VRF),
+        local=(Arg("servers", AddressesValue(_HOST), "", exported=False), _VRF),
     ),
     of_schema(
         "/system/ntp/client/servers",

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.menus._model import (
     Arg,
-    Menu,
+    EmulatedMenu,
     Select,
     Shape,
     Unique,
     of_schema,
 )
 from atlantis_netcfg.emulator.routeros.schema import offered
-from atlantis_netcfg.emulator.routeros.values import Choice, Choices, Int, Kind, Mac, Pattern, Ref, Text, Time
+from atlantis_netcfg.emulator.routeros.values import Choice, Choices, Int, Mac, Pattern, Ref, Text, Time, ValueType
 
 _EXISTS = Unique(("name",), "failure: item with such name already exists")
 
 
-def _offered(menu: str, names: str, *, several: bool = False) -> dict[str, Kind]:
+def _offered(menu: str, names: str, *, several: bool = False) -> dict[str, ValueType]:
     """Map arguments to the words that the console offers for them."""
     found = {
         name: tuple(word.strip('"') for word in offered(f"/interface/wifi/{menu}", name)) for name in names.split()
@@ -28,7 +28,7 @@ def _offered(menu: str, names: str, *, several: bool = False) -> dict[str, Kind]
     return {name: Choices(words, ordered=False) if several else Choice(words) for name, words in found.items()}
 
 
-_KINDS: dict[str, dict[str, Kind]] = {
+_KINDS: dict[str, dict[str, ValueType]] = {
     "channel": {
         "frequency": Pattern(r"\d{4}(-\d{4}(/\d+)?)?(,\d{4}(-\d{4}(/\d+)?)?)*"),
         **_offered("channel", "band skip-dfs-channels width"),
@@ -79,13 +79,13 @@ _INHERITED = tuple(
 )
 
 
-def _inside(*profiles: str) -> dict[str, Kind]:
+def _inside(*profiles: str) -> dict[str, ValueType]:
     """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
-    named: dict[str, Kind] = {profile: Ref((f"wifi-{profile}",)) for profile in profiles}
+    named: dict[str, ValueType] = {profile: Ref((f"wifi-{profile}",)) for profile in profiles}
     return named | {f"{profile}.{name}": kind for profile in profiles for name, kind in _KINDS[profile].items()}
 
 
-def _profile(name: str, kinds: dict[str, Kind], local: tuple[Arg, ...] = ()) -> Menu:
+def _profile(name: str, kinds: dict[str, ValueType], local: tuple[Arg, ...] = ()) -> EmulatedMenu:
     return of_schema(
         f"/interface/wifi/{name}",
         noun=f"wifi {name}",

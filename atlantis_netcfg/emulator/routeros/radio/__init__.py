@@ -9,6 +9,6 @@ from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.radio._link import RadioLink, why_not
 from atlantis_netcfg.emulator.routeros.radio._read import settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import Air, Driver, RadioPair, Settings
+from atlantis_netcfg.emulator.routeros.radio._settings import Air, Driver, RadioPair, RadioSettings
 
-__all__ = ["Air", "Driver", "RadioLink", "RadioPair", "Settings", "settings_of", "why_not"]
+__all__ = ["Air", "Driver", "RadioLink", "RadioPair", "RadioSettings", "settings_of", "why_not"]

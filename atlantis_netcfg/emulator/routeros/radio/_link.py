@@ -22,14 +22,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.radio._read import radio_item, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import Driver, Peer, RadioState, Settings, ghz_of, standards_of
+from atlantis_netcfg.emulator.routeros.radio._settings import (
+    Driver,
+    Peer,
+    RadioSettings,
+    RadioState,
+    ghz_of,
+    standards_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.radio._settings import Air, RadioPair
-    from atlantis_netcfg.emulator.routeros.router import Router
+    from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
 
 
 _CEPT = frozenset(
@@ -43,7 +50,7 @@ _CEPT = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class RadioRange:
     """Frequencies with one rule; the power is EIRP."""
 
     low_mhz: int
@@ -54,20 +61,20 @@ class Range:
 
 
 _EUROPE = (
-    Range(2402, 2482, 20.0),
-    Range(5170, 5250, 23.0, indoor=True),
-    Range(5250, 5330, 23.0, indoor=True, dfs=True),
-    Range(5490, 5730, 30.0, dfs=True),
-    Range(5735, 5875, 14.0),
+    RadioRange(2402, 2482, 20.0),
+    RadioRange(5170, 5250, 23.0, indoor=True),
+    RadioRange(5250, 5330, 23.0, indoor=True, dfs=True),
+    RadioRange(5490, 5730, 30.0, dfs=True),
+    RadioRange(5735, 5875, 14.0),
 )
 _AMERICA = (
-    Range(2402, 2472, 30.0),
-    Range(5170, 5250, 30.0),
-    Range(5250, 5330, 24.0, dfs=True),
-    Range(5490, 5730, 24.0, dfs=True),
-    Range(5735, 5835, 30.0),
+    RadioRange(2402, 2472, 30.0),
+    RadioRange(5170, 5250, 30.0),
+    RadioRange(5250, 5330, 24.0, dfs=True),
+    RadioRange(5490, 5730, 24.0, dfs=True),
+    RadioRange(5735, 5835, 30.0),
 )
-_UNLAWFUL = (Range(2192, 2732, 40.0), Range(4790, 6110, 40.0))
+_UNLAWFUL = (RadioRange(2192, 2732, 40.0), RadioRange(4790, 6110, 40.0))
 """Everything that cards of 2 and 5 GHz can."""
 
 
@@ -87,10 +94,10 @@ def span(frequency_mhz: int, width: str) -> tuple[int, int]:
     return low, low + 20 * number
 
 
-def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False) -> Range | None:
+def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False) -> RadioRange | None:
     """Return the rule under which a channel may be used; None: it may not."""
     if lawless:
-        rules: tuple[Range, ...] = _UNLAWFUL
+        rules: tuple[RadioRange, ...] = _UNLAWFUL
     elif country.lower() in _CEPT:
         rules = _EUROPE
     else:
@@ -110,7 +117,7 @@ def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawle
     )
 
 
-def _end(rules: tuple[Range, ...], rule: Range) -> int:
+def _end(rules: tuple[RadioRange, ...], rule: RadioRange) -> int:
     """Return where the ranges that touch this one end."""
     following = next((other for other in rules if other.low_mhz == rule.high_mhz), None)
     return rule.high_mhz if following is None else _end(rules, following)
@@ -124,7 +131,7 @@ def free_space_loss_db(distance_m: float, frequency_mhz: float) -> float:
     return max(0.0, 20 * math.log10(4 * math.pi * distance_m * frequency_mhz * 1e6 / _LIGHT_M_S))
 
 
-def signal_dbm(sender: Settings, receiver: Settings, frequency_mhz: int, air: Air) -> float:
+def signal_dbm(sender: RadioSettings, receiver: RadioSettings, frequency_mhz: int, air: Air) -> float:
     """Return what `receiver` hears of `sender`."""
     rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
     eirp = sender.power_dbm + sender.gain_dbi
@@ -133,12 +140,12 @@ def signal_dbm(sender: Settings, receiver: Settings, frequency_mhz: int, air: Ai
     return eirp - free_space_loss_db(air.distance_m, frequency_mhz) - air.loss_db + receiver.gain_dbi
 
 
-def why_not(settings: Settings, other: Settings, air: Air) -> str:
+def why_not(settings: RadioSettings, other: RadioSettings, air: Air) -> str:
     """Return why the two are not connected; empty: they agree."""
     return next(_reasons(settings, other, air), "")
 
 
-def _reasons(settings: Settings, other: Settings, air: Air) -> Iterator[str]:
+def _reasons(settings: RadioSettings, other: RadioSettings, air: Air) -> Iterator[str]:
     if not (settings.enabled and other.enabled):
         yield "a radio is disabled"
     if settings.is_ap == other.is_ap:
@@ -157,7 +164,7 @@ def _reasons(settings: Settings, other: Settings, air: Air) -> Iterator[str]:
     yield from _distance(ap, station, air)
 
 
-def _roles(ap: Settings, station: Settings) -> Iterator[str]:
+def _roles(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
     if ap.driver is not station.driver:
         yield "station-bridge does not work between the two drivers"
     if station.mode != "station-bridge" or not ap.bridges_stations:
@@ -166,7 +173,7 @@ def _roles(ap: Settings, station: Settings) -> Iterator[str]:
         yield "the protocols differ"
 
 
-def why_silent(ap: Settings, air: Air) -> str:
+def why_silent(ap: RadioSettings, air: Air) -> str:
     """Return why an access point does not speak on its channel; empty: it does."""
     low, high = span(ap.channel_mhz, ap.width or "20mhz")
     if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != ghz_of(ap.band):
@@ -176,7 +183,7 @@ def why_silent(ap: Settings, air: Air) -> str:
     return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
 
 
-def _channel(ap: Settings, station: Settings) -> Iterator[str]:
+def _channel(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
     bands = standards_of(ap.band, ap.driver) & standards_of(station.band, station.driver)
     if ghz_of(ap.band) != ghz_of(station.band) or not bands:
         yield "the bands differ"
@@ -191,25 +198,25 @@ def _channel(ap: Settings, station: Settings) -> Iterator[str]:
         yield "the station does not look on this channel"
 
 
-def _key(radio: Settings, protocol: str) -> tuple[object, ...]:
+def _key(radio: RadioSettings, protocol: str) -> tuple[object, ...]:
     """With nv2 the security profile is not used, but `nv2-security` (Manual, Nv2)."""
     return (radio.nv2_key,) if protocol == "nv2" else (radio.authentication, radio.passphrase)
 
 
-def _same_secret(ap: Settings, station: Settings) -> bool:
+def _same_secret(ap: RadioSettings, station: RadioSettings) -> bool:
     """One way of authentication in common is enough, with the same passphrase."""
     if ap.speaks == "nv2":
         return False
     return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase
 
 
-def _lists(ap: Settings, station: Settings) -> Iterator[str]:
+def _lists(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
     for here, there in ((ap, station), (station, ap)):
         if there.mac not in here.admits and here.refuses & {there.mac, "*"}:
             yield "a list turns the other end away"
 
 
-def _distance(ap: Settings, station: Settings, air: Air) -> Iterator[str]:
+def _distance(ap: RadioSettings, station: RadioSettings, air: Air) -> Iterator[str]:
     limits = [each.reach_km for each in (ap, station) if each.reach_km is not None]
     counts = ap.speaks == "nv2" or ap.driver is Driver.WIFI
     if counts and limits and air.distance_m > min(limits) * 1000:
@@ -224,10 +231,10 @@ _WEATHER = range(5590, 5661)
 
 
 @dataclass(slots=True)
-class _End:
-    router: Router
+class _RadioEnd:
+    router: EmulatedRouter
     radio: str
-    settings: Settings | None = None
+    settings: RadioSettings | None = None
     since: float = 0.0
     """When it became what it is now."""
 
@@ -245,13 +252,13 @@ class _End:
 class RadioLink:
     """Belongs to the event loop of its twins; both have to be running."""
 
-    def __init__(self, pair: RadioPair, near: Router, far: Router) -> None:
+    def __init__(self, pair: RadioPair, near: EmulatedRouter, far: EmulatedRouter) -> None:
         self.air: Air = pair.air
         self.up = False
         self.since = 0.0
         """When it came up."""
-        self.near = _End(near, pair.near_radio)
-        self.far = _End(far, pair.far_radio)
+        self.near = _RadioEnd(near, pair.near_radio)
+        self.far = _RadioEnd(far, pair.far_radio)
         self._timer: asyncio.TimerHandle | None = None
         self._carried = False
 
@@ -306,7 +313,7 @@ class RadioLink:
         ready = max(end.since + (self._wait(settings) if settings.is_ap else 0.0) for end, settings in ends)
         return ready + self.air.association_s
 
-    def _wait(self, ap: Settings) -> float:
+    def _wait(self, ap: RadioSettings) -> float:
         rule = within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
         if rule is None or not rule.dfs:
             return 0.0
@@ -353,7 +360,7 @@ class RadioLink:
                 end.core.linked = linked
                 end.core.store.revision += 1
 
-    def _state(self, end: _End, mine: Settings, theirs: Settings | None, now: float) -> RadioState:
+    def _state(self, end: _RadioEnd, mine: RadioSettings, theirs: RadioSettings | None, now: float) -> RadioState:
         if not mine.enabled:
             return RadioState("disabled")
         peer = None

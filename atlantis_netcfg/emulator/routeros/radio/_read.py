@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.radio._settings import Driver, Settings
+from atlantis_netcfg.emulator.routeros.radio._settings import Driver, RadioSettings
 from atlantis_netcfg.emulator.routeros.values import references
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.spec import Radio
-    from atlantis_netcfg.emulator.routeros.store import Item, Store, Table
+    from atlantis_netcfg.emulator.routeros.store import RowStore, StoredItem, Table
 
 
 LEGACY, WIFI = "/interface/wireless", "/interface/wifi"
@@ -28,7 +28,7 @@ _USUAL_REACH_KM = 2.0
 """Without `configuration.distance` (Manual, Configuring outdoor CPE to AP links)."""
 
 
-def radio_item(core: Core, name: str) -> tuple[Table, Item] | None:
+def radio_item(core: Core, name: str) -> tuple[Table, StoredItem] | None:
     """Return the row of the radio with this factory name; None if no driver for it is installed."""
     for path in (LEGACY, WIFI):
         if not core.schema.has_menu(path):
@@ -45,7 +45,7 @@ def radio_spec(core: Core, name: str) -> Radio:
     return next(radio for radio in core.spec.radios if radio.name == name)
 
 
-def settings_of(core: Core, name: str) -> Settings | None:
+def settings_of(core: Core, name: str) -> RadioSettings | None:
     """Return what the radio with this factory name is set to; None if nothing drives it."""
     found = radio_item(core, name)
     if found is None:
@@ -54,7 +54,7 @@ def settings_of(core: Core, name: str) -> Settings | None:
     return _legacy(core, table, item) if table.menu.path == LEGACY else _wifi(core, table, item)
 
 
-def _legacy(core: Core, table: Table, item: Item) -> Settings:
+def _legacy(core: Core, table: Table, item: StoredItem) -> RadioSettings:
     store = core.store
 
     def text(name: str) -> str:
@@ -68,7 +68,7 @@ def _legacy(core: Core, table: Table, item: Item) -> Settings:
     frequency = text("frequency")
     fixed_power = text("tx-power-mode") == "all-rates-fixed" and text("tx-power")
     card = radio_spec(core, (item.factory or {})["name"])
-    return Settings(
+    return RadioSettings(
         driver=Driver.WIRELESS,
         mac=text("mac-address"),
         radio_name=text("radio-name"),
@@ -100,7 +100,7 @@ def _rest(values: Mapping[str, str]) -> frozenset[tuple[str, str]]:
     return frozenset((name, value) for name, value in values.items() if name not in _IDLE)
 
 
-def _keys(store: Store, table: Table, profile: Item) -> Mapping[str, str]:
+def _keys(store: RowStore, table: Table, profile: StoredItem) -> Mapping[str, str]:
     """Return the ways of authentication of a profile with their keys; none: an open network."""
     if store.text(table, profile, "mode") != "dynamic-keys":
         return {}
@@ -109,7 +109,7 @@ def _keys(store: Store, table: Table, profile: Item) -> Mapping[str, str]:
     return {kind: store.text(table, profile, names[kind]) or "" if kind in names else kind for kind in kinds}
 
 
-def _lists(core: Core, radio: Item) -> tuple[frozenset[str], frozenset[str]]:
+def _lists(core: Core, radio: StoredItem) -> tuple[frozenset[str], frozenset[str]]:
     """Return whom access list and connect list turn away, and whom they let in; the first row that names him decides.
 
     Only MAC addresses are looked at, neither signal ranges nor times.
@@ -132,7 +132,7 @@ def _lists(core: Core, radio: Item) -> tuple[frozenset[str], frozenset[str]]:
     return frozenset(refuses), frozenset(admits)
 
 
-def _wifi(core: Core, table: Table, item: Item) -> Settings:
+def _wifi(core: Core, table: Table, item: StoredItem) -> RadioSettings:
     given = {name: value for name, value in inherited(core.store, table, item).items() if value is not None}
     local = core.store.text
     kinds = frozenset(kind for kind in given.get("security.authentication-types", "").split(",") if kind)
@@ -140,7 +140,7 @@ def _wifi(core: Core, table: Table, item: Item) -> Settings:
     ranges = _ranges(given.get("channel.frequency", "default"))
     card = radio_spec(core, (item.factory or {})["name"])
     power = given.get("configuration.tx-power")
-    return Settings(
+    return RadioSettings(
         driver=Driver.WIFI,
         mac=local(table, item, "mac-address") or "",
         radio_name=core.spec.name,
@@ -177,7 +177,7 @@ def _ranges(text: str) -> tuple[tuple[int, int], ...] | None:
     return tuple((int(low), int(high or low)) for low, _, high in ends)
 
 
-def inherited(store: Store, table: Table, item: Item) -> dict[str, str | None]:
+def inherited(store: RowStore, table: Table, item: StoredItem) -> dict[str, str | None]:
     """Return every property that a row amounts to, by its full name, in the spelling of exports."""
     found: dict[str, str | None] = {}
     for name, value in _layers(store, table, item):
@@ -185,7 +185,7 @@ def inherited(store: Store, table: Table, item: Item) -> dict[str, str | None]:
     return found
 
 
-def _layers(store: Store, table: Table, item: Item) -> Iterator[tuple[str, str | None]]:
+def _layers(store: RowStore, table: Table, item: StoredItem) -> Iterator[tuple[str, str | None]]:
     """Yield properties, those that win first; what belongs to a configuration profile has its name before it."""
     inside = table.menu.path == f"{WIFI}/{_CONFIGURATION}"
     for name in table.args:
@@ -200,14 +200,14 @@ def _layers(store: Store, table: Table, item: Item) -> Iterator[tuple[str, str |
             yield from _layers(store, *profile)
 
 
-def _of_profile(store: Store, table: Table, item: Item, part: str) -> Iterator[tuple[str, str | None]]:
+def _of_profile(store: RowStore, table: Table, item: StoredItem, part: str) -> Iterator[tuple[str, str | None]]:
     profile = _profile(store, table, item, part)
     if profile is not None:
         rows, row = profile
         yield from ((f"{part}.{name}", store.text(rows, row, name)) for name in rows.args if name in row.values)
 
 
-def _profile(store: Store, table: Table, item: Item, part: str) -> tuple[Table, Item] | None:
+def _profile(store: RowStore, table: Table, item: StoredItem, part: str) -> tuple[Table, StoredItem] | None:
     if part not in table.args:
         return None
     number = next((each for _, each in references(item.values.get(part, ""))), None)

@@ -21,7 +21,7 @@ NEWEST = ("a", "n", "ac", "ax", "be")
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class RadioSettings:
     """A radio as it is configured; whatever of this changes makes the radio start anew."""
 
     driver: Driver
@@ -114,7 +114,7 @@ def standards_of(band: str, driver: Driver) -> frozenset[str]:
 class Peer:
     """The other end of a link that is up."""
 
-    settings: Settings
+    settings: RadioSettings
     signal_dbm: float
     """What we hear of it."""
     theirs_dbm: float

@@ -138,7 +138,7 @@ _ERASE = "\x1b[K"
 
 
 @dataclass(slots=True)
-class Line:
+class EditedLine:
     """A prompt, what was typed after it, the cursor in it; `secret` is typed without being shown.
 
     A line that is longer than the screen is shown by its end, behind a `<` (community.routeros knows that sign).

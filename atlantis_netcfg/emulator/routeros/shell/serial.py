@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Screen, split_login
-from atlantis_netcfg.emulator.routeros.shell.session import DirectTalk, Session
+from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
 from atlantis_netcfg.emulator.routeros.shell.ssh import Gone
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.device import Device, Printed
-    from atlantis_netcfg.emulator.routeros.wire.host import Host
+    from atlantis_netcfg.emulator.routeros.wire.host import RouterHost
 
 _MOST = 65536
 _KEPT = 262144
@@ -32,7 +32,7 @@ _STARTING = "\r\nRouterBOOT booter {version}\r\n\r\n{board}\r\n\r\nloading kerne
 class SerialLine:
     """From plug to plug; `path` is where a client opens it."""
 
-    def __init__(self, host: Host, device: Device) -> None:
+    def __init__(self, host: RouterHost, device: Device) -> None:
         self._host = host
         self._device = device
         self._master, self._slave = os.openpty()
@@ -43,7 +43,7 @@ class SerialLine:
         self._unsaid = bytearray()
         self._caller: Caller | None = None
         self._screen = Screen()
-        self._session: Session | None = None
+        self._session: ConsoleSession | None = None
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
@@ -181,7 +181,7 @@ class SerialLine:
         if self._caller is None:
             return
         talk = _SettledTalk(self, self._host, self._device, self._caller)
-        self._session = session = Session(talk, self._screen, self._say, sized=False)
+        self._session = session = ConsoleSession(talk, self._screen, self._say, sized=False)
         await session.start()
         while not session.over:
             patience = None if session.begun else self._host.knobs.probe_s
@@ -205,7 +205,7 @@ class SerialLine:
 class _SettledTalk(DirectTalk):
     """What was done takes effect on the router's network, too."""
 
-    def __init__(self, line: SerialLine, host: Host, device: Device, caller: Caller) -> None:
+    def __init__(self, line: SerialLine, host: RouterHost, device: Device, caller: Caller) -> None:
         super().__init__(device, caller)
         self._line = line
         self._host = host

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Line, Pages, Position, Screen, folded
+from atlantis_netcfg.emulator.routeros.shell.keys import EditedLine, Key, Keyboard, Pages, Position, Screen, folded
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -63,7 +63,7 @@ _REFUSED = "\x03"
 class Greeting:
     """Asks what is still to be asked, then hands over to `then`."""
 
-    def __init__(self, session: Session, then: Callable[[], Awaitable[None]]) -> None:
+    def __init__(self, session: ConsoleSession, then: Callable[[], Awaitable[None]]) -> None:
         self._session = session
         self._device = session.talk.device
         self._then = then
@@ -135,7 +135,7 @@ tik4net, Docs/findings-cli.md; community.routeros answers the first.
 """
 
 
-class Session:
+class ConsoleSession:
     """From login to logout. `write` takes bytes for the terminal; `over` says that the console has closed it.
 
     A screen of unknown size is asked for it; `give_up()` says that no answer has come. Of a terminal without any size
@@ -153,7 +153,7 @@ class Session:
         self._write = write
         self._sized = sized or not screen.detect
         self._keyboard = Keyboard()
-        self._line = Line(screen)
+        self._line = EditedLine(screen)
         self._history: list[str] = []
         self._recall = 0
         self._mode: Callable[[str | Key], Awaitable[None]] = self._waiting

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection
-    from atlantis_netcfg.emulator.routeros.wire.link import Fault
+    from atlantis_netcfg.emulator.routeros.wire.link import LinkFault
 
 
 @dataclass(slots=True)
 class _Handle:
     name: str
     data: bytearray
-    faults: list[Fault]
+    faults: list[LinkFault]
     writing: bool
 
 

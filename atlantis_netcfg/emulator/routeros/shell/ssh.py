@@ -38,9 +38,9 @@ from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
 from atlantis_netcfg.emulator.routeros.device import Device, Printed
 from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
-from atlantis_netcfg.emulator.routeros.shell.session import Session
-from atlantis_netcfg.emulator.routeros.wire.host import Host, Pipe
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, TrafficCounters, masked
+from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession
+from atlantis_netcfg.emulator.routeros.wire.host import Pipe, RouterHost
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, FaultKind, LineEnd, LinkFault, TrafficCounters, masked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Sequence
@@ -51,7 +51,7 @@ class Gone(Exception):
     """The connection under the work has ended: nothing more is to be done for it."""
 
 
-class _Wire(Protocol):
+class _PipeTransport(Protocol):
     tally: TrafficCounters
 
     @property
@@ -65,7 +65,7 @@ class _Wire(Protocol):
 class WorkItem:
     """The gate between a channel and the device."""
 
-    def __init__(self, host: Host, wire: _Wire) -> None:
+    def __init__(self, host: RouterHost, wire: _PipeTransport) -> None:
         self._host = host
         self._wire = wire
 
@@ -76,7 +76,7 @@ class WorkItem:
         await self.end(faults)
         return _spoilt(faults, printed)
 
-    async def begin(self, line: str) -> list[Fault]:
+    async def begin(self, line: str) -> list[LinkFault]:
         """What comes before the work."""
         self._wire.tally.counters.sentences += 1
         self._wire.tally.sentences.append(masked((line,)))
@@ -86,7 +86,7 @@ class WorkItem:
         self._check()
         return faults
 
-    async def end(self, faults: Sequence[Fault]) -> None:
+    async def end(self, faults: Sequence[LinkFault]) -> None:
         """What comes between the work and its answer."""
         await self._host.settle()
         self._host.tell()
@@ -97,7 +97,7 @@ class WorkItem:
         if self._wire.over:
             raise Gone
 
-    async def _suffer(self, faults: Sequence[Fault], when: str) -> None:
+    async def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
@@ -111,7 +111,7 @@ class WorkItem:
                 self._host.strike(fault)
 
 
-def _spoilt(faults: Sequence[Fault], printed: Printed) -> Printed:
+def _spoilt(faults: Sequence[LinkFault], printed: Printed) -> Printed:
     text = printed.text
     for fault in faults:
         at = fault.offset
@@ -130,7 +130,7 @@ _VERSION = "ROSSSH"
 class SshConnection:
     """One connection: who has logged in on it, and its channels."""
 
-    def __init__(self, host: Host, device: Device, *, address: str, key: Callable[[], bytes]) -> None:
+    def __init__(self, host: RouterHost, device: Device, *, address: str, key: Callable[[], bytes]) -> None:
         self.host = host
         self.device = device
         self.tally = TrafficCounters("ssh")
@@ -143,7 +143,7 @@ class SshConnection:
         self._caller: Caller | None = None
         self._callers: list[Caller] = []
         self._unused = True
-        self._shells: list[Shell] = []
+        self._shells: list[SshShell] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._accepted = asyncio.Event()
         self._near: asyncio.Transport | None = None
@@ -170,7 +170,7 @@ class SshConnection:
 
     def arrived(self, chunk: Chunk) -> None:
         """The client is heard."""
-        if chunk.end is End.FIN and self._near is not None and not self._near.is_closing():
+        if chunk.end is LineEnd.FIN and self._near is not None and not self._near.is_closing():
             self._near.write_eof()
         elif chunk.end is not None:
             self.hang_up()
@@ -215,7 +215,7 @@ class SshConnection:
         def start(
             stdin: asyncssh.SSHReader[bytes], stdout: asyncssh.SSHWriter[bytes], _: asyncssh.SSHWriter[bytes]
         ) -> None:
-            Shell(self, stdin, stdout).start()
+            SshShell(self, stdin, stdout).start()
 
         return {
             "server_host_keys": [asyncssh.import_private_key(self._key())],
@@ -249,7 +249,7 @@ class SshConnection:
     def hang_up(self) -> None:
         """The router closes in good order, and knows that it is closed."""
         if not self._closed:
-            self.pipe.depart(Chunk(end=End.FIN))
+            self.pipe.depart(Chunk(end=LineEnd.FIN))
             self._closed = True
             self.gone()
 
@@ -327,11 +327,11 @@ class SshConnection:
             self.device.logout(caller, clean=True)
             self.host.tell()
 
-    def opened(self, shell: Shell) -> None:
+    def opened(self, shell: SshShell) -> None:
         """A channel with a console."""
         self._shells.append(shell)
 
-    def shut(self, shell: Shell) -> None:
+    def shut(self, shell: SshShell) -> None:
         """That channel is closed."""
         if shell in self._shells:
             self._shells.remove(shell)
@@ -364,7 +364,7 @@ class _Near(asyncio.Protocol):
 def _server(connection: SshConnection) -> asyncssh.SSHServer:
     import asyncssh  # noqa: PLC0415
 
-    class Server(asyncssh.SSHServer):
+    class SshServer(asyncssh.SSHServer):
         """Logins and console channels; nothing is forwarded."""
 
         def __init__(self) -> None:
@@ -396,14 +396,14 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
             if not connection.logged_in:
                 connection.admit(self._name, self._key)
 
-    return Server()
+    return SshServer()
 
 
 _MOST = 65536
 _INTERRUPT = b"\x03"
 
 
-class Shell:
+class SshShell:
     """What serves the channel; keys that come while a command runs wait their turn in asyncssh's buffer."""
 
     def __init__(
@@ -412,7 +412,7 @@ class Shell:
         self._connection = connection
         self._stdin = stdin
         self._channel = cast("asyncssh.SSHServerChannel[bytes]", stdout.channel)
-        self._session: Session | None = None
+        self._session: ConsoleSession | None = None
 
     def start(self) -> None:
         """Begin, beside asyncssh: what was typed is done even if nobody waits for it any more."""
@@ -448,7 +448,9 @@ class Shell:
     async def _converse(self, caller: Caller) -> None:
         """Feed the session until it or the terminal has had enough."""
         kind = self._channel.get_terminal_type()
-        session = Session(WireTalk(self._connection, caller), self._screen(kind), self._say, sized=kind is not None)
+        session = ConsoleSession(
+            WireTalk(self._connection, caller), self._screen(kind), self._say, sized=kind is not None
+        )
         self._session = session
         await session.start()
         patience: float | None = self._connection.host.knobs.probe_s

@@ -17,7 +17,14 @@ from ipaddress import (
     ip_network,
 )
 
-from atlantis_netcfg.emulator.routeros.values._plain import INVALID, NOT_OFFERED, BadValue, Kind, Names, reference
+from atlantis_netcfg.emulator.routeros.values._plain import (
+    INVALID,
+    NOT_OFFERED,
+    BadValue,
+    NamesValue,
+    ValueType,
+    reference,
+)
 
 _HOST_NAME = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_-]{1,63})*\.?")
 _SHORT = re.compile(r"(?<![\w.:/-])(\d{1,3}(?:\.\d{1,3})?)\.(\d{1,3})(?![\w.:/-])")
@@ -38,7 +45,7 @@ def _address(text: str, *, v6: bool = True) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Address(Kind):
+class Address(ValueType):
     """One IP address; `names`: or a DNS name; `v6=False`: IPv4 only; `empty`: or nothing."""
 
     v6: bool = True
@@ -46,7 +53,7 @@ class Address(Kind):
     empty: bool = False
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise the address."""
         if (not text and self.empty) or text in self.words:
             return text
@@ -61,21 +68,21 @@ class Address(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Addresses(Kind):
+class AddressesValue(ValueType):
     """A list of addresses, perhaps empty."""
 
     element: Address = Address()
 
-    def parse(self, text: str, names: Names) -> str:
+    def parse(self, text: str, names: NamesValue) -> str:
         """Normalise each."""
         return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
-class HostPrefix(Kind):
+class HostPrefix(ValueType):
     """An address with the length of its network, `10.0.0.1/24`; without a length it is a /32."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take `10.0.0.1/24` and `10.0.0.1/255.255.255.0`."""
         try:
             return str(IPv4Interface(text))
@@ -96,7 +103,7 @@ class HostPrefix(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Prefixes(Kind):
+class Prefixes(ValueType):
     """One network or (`many`) a list of them; host bits are cleared, as RouterOS does. A single address is a /32."""
 
     many: bool = False
@@ -104,7 +111,7 @@ class Prefixes(Kind):
     empty: str | None = None
     """What an empty text stands for; None: it is refused."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise each network."""
         text = text if text or self.empty is None else self.empty
         parts = text.split(",") if self.many and text else [text] if text or not self.many else []
@@ -134,12 +141,12 @@ def _range(text: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Matcher(Kind):
+class Matcher(ValueType):
     """What a rule matches or an address list holds: address, network or range of IPv4; `dns`: or a DNS name."""
 
     dns: bool = False
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise it; a /32 is printed as its address."""
         if self.dns and re.search(r"[A-Za-z]", text) and _HOST_NAME.fullmatch(text):
             return text
@@ -155,19 +162,19 @@ class Matcher(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Ranges(Kind):
+class Ranges(ValueType):
     """The ranges of a pool, separated by commas."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise each range."""
         return ",".join(map(_range, text.split(",")))
 
 
 @dataclass(frozen=True, slots=True)
-class Mac(Kind):
+class Mac(ValueType):
     """A MAC address, printed in capitals with colons."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take `:`, `-` and `.` between the bytes."""
         if not re.fullmatch(r"[0-9A-Fa-f]{2}(?:([:.-])[0-9A-Fa-f]{2})(?:\1[0-9A-Fa-f]{2}){4}", text):
             raise BadValue
@@ -175,12 +182,12 @@ class Mac(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Ports(Kind):
+class Ports(ValueType):
     """Ports and ranges of ports: `80,443,1000-2000`; `single`: one port or range only."""
 
     single: bool = False
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Check every number."""
         parts = text.split(",")
         if self.single and len(parts) > 1:
@@ -199,10 +206,10 @@ class Ports(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Gateway(Kind):
+class GatewayValue(ValueType):
     """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
 
-    def parse(self, text: str, names: Names) -> str:
+    def parse(self, text: str, names: NamesValue) -> str:
         """Turn interfaces and VRFs into references; the hop of a black hole may be empty (`commands/_checks.py`)."""
         if not text:
             return ""
@@ -214,7 +221,7 @@ class Gateway(Kind):
         return self._hop(hop, names)
 
     @staticmethod
-    def _hop(text: str, names: Names) -> str:
+    def _hop(text: str, names: NamesValue) -> str:
         address, percent, interface = text.partition("%")
         if not percent:
             try:
@@ -229,13 +236,13 @@ class Gateway(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Ref(Kind):
+class Ref(ValueType):
     """The name (or `*ID`) of a row of a space, or one of `words`."""
 
     spaces: tuple[str, ...]
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: Names) -> str:
+    def parse(self, text: str, names: NamesValue) -> str:
         """Find the row."""
         if text in self.words:
             return text
@@ -246,7 +253,7 @@ class Ref(Kind):
         raise BadValue(NOT_OFFERED)
 
 
-def _number(text: str, space: str, names: Names) -> int | None:
+def _number(text: str, space: str, names: NamesValue) -> int | None:
     by_id = re.fullmatch(r"\*([0-9A-Fa-f]+)", text)
     if by_id is None:
         return names.id_of(space, text)
@@ -255,23 +262,23 @@ def _number(text: str, space: str, names: Names) -> int | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Refs(Kind):
+class Refs(ValueType):
     """A list of rows of one space, perhaps empty."""
 
     element: Ref
 
-    def parse(self, text: str, names: Names) -> str:
+    def parse(self, text: str, names: NamesValue) -> str:
         """Find each row."""
         return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
-class Topics(Kind):
+class Topics(ValueType):
     """Words of a fixed set, each with an optional `!`, in the order in which they were given."""
 
     words: tuple[str, ...]
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take no other word."""
         for part in text.split(","):
             if part.removeprefix("!") not in self.words:
@@ -280,12 +287,12 @@ class Topics(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Granted(Kind):
+class Granted(ValueType):
     """A set of words that is printed whole: those in it, then those not in it with a `!` (`policy` of a user group)."""
 
     words: tuple[str, ...]
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take those without `!`; what is not named is not granted."""
         parts = text.split(",") if text else []
         if any(part.removeprefix("!") not in self.words for part in parts):

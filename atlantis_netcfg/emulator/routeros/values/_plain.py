@@ -29,7 +29,7 @@ class BadValue(ValueError):
         self.words = words
 
 
-class Names(Protocol):
+class NamesValue(Protocol):
     """Who is called what: spaces are groups of menus whose rows share their names (`interface`, `pool`, ...)."""
 
     def id_of(self, space: str, name: str) -> int | None:
@@ -40,10 +40,10 @@ class Names(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ValueType:
     """A value syntax; the base takes anything."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002 - only references look names up
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002 - only references look names up
         """Return `text` as it is stored. Raises BadValue."""
         return text
 
@@ -80,7 +80,7 @@ def references(stored: str) -> Iterator[tuple[str, int]]:
         yield space, int(number, 16)
 
 
-def spell(stored: str, names: Names) -> str:
+def spell(stored: str, names: NamesValue) -> str:
     """Put the names in; a row that has gone is shown by its id."""
     if "\x01" not in stored:
         return stored
@@ -104,13 +104,13 @@ _NO = ("no", "false")
 
 
 @dataclass(frozen=True, slots=True)
-class Text(Kind):
+class Text(ValueType):
     """Any text, at most `longest` bytes; `empty=False`: at least one character."""
 
     longest: int | None = None
     empty: bool = True
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take the text as it is."""
         too_long = self.longest is not None and len(text.encode(errors="surrogateescape")) > self.longest
         if too_long or (not text and not self.empty):
@@ -119,10 +119,10 @@ class Text(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Bool(Kind):
+class Bool(ValueType):
     """A boolean: the console and exports say `yes`, the API says `true`."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take both spellings."""
         if text not in _YES + _NO:
             raise BadValue("value of {} must be either yes or no")
@@ -140,12 +140,12 @@ class Bool(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Flag(Kind):
+class FlagValue(ValueType):
     """An argument that is there or not, without value (`fib`, `blackhole`); `shown` is what the API prints."""
 
     shown: str = ""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take the bare name, and what clients write in its place."""
         if text not in ("", *_YES):
             raise BadValue
@@ -157,7 +157,7 @@ class Flag(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Int(Kind):
+class Int(ValueType):
     """A whole number, or one of `words`; `hexadecimal` numbers are printed as `0x8000`."""
 
     least: int = 0
@@ -165,7 +165,7 @@ class Int(Kind):
     words: tuple[str, ...] = ()
     hexadecimal: bool = False
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise the number."""
         if text in self.words:
             return text
@@ -179,10 +179,10 @@ class Int(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Size(Kind):
+class Size(ValueType):
     """A size in KiB: exports say `2048KiB`, the API says `2048`."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take it with and without its unit."""
         match = re.fullmatch(r"(\d+)(?:KiB)?", text)
         if match is None:
@@ -195,10 +195,10 @@ class Size(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Rate(Kind):
+class Rate(ValueType):
     """Bits per second: `280k` and `280000` are the same, and exports say the shorter; the API says the number."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise it to the largest unit that leaves a whole number."""
         match = re.fullmatch(r"(\d+)([kMG]?)", text)
         if match is None:
@@ -213,12 +213,12 @@ class Rate(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Choice(Kind):
+class Choice(ValueType):
     """One of a fixed set of words."""
 
     words: tuple[str, ...]
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take no other word."""
         if text not in self.words:
             raise BadValue(NOT_OFFERED)
@@ -226,7 +226,7 @@ class Choice(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Choices(Kind):
+class Choices(ValueType):
     """Several of a fixed set of words; `ordered`: printed in the set's order, as RouterOS prints bits."""
 
     words: tuple[str, ...]
@@ -234,7 +234,7 @@ class Choices(Kind):
     signed: bool = False
     """Each word may have its own `!` (tcp-flags)."""
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take a comma-separated list; empty is the empty set."""
         chosen = text.split(",") if text else []
         plain = [word.removeprefix("!") if self.signed else word for word in chosen]
@@ -246,12 +246,12 @@ class Choices(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Not(Kind):
+class Not(ValueType):
     """A value with an optional `!` before it."""
 
-    kind: Kind
+    kind: ValueType
 
-    def parse(self, text: str, names: Names) -> str:
+    def parse(self, text: str, names: NamesValue) -> str:
         """Keep the sign, normalise the rest."""
         sign = "!" if text.startswith("!") else ""
         body = self.kind.parse(text.removeprefix("!"), names)
@@ -271,12 +271,12 @@ class Not(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern(Kind):
+class Pattern(ValueType):
     """A value with a small syntax of its own, given as a regular expression."""
 
     expression: str
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take what fits."""
         if re.fullmatch(self.expression, text) is None:
             raise BadValue
@@ -284,14 +284,14 @@ class Pattern(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Time(Kind):
+class Time(ValueType):
     """A time interval, printed as `1d2h3m4s`; or one of `words`. Bounds are seconds."""
 
     least: float = 0
     most: float = 4294967295
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Normalise `90`, `1m30s` and `00:01:30` to `1m30s`."""
         if text in self.words:
             return text
@@ -313,12 +313,12 @@ class Time(Kind):
 
 
 @dataclass(frozen=True, slots=True)
-class Moment(Kind):
+class Moment(ValueType):
     """A date (`2026-01-31`, before 7.10 `jan/31/2026`) or a time of day (`12:30:00`), or one of `words`."""
 
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: Names) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take the forms of any version; whoever uses the value knows which it is."""
         if text in self.words or re.fullmatch(r"\d{4}-\d{2}-\d{2}|[a-z]{3}/\d{2}/\d{4}|\d{2}:\d{2}:\d{2}", text):
             return text

@@ -9,14 +9,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
-from atlantis_netcfg.emulator.routeros.wire.host import Host, Pipe
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, End, Fault, FaultKind, Faults, TrafficCounters, masked
+from atlantis_netcfg.emulator.routeros.wire.host import Pipe, RouterHost
+from atlantis_netcfg.emulator.routeros.wire.link import (
+    Chunk,
+    FaultKind,
+    Faults,
+    LineEnd,
+    LinkFault,
+    TrafficCounters,
+    masked,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.emulator.routeros.answers import Answer
-    from atlantis_netcfg.emulator.routeros.wire.tls import Channel
+    from atlantis_netcfg.emulator.routeros.wire.tls import ByteChannel
 
 
 Sentence = tuple[str, ...]
@@ -119,14 +127,14 @@ class _Received:
 class Connection:
     """One API session on its wire."""
 
-    def __init__(self, host: Host, service: str) -> None:
+    def __init__(self, host: RouterHost, service: str) -> None:
         self.tally = TrafficCounters(service)
         self.pipe = Pipe(host, service)
         self.pipe.end = self
         self._host = host
         self._dialogue = host.dialogue(service)
         self._decoder = Decoder(host.knobs.word_before_login)
-        self._channel: Channel
+        self._channel: ByteChannel
         self._inbox: deque[_Received] = deque()
         self._news = asyncio.Event()
         self._writes: list[bool] = []
@@ -279,7 +287,7 @@ class Connection:
             self._decoder.limit = _LONGEST_WORD
         return replies
 
-    def _suffer(self, faults: Sequence[Fault], when: str) -> None:
+    def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
@@ -292,7 +300,7 @@ class Connection:
             else:
                 self._host.strike(fault)
 
-    def _spoil(self, faults: Sequence[Fault], replies: list[Reply]) -> list[Reply]:
+    def _spoil(self, faults: Sequence[LinkFault], replies: list[Reply]) -> list[Reply]:
         """Say the answer cut off, or with garbage in it, if a fault wants it so."""
         for fault in faults:
             if fault.do is FaultKind.TRUNCATE:
@@ -338,7 +346,7 @@ class Connection:
             return
         self._closed = True
         self._send(self._channel.flush() + self._channel.close())
-        self.pipe.depart(Chunk(end=End.FIN))
+        self.pipe.depart(Chunk(end=LineEnd.FIN))
         self.gone()
 
 

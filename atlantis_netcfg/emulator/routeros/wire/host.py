@@ -14,7 +14,7 @@ import socket
 import struct
 from typing import TYPE_CHECKING, Protocol, cast
 
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, Direction, End, Line
+from atlantis_netcfg.emulator.routeros.wire.link import Chunk, DelayLine, Direction, LineEnd
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -22,11 +22,17 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
-    from atlantis_netcfg.emulator.routeros.wire.link import Bearer, Fault, Pace, TrafficCounters, WireBehaviour
-    from atlantis_netcfg.emulator.routeros.wire.tls import Channel
+    from atlantis_netcfg.emulator.routeros.wire.link import (
+        LinkFault,
+        TrafficCounters,
+        WireBearer,
+        WireBehaviour,
+        WirePace,
+    )
+    from atlantis_netcfg.emulator.routeros.wire.tls import ByteChannel
 
 
-class Member(Protocol):
+class LinkMember(Protocol):
     """A connection as its router sees it."""
 
     tally: TrafficCounters
@@ -48,11 +54,11 @@ class Member(Protocol):
         """Say what the router has to say unasked."""
 
 
-class Host(Protocol):
+class RouterHost(Protocol):
     """What a connection needs of its router."""
 
     @property
-    def bearer(self) -> Bearer:
+    def bearer(self) -> WireBearer:
         """What carries the bytes."""
 
     @property
@@ -64,7 +70,7 @@ class Host(Protocol):
         """The knobs of this moment."""
 
     @property
-    def pace(self) -> Pace:
+    def pace(self) -> WirePace:
         """How fast the router answers."""
 
     @property
@@ -82,7 +88,7 @@ class Host(Protocol):
     def dialogue(self, service: str) -> Dialogue:
         """A session in which nobody has logged in."""
 
-    def channel(self, service: str) -> Channel:
+    def channel(self, service: str) -> ByteChannel:
         """TLS with the certificate of this moment, or plain."""
 
     def admits(self, service: str, address: str | None = None) -> bool:
@@ -100,10 +106,10 @@ class Host(Protocol):
     def watch(self, task: asyncio.Task[None]) -> None:
         """Stop the twin with an error if `task` fails."""
 
-    def upon(self, command: str) -> list[Fault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; the faults that strike at it."""
 
-    def strike(self, fault: Fault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
 
     async def settle(self) -> None:
@@ -202,7 +208,7 @@ class Pipe(asyncio.Protocol):
     are counted where they are paid for.
     """
 
-    def __init__(self, host: Host, service: str) -> None:
+    def __init__(self, host: RouterHost, service: str) -> None:
         self.service = service
         self.end: RouterEnd
         self.established = False
@@ -224,8 +230,8 @@ class Pipe(asyncio.Protocol):
         """A client's SYN is on its way."""
         self._transport = cast("asyncio.Transport", transport)
         bearer, air = self._host.bearer, self._host.air
-        self._up = Line(bearer, Direction.UP, air, self._arrive)
-        self._down = Line(bearer, Direction.DOWN, air, self._leave)
+        self._up = DelayLine(bearer, Direction.UP, air, self._arrive)
+        self._down = DelayLine(bearer, Direction.DOWN, air, self._leave)
         if bearer.link.tcp_connect:
             self._up.earliest = asyncio.get_running_loop().time() + 2 * bearer.link.delay_s
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
@@ -240,19 +246,19 @@ class Pipe(asyncio.Protocol):
 
     def eof_received(self) -> bool:
         """The client will say no more, the router may still answer."""
-        self._up.put(Chunk(end=End.FIN))
+        self._up.put(Chunk(end=LineEnd.FIN))
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client's socket is gone; the router learns it if the path lets it."""
         del exc
         if not self.ended:
-            self._up.put(Chunk(end=End.RST))
+            self._up.put(Chunk(end=LineEnd.RST))
 
     def _leave(self, chunk: Chunk) -> None:
         """The router is heard."""
         if chunk.end is not None:
-            self.stop(reset=chunk.end is End.RST)
+            self.stop(reset=chunk.end is LineEnd.RST)
         elif not self._transport.is_closing():
             self._transport.write(chunk.data)
             self._received, self._answered = chunk.heard, chunk.answered
@@ -265,7 +271,7 @@ class Pipe(asyncio.Protocol):
         if not self._path:
             self._held_up.append(chunk)
         elif self.lost:
-            self._down.put(Chunk(end=End.RST))
+            self._down.put(Chunk(end=LineEnd.RST))
         else:
             self.end.arrived(chunk)
 
@@ -297,7 +303,7 @@ class Pipe(asyncio.Protocol):
         self.established = True
         self.lost = not self._host.admits(self.service)
         if self.lost:
-            self._down.put(Chunk(end=End.RST))
+            self._down.put(Chunk(end=LineEnd.RST))
         else:
             self.end.accepted()
 
@@ -326,7 +332,7 @@ class Pipe(asyncio.Protocol):
     def farewell(self) -> None:
         """The router closes its sockets before it goes down: EOF where the path lets it."""
         if self._path:
-            self._down.put(Chunk(end=End.FIN))
+            self._down.put(Chunk(end=LineEnd.FIN))
         self.forget()
 
     def vanish(self) -> None:

@@ -2,7 +2,7 @@
 
 The bearer between client and router: a delay line, so that pipelined sentences share one delay.
 
-Both ends of a `Line` live in the server: what the client's socket hands over enters at once and leaves later.
+Both ends of a `DelayLine` live in the server: what the client's socket hands over enters at once and leaves later.
 
 Faults that strike at a chosen sentence, so that a test can cut a run at every point of it.
 
@@ -47,7 +47,7 @@ def _uncounted(_port: str | None, _direction: Direction, _size: int) -> None:
     """Nobody counts."""
 
 
-class Link(BaseModel):
+class RouterLink(BaseModel):
     """What the bearer does to every byte; given by the caller, all times in seconds as he wants to wait for them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -75,7 +75,7 @@ class Direction(Enum):
     DOWN = "down"
 
 
-class End(Enum):
+class LineEnd(Enum):
     """How a direction of a TCP connection ends."""
 
     FIN = "fin"
@@ -87,7 +87,7 @@ class Chunk:
     """Bytes under way; `heard` and `answered` are the sender's tally at that moment (see connection.py)."""
 
     data: bytes = b""
-    end: End | None = None
+    end: LineEnd | None = None
     heard: int = 0
     answered: int = 0
 
@@ -100,10 +100,10 @@ class Chunk:
             yield replace(self, data=self.data[at : at + SEGMENT])
 
 
-class Bearer:
+class WireBearer:
     """The link's state that all connections share: when each direction is free again, and how many segments it took."""
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: RouterLink) -> None:
         self.link = link
         self._free_at = dict.fromkeys(Direction, 0.0)
         self._segments = dict.fromkeys(Direction, 0)
@@ -127,11 +127,11 @@ class Bearer:
         return 0.0 if self._segments[direction] % self.link.stall_every else self.link.stall_s
 
 
-class Line:
+class DelayLine:
     """One direction of one connection: first in, first out, each chunk when it is due and the air is free."""
 
     def __init__(
-        self, bearer: Bearer, direction: Direction, air: asyncio.Event, deliver: Callable[[Chunk], None]
+        self, bearer: WireBearer, direction: Direction, air: asyncio.Event, deliver: Callable[[Chunk], None]
     ) -> None:
         self._bearer = bearer
         self._direction = direction
@@ -187,7 +187,7 @@ class FaultKind(StrEnum):
     """The router never answers on this connection again."""
 
 
-class Fault(BaseModel):
+class LinkFault(BaseModel):
     """One fault, armed for the n-th matching sentence from now; it strikes once."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -224,9 +224,9 @@ class Faults:
     """The faults that are armed."""
 
     def __init__(self) -> None:
-        self._armed: list[tuple[Fault, int]] = []
+        self._armed: list[tuple[LinkFault, int]] = []
 
-    def arm(self, fault: Fault) -> None:
+    def arm(self, fault: LinkFault) -> None:
         """Let `fault` strike when its sentence comes."""
         self._armed.append((fault, fault.sentence))
 
@@ -235,7 +235,7 @@ class Faults:
         self._armed.clear()
 
     @property
-    def armed(self) -> tuple[Fault, ...]:
+    def armed(self) -> tuple[LinkFault, ...]:
         """What has not struck yet."""
         return tuple(fault for fault, _ in self._armed)
 
@@ -245,7 +245,7 @@ class Faults:
         parses = any(word.startswith("=script=:foreach ") and ":put [:parse " in word for word in words)
         return f"{words[0]} :parse" if parses else words[0]
 
-    def upon(self, command: str) -> list[Fault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count the sentence that begins with `command`; the faults that strike at it."""
         left = [(fault, n - fnmatchcase(command, fault.match)) for fault, n in self._armed]
         self._armed = [(fault, n) for fault, n in left if n > 0]
@@ -258,7 +258,7 @@ _SCRIPT = re.compile(rf'\b({_SECRET}=)("(?:\\.|[^"\\])*"|[^\s;\]]+)', re.DOTALL)
 
 
 @dataclass(slots=True)
-class Counters:
+class WireCounters:
     """Totals of one connection, or of a router."""
 
     connections: int = 0
@@ -277,10 +277,10 @@ class Counters:
     """From the client, as TCP carried it."""
     wire_out: int = 0
 
-    def plus(self, other: Counters) -> Counters:
+    def plus(self, other: WireCounters) -> WireCounters:
         """Sum, field by field."""
         theirs = asdict(other)
-        return Counters(**{name: value + theirs[name] for name, value in asdict(self).items()})
+        return WireCounters(**{name: value + theirs[name] for name, value in asdict(self).items()})
 
 
 @dataclass(slots=True)
@@ -288,7 +288,7 @@ class TrafficCounters:
     """One connection: its counters and the sentences it sent, secrets masked."""
 
     service: str
-    counters: Counters = field(default_factory=lambda: Counters(connections=1))
+    counters: WireCounters = field(default_factory=lambda: WireCounters(connections=1))
     sentences: list[tuple[str, ...]] = field(default_factory=list)
 
 
@@ -343,7 +343,7 @@ class WireBehaviour(BaseModel):
     """The newest TLS that the router speaks; `/ip/service tls-version` may only lower it."""
 
 
-class Pace:
+class WirePace:
     """How long the router keeps a sentence waiting before it runs it; one for all connections."""
 
     def __init__(self) -> None:

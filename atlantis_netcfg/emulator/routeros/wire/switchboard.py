@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.wire.connection import Connection
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
 from atlantis_netcfg.emulator.routeros.wire.link import (
-    Bearer,
     Direction,
-    Fault,
     FaultKind,
     Faults,
-    Link,
-    Pace,
+    LinkFault,
+    RouterLink,
     TrafficCounters,
+    WireBearer,
     WireBehaviour,
+    WirePace,
 )
-from atlantis_netcfg.emulator.routeros.wire.tls import Channel, Plain, Tls, context
+from atlantis_netcfg.emulator.routeros.wire.tls import ByteChannel, Plain, Tls, context
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     from random import Random
 
     from atlantis_netcfg.emulator.routeros.device import Device
-    from atlantis_netcfg.emulator.routeros.spec import Management
-    from atlantis_netcfg.emulator.routeros.wire.host import Host, Member, MemberLine, Pipe
+    from atlantis_netcfg.emulator.routeros.spec import ManagementSpec
+    from atlantis_netcfg.emulator.routeros.wire.host import LinkMember, MemberLine, Pipe, RouterHost
 
 
 class AccessPath:
     """The router seen from another port than the management port; all else is `host`'s."""
 
-    def __init__(self, host: Host, device: Device, path: Management) -> None:
+    def __init__(self, host: RouterHost, device: Device, path: ManagementSpec) -> None:
         self._host = host
         self._device = device
         self._path = path
 
     @property
-    def bearer(self) -> Bearer:
+    def bearer(self) -> WireBearer:
         """The same cable quality for all."""
         return self._host.bearer
 
@@ -55,7 +55,7 @@ class AccessPath:
         return self._host.knobs
 
     @property
-    def pace(self) -> Pace:
+    def pace(self) -> WirePace:
         """How fast the router answers."""
         return self._host.pace
 
@@ -78,7 +78,7 @@ class AccessPath:
         """A session in which nobody has logged in, from this way's technician."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
-    def channel(self, service: str) -> Channel:
+    def channel(self, service: str) -> ByteChannel:
         """TLS or plain."""
         return self._host.channel(service)
 
@@ -105,11 +105,11 @@ class AccessPath:
         """Stop the twin with an error if `task` fails."""
         self._host.watch(task)
 
-    def upon(self, command: str) -> list[Fault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; the faults that strike at it."""
         return self._host.upon(command)
 
-    def strike(self, fault: Fault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
         self._host.strike(fault)
 
@@ -136,12 +136,12 @@ class Switchboard:
         changed: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
         tallies: list[TrafficCounters],
-        others: Mapping[str, Callable[[Host, str], Member]],
+        others: Mapping[str, Callable[[RouterHost, str], LinkMember]],
     ) -> None:
-        self.bearer = Bearer(Link())
+        self.bearer = WireBearer(RouterLink())
         self.air = asyncio.Event()
         self.air.set()
-        self.pace = Pace()
+        self.pace = WirePace()
         self.faults = Faults()
         self.knobs = WireBehaviour()
         self.chance: random.Random | None = None
@@ -158,7 +158,7 @@ class Switchboard:
         self._certificate = certificate
         self._tallies = tallies
         self._others = others
-        self._connections: dict[Pipe, Member] = {}
+        self._connections: dict[Pipe, LinkMember] = {}
         self._revision: int | None = None
         self._alarm = asyncio.Event()
         self._settling = asyncio.Lock()
@@ -185,13 +185,13 @@ class Switchboard:
             connection.pipe.stop(reset=False)
 
     @property
-    def connections(self) -> tuple[Member, ...]:
+    def connections(self) -> tuple[LinkMember, ...]:
         """Those that are there now."""
         return tuple(self._connections.values())
 
-    def visitor(self, service: str, way: Management | None = None) -> Pipe:
+    def visitor(self, service: str, way: ManagementSpec | None = None) -> Pipe:
         """Make what serves a new client of `service`, who comes over the declared path or another `way`."""
-        host: Host = self if way is None else AccessPath(self, self._device, way)
+        host: RouterHost = self if way is None else AccessPath(self, self._device, way)
         other = self._others.get(service)
         connection = Connection(host, service) if other is None else other(host, (way or self._path).technician)
         self._connections[connection.pipe] = connection
@@ -256,7 +256,7 @@ class Switchboard:
         """A session in which nobody has logged in."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
-    def channel(self, service: str) -> Channel:
+    def channel(self, service: str) -> ByteChannel:
         """TLS with the certificate of this moment, or plain."""
         if service != "api-ssl":
             return Plain()
@@ -285,11 +285,11 @@ class Switchboard:
         """Neither end will be heard of again."""
         self._connections.pop(pipe, None)
 
-    def upon(self, command: str) -> list[Fault]:
+    def upon(self, command: str) -> list[LinkFault]:
         """Count a sentence; the faults that strike at it."""
         return self.faults.upon(command)
 
-    def strike(self, fault: Fault) -> None:
+    def strike(self, fault: LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
         if fault.do is FaultKind.GAP:
             self.gap(fault.seconds)

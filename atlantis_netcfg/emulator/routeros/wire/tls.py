@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class Channel(Protocol):
+class ByteChannel(Protocol):
     """What lies between the bytes of TCP and the words of the API."""
 
     def receive(self, wire: bytes) -> bytes:

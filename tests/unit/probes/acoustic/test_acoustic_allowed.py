@@ -11,8 +11,8 @@ from atlantis_netcfg.checklist.probes import registry as allowed_messages
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     SEATRAC,
+    ModemUse,
     NeverSaid,
-    Use,
     ask_at,
     ask_seatrac,
     message,
@@ -95,8 +95,8 @@ def _passes_at_most_as_one_ping(number: int) -> None:
 
 
 def test_the_tables_are_those_of_the_facts() -> None:
-    by_use = {use: [number for number, one in SEATRAC.items() if one.use is use] for use in Use}
-    assert by_use == {Use.READ: SEATRAC_READS, Use.NEVER: SEATRAC_NEVER, Use.ACTIVE: SEATRAC_ACTIVE}
+    by_use = {use: [number for number, one in SEATRAC.items() if one.use is use] for use in ModemUse}
+    assert by_use == {ModemUse.READ: SEATRAC_READS, ModemUse.NEVER: SEATRAC_NEVER, ModemUse.ACTIVE: SEATRAC_ACTIVE}
 
 
 @pytest.mark.parametrize("payload", [b"\x01", b"\x15", b"\x40\x02\x04"])

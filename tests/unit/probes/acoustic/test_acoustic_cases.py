@@ -10,7 +10,7 @@ import yaml
 from acoustic_talk import Twin, bytewise, hear, told, twin_of
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Probe, Transcript, acoustic, registry, usbl
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningSeatrac, SeatracSpec
 
@@ -80,7 +80,7 @@ def test_every_script_is_on_the_lists(declaration: Declaration, item: str) -> No
     for question in step.probe.asks():
         assert isinstance(question, Listen)
         assert registry.refused(question, active=True) is None
-        assert (registry.refused(question, active=False) is not None) == (step.kind is Kind.ACTIVE)
+        assert (registry.refused(question, active=False) is not None) == (step.kind is ItemKind.ACTIVE)
 
 
 def test_one_modem_is_one_question(declaration: Declaration) -> None:
@@ -107,13 +107,13 @@ def test_only_the_first_row_has_the_fleet(declaration: Declaration) -> None:
 @pytest.mark.parametrize("column", COLUMNS)
 def test_where_nothing_is_declared_a_person_looks_in_the_water(declaration: Declaration, column: str) -> None:
     (step,) = COLUMNS[column](Cell(declaration, SITE, "eca-rov", column))
-    assert (step.kind, step.phase, bool(step.do), bool(step.look_for)) == (Kind.PERSON, "in water", True, True)
+    assert (step.kind, step.phase, bool(step.do), bool(step.look_for)) == (ItemKind.PERSON, "in water", True, True)
 
 
 @pytest.mark.parametrize("item", ["girona500/acoustic/message", "zarco/usbl/ping"])
 def test_what_transmits_asks_a_person_whether_it_is_in_the_water(declaration: Declaration, item: str) -> None:
     step = the_step(declaration, item)
-    assert (step.kind, step.phase) == (Kind.ACTIVE, "in water")
+    assert (step.kind, step.phase) == (ItemKind.ACTIVE, "in water")
     assert step.consent is not None
     assert "in the water" in step.consent.question
     assert "nobody dives" in step.consent.question

@@ -14,7 +14,7 @@ from acoustic_talk import hear, talk, told, twin_of
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Transcript, Trouble, acoustic, usbl
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import WATER
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration.loading import load
 from atlantis_netcfg.declaration.model import AcousticEndpoint, Geofence, SeenFrom, UsblEndpoint
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
@@ -115,7 +115,7 @@ def test_a_modem_without_an_address_is_for_a_person(shipped: Declaration, column
     """The site's own modem has no reservation: without `address` nobody knows where it is."""
     endpoints = {"acoustic": AcousticEndpoint(driver="evologics"), "usbl": UsblEndpoint(driver="evologics")}
     (step,) = at(having(shipped, None, **endpoints), None, column)
-    assert step.kind is Kind.PERSON
+    assert step.kind is ItemKind.PERSON
     assert "has no address at this site" in step.do
     (step,) = at(shipped, None, column)
     assert "is not declared" in step.do
@@ -126,21 +126,21 @@ def test_only_known_languages_transmit(shipped: Declaration) -> None:
     changed = having(changed, "sparus", usbl=UsblEndpoint(driver="evologics", ping=1))
     (message,) = [step for step in at(changed, "zarco", "acoustic") if step.name == "message"]
     (ping,) = [step for step in at(changed, "sparus", "usbl") if step.name == "ping"]
-    assert (message.kind, ping.kind) == (Kind.PERSON, Kind.PERSON)
+    assert (message.kind, ping.kind) == (ItemKind.PERSON, ItemKind.PERSON)
 
 
 def test_without_a_partner_nothing_transmits(shipped: Declaration) -> None:
     changed = having(shipped, "sparus", acoustic=AcousticEndpoint(driver="evologics"))
-    assert [step.kind for step in at(changed, "sparus", "acoustic")] == [Kind.AUTOMATIC]
+    assert [step.kind for step in at(changed, "sparus", "acoustic")] == [ItemKind.AUTOMATIC]
     changed = having(shipped, "zarco", usbl=UsblEndpoint(driver="seatrac", port=9300))
-    assert [step.kind for step in at(changed, "zarco", "usbl")] == [Kind.AUTOMATIC]
+    assert [step.kind for step in at(changed, "zarco", "usbl")] == [ItemKind.AUTOMATIC]
 
 
 def test_what_transmits_waits_for_its_turn(shipped: Declaration) -> None:
     active = [
-        step for row in ("girona500", "sparus") for step in at(shipped, row, "acoustic") if step.kind is Kind.ACTIVE
+        step for row in ("girona500", "sparus") for step in at(shipped, row, "acoustic") if step.kind is ItemKind.ACTIVE
     ]
-    active += [step for step in at(shipped, "zarco", "usbl") if step.kind is Kind.ACTIVE]
+    active += [step for step in at(shipped, "zarco", "usbl") if step.kind is ItemKind.ACTIVE]
     assert [asked(step).turn for step in active] == [WATER] * 3
     assert asked(at(shipped, "girona500", "acoustic")[0]).turn == ""
 

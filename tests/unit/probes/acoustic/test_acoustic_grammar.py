@@ -198,7 +198,7 @@ def test_cut_records_are_none() -> None:
 
 
 def test_a_shorter_status_tells_nothing() -> None:
-    assert seatrac.status(SeatracSpec(environment=False).records()[0x10]) == seatrac.Status()
+    assert seatrac.status(SeatracSpec(environment=False).records()[0x10]) == seatrac.BeaconStatus()
 
 
 WORDS = [

@@ -17,7 +17,7 @@ from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.bearers import Finding
+    from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.checklist.probes import Judged, Transcript
 
 NAMES = [case.name for case in CASES]
@@ -31,7 +31,7 @@ def probe(case: Case) -> StreamGps:
     return StreamGps(replace(WANTED[case.driver], **case.wanted), Place.GATEWAY)
 
 
-def told(findings: tuple[Finding, ...]) -> tuple[str, ...]:
+def told(findings: tuple[BearerFinding, ...]) -> tuple[str, ...]:
     return tuple(f"{one.verdict} {one.code}: {one.message}" for one in findings)
 
 

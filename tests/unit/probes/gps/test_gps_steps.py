@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step
 from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
 from atlantis_netcfg.checklist.probes.registry import refused
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Endpoints
@@ -49,7 +49,12 @@ def stream(step: Step) -> StreamGps:
 def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address: str, port: int, three: bool) -> None:  # noqa: FBT001
     step = of(declaration, vehicle)
     probe = stream(step)
-    assert (step.name, step.kind, step.phase, step.concerns) == ("", Kind.AUTOMATIC, Phase.QUAY, ("coastal-gateway",))
+    assert (step.name, step.kind, step.phase, step.concerns) == (
+        "",
+        ItemKind.AUTOMATIC,
+        Phase.QUAY,
+        ("coastal-gateway",),
+    )
     assert (probe.place, probe.address, probe.port) == (Place.GATEWAY, address, port)
     assert (probe.expected.three, probe.expected.place) == (three, "coastal-gateway")
     assert probe.expected.fence == declaration.sites["coastal"].checklist.geofence
@@ -87,7 +92,7 @@ def test_a_router_is_asked(declaration: Declaration, gps: dict[str, Any], host: 
 
 def test_nothing_declared_is_a_persons_step(declaration: Declaration) -> None:
     step = of(declaration, "stork", declared=False)
-    assert (step.name, step.kind, step.phase) == ("", Kind.PERSON, Phase.QUAY)
+    assert (step.name, step.kind, step.phase) == ("", ItemKind.PERSON, Phase.QUAY)
     assert "3D fix" in step.look_for
     assert "2D or 3D fix" in of(declaration, "sparus", declared=False).look_for
 

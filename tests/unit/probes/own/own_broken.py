@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes import (
     Place,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Trouble,
 )
 from atlantis_netcfg.emulator.linux import (
@@ -132,7 +132,7 @@ def at(place: Place, trouble: Trouble, words: str = "") -> Callable[[Question, A
 def garbage(question: Question, _answer: Answer) -> Answer:
     if isinstance(question, RouterOsQuery):
         return Rows(None, rows=({"x": "\x00?"},))
-    if isinstance(question, Run):
+    if isinstance(question, RunProgram):
         return CommandResult(None, out="\x1b[31m{ not json\n", began=0.0)
     if isinstance(question, DdsDiscoverRequest):
         return DdsDiscoverResult(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
@@ -152,7 +152,7 @@ def refused(question: Question, answer: Answer) -> Answer:
 
 
 def failing(question: Question, answer: Answer) -> Answer:
-    return CommandResult(None, rc=1, err="sh: something\nit broke\n") if isinstance(question, Run) else answer
+    return CommandResult(None, rc=1, err="sh: something\nit broke\n") if isinstance(question, RunProgram) else answer
 
 
 def answered(change: Callable[[DdsDiscoverResult], DdsDiscoverResult]) -> World:
@@ -282,7 +282,7 @@ BROKEN: dict[str, Callable[[], World]] = {
         answers=lambda question, answer: (
             replace(answer, out="[]\n")
             if isinstance(answer, CommandResult)
-            and isinstance(question, Run)
+            and isinstance(question, RunProgram)
             and question.argv == ("ip", "-j", "addr", "show")
             else answer
         )
@@ -337,7 +337,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway's default route has no link": lambda: answers(
         lambda question, answer: (
             replace(answer, out=DOWN)
-            if isinstance(answer, CommandResult) and isinstance(question, Run) and "route" in question.argv
+            if isinstance(answer, CommandResult) and isinstance(question, RunProgram) and "route" in question.argv
             else answer
         )
     ),

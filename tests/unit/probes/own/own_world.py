@@ -20,7 +20,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     RouterOsQuery,
     Rows,
-    Run,
+    RunProgram,
     Trouble,
 )
 from atlantis_netcfg.checklist.probes.site_checks import steps
@@ -38,7 +38,7 @@ from atlantis_netcfg.emulator.linux import (
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
-from atlantis_netcfg.emulator.routeros.spec import Environment, Load, Management, RouterSpec, User, Validity
+from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, RouterSpec, User, Validity
 from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class World:
         stamps = {"asked": NOW.timestamp() - 0.2, "heard": NOW.timestamp() + 0.3}
         if isinstance(question, RouterOsQuery):
             return replace(self._rows(question), asked=stamps["asked"], heard=stamps["heard"])
-        if isinstance(question, Run):
+        if isinstance(question, RunProgram):
             rc, out, err = self.computer.answer(question.argv)
             trouble = Trouble.MISSING if rc == 127 else None
             return CommandResult(trouble, "", rc, out, err, began=self.computer.now, **stamps)
@@ -199,7 +199,7 @@ def device(clock: datetime, neighbours: tuple[str, ...]) -> Device:
     spec = RouterSpec(
         name=host.name,
         users=(User(name="provision"),),
-        management=Management(),
+        management=ManagementSpec(),
         certificates=("atlantis-api", "atlantis-vpn"),
         neighbours=neighbours,
         clock=clock,

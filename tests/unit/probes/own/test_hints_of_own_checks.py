@@ -13,7 +13,7 @@ from test_hints_of_vpn import GATEWAY, ROUTER, Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros.spec import Validity
-from atlantis_netcfg.operations.vpn.router import Installed
+from atlantis_netcfg.operations.vpn.router import InstalledIdentity
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
@@ -47,9 +47,9 @@ def reached(laptop: Laptop) -> list[str]:
         names.extend(host.name for host in opened.hosts)
         raise NothingBehindIt(f"{opened.site} is asked")
 
-    def install(_declaration: object, host: Host, *_: object, **__: object) -> Installed:
+    def install(_declaration: object, host: Host, *_: object, **__: object) -> InstalledIdentity:
         names.append(host.name)
-        return Installed(host.name, Status.UNCHANGED, ExitCode.DONE, "already so")
+        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so")
 
     def adoption(_arguments: object, _declaration: object, host: Host, *_: object) -> None:
         names.append(host.name)

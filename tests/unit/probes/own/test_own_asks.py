@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes import (
     DhcpDiscoverRequest,
     LinkStatusRequest,
     RouterOsQuery,
-    Run,
+    RunProgram,
     site_checks,
 )
 from atlantis_netcfg.checklist.probes.registry import allowed
@@ -61,14 +61,14 @@ def test_nothing_but_reading_is_asked_for() -> None:
         DdsDiscoverRequest,
         LinkStatusRequest,
         DhcpDiscoverRequest,
-        Run,
+        RunProgram,
     }
     asked = {name for query in QUERIES for name in query.proplist}
     assert not {name for name in asked if "password" in name or "secret" in name}
 
 
 def test_every_program_is_on_the_list() -> None:
-    programs = [one.argv for one in EVERY if isinstance(one, Run)]
+    programs = [one.argv for one in EVERY if isinstance(one, RunProgram)]
     assert programs
     assert [argv for argv in programs if not allowed(argv)] == []
 
@@ -102,7 +102,7 @@ def test_paths_are_those_that_the_toolkit_writes() -> None:
 
 def test_pings_go_to_nobody_outside_the_site() -> None:
     """Five to the VPN's own server through the tunnel; ARP does not leave the LAN."""
-    targets = {one.argv[-1] for one in EVERY if isinstance(one, Run) and one.argv[0] == "ping"}
+    targets = {one.argv[-1] for one in EVERY if isinstance(one, RunProgram) and one.argv[0] == "ping"}
     server = declaration().hosts[declaration().pilot.vpn.server].device
     assert targets == {str(getattr(server, "vpn_address", None))}
 

@@ -12,7 +12,7 @@ from own_world import SITE, World, declaration, own_steps
 
 from atlantis_netcfg.checklist.probes import Cell, site_checks
 from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +52,7 @@ def codes() -> Iterator[str]:
 
 def test_all_checks_are_automatic_and_have_their_item() -> None:
     assert tuple(step.name for step in own_steps()) == NAMES
-    assert {(step.kind, step.phase) for step in own_steps()} == {(Kind.AUTOMATIC, Phase.BENCH)}
+    assert {(step.kind, step.phase) for step in own_steps()} == {(ItemKind.AUTOMATIC, Phase.BENCH)}
     assert all("coastal-" in " ".join(step.concerns) for step in own_steps())
 
 
@@ -67,7 +67,7 @@ def test_what_is_not_declared_at_a_site_is_skipped_by_name() -> None:
 
 
 def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
-    found = {step.name: step for step in of("scc") if step.kind is Kind.PERSON}
+    found = {step.name: step for step in of("scc") if step.kind is ItemKind.PERSON}
     assert set(found) == {"rogue-dhcp", "vpn", "dds"}
     assert "no gateway computer" in found["rogue-dhcp"].do
     assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
@@ -85,7 +85,7 @@ def test_where_nobody_is_declared_in_the_vpn_or_to_talk_dds_both_are_still_asked
     silent = pilot.model_copy(update={"dds": None})
     for whole in (replace(declaration(), hosts=hosts), replace(declaration(), hosts=hosts, pilot=silent)):
         found = {step.name: step for step in steps(Cell(whole, "scc", None, "site"))}
-        assert {found[name].kind for name in ("vpn", "dds")} == {Kind.PERSON}
+        assert {found[name].kind for name in ("vpn", "dds")} == {ItemKind.PERSON}
         assert not [name for name in ("vpn", "dds") if found[name].unless]
     assert "No host of scc is declared in the VPN" in found["vpn"].do
     assert "The pilot declares no DDS" in found["dds"].do
@@ -96,7 +96,7 @@ def test_a_site_without_a_router_has_every_item_too() -> None:
     without = replace(declaration(), hosts=hosts)
     found = steps(Cell(without, SITE, None, "site"))
     assert tuple(step.name for step in found) == NAMES
-    assert {step.kind for step in found} == {Kind.PERSON}, "the site has a satellite, and boxes that are fed"
+    assert {step.kind for step in found} == {ItemKind.PERSON}, "the site has a satellite, and boxes that are fed"
     assert all("the site has no router of ours that could be asked" in step.do for step in found)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from radio_cases import Case, check, codes
 
-from atlantis_netcfg.bearers import Finding
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     AllowListTestResult,
@@ -17,24 +17,28 @@ from atlantis_netcfg.checklist.probes.bearer_probe import BearerProbe, _register
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.events import Verdict
 
-REACHED = Finding(
+REACHED = BearerFinding(
     Verdict.PASS, "reached", "VPN server (203.0.113.2 udp 1194) was reached after 35 s over the satellite"
 )
-REFUSED = Finding(Verdict.PASS, "refused", "second address (203.0.113.3) is refused by the router, nothing was sent")
-NOT_TRIED = Finding(Verdict.INCONCLUSIVE, "not-tried", "VPN server (203.0.113.2 udp 1194) could not be tried: no way")
-LEAK = Finding(
+REFUSED = BearerFinding(
+    Verdict.PASS, "refused", "second address (203.0.113.3) is refused by the router, nothing was sent"
+)
+NOT_TRIED = BearerFinding(
+    Verdict.INCONCLUSIVE, "not-tried", "VPN server (203.0.113.2 udp 1194) could not be tried: no way"
+)
+LEAK = BearerFinding(
     Verdict.FAIL, "leak", "second address (203.0.113.3) is not allowed, and was reached", "provision the site"
 )
-QUIET = Finding(
+QUIET = BearerFinding(
     Verdict.INCONCLUSIVE, "link-not-seen", "second address did not answer, nothing else was reached", "again"
 )
-UNSEEN = Finding(
+UNSEEN = BearerFinding(
     Verdict.WARN, "terminal-not-looked-at", "nobody has looked at the terminal coastal-sat", "open its pages"
 )
 
 
 def looked(
-    kind: str, state: str = "up", findings: tuple[Finding, ...] = (), **quality: str | float | None
+    kind: str, state: str = "up", findings: tuple[BearerFinding, ...] = (), **quality: str | float | None
 ) -> LinkStatusResult:
     """One bearer of `provision links --json`."""
     answered: dict[str, str | float | None] = {"loss_percent": 0} if state == "up" else {}
@@ -49,7 +53,7 @@ def looked(
 
 
 def proved(
-    *findings: Finding, seconds: float = 90.0, bill: str = "336 B, billed as 5.0 kB, 0.04 EUR"
+    *findings: BearerFinding, seconds: float = 90.0, bill: str = "336 B, billed as 5.0 kB, 0.04 EUR"
 ) -> dict[str, AllowListTestResult]:
     return {"prove": AllowListTestResult(None, findings=findings, seconds=seconds, bill=bill)}
 
@@ -95,7 +99,7 @@ BRIDGES = (
                 "wifi_ptp",
                 "up",
                 (
-                    Finding(
+                    BearerFinding(
                         Verdict.WARN,
                         "signal-strong",
                         "coastal-cpe: scc-cpe is heard with -20 dBm, above -35 dBm: receivers saturate",
@@ -115,7 +119,7 @@ BRIDGES = (
         ("FAIL device-unreachable: coastal-cpe cannot be read",),
         {
             "look": looked(
-                "wifi_ptp", "down", (Finding(Verdict.FAIL, "device-unreachable", "coastal-cpe cannot be read"),)
+                "wifi_ptp", "down", (BearerFinding(Verdict.FAIL, "device-unreachable", "coastal-cpe cannot be read"),)
             )
         },
     ),
@@ -169,7 +173,7 @@ UNITS = (
                 "lte",
                 "down",
                 (
-                    Finding(
+                    BearerFinding(
                         Verdict.FAIL,
                         "roaming-not-allowed",
                         "coastal-4g: registered, but without data",
@@ -215,7 +219,7 @@ TERMINALS = (
             "look": looked(
                 "satellite",
                 "down",
-                (Finding(Verdict.FAIL, "port-down", "port ether3 of the router has no link", "plug it in"),),
+                (BearerFinding(Verdict.FAIL, "port-down", "port ether3 of the router has no link", "plug it in"),),
                 port="ether3",
                 port_link="down",
             )

@@ -4,7 +4,7 @@ import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, pings, printed, way
 
-from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
 from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.declaration.model import EthernetEndpoint
@@ -370,7 +370,7 @@ def test_the_router_has_the_words(version: str) -> None:
 
 
 def test_every_program_is_on_the_list() -> None:
-    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, Run)]
+    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RunProgram)]
     assert [" ".join(one.argv) for one in asked] == [
         "ip -j route get 10.64.1.26",
         "ping -n -c 20 -i 0.2 -W 2 10.64.1.26",

@@ -17,7 +17,7 @@ from radio_cases import (
     way,
 )
 
-from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
 from atlantis_netcfg.declaration.model import WifiEndpoint
@@ -374,7 +374,7 @@ def test_every_code_has_its_case() -> None:
 
 
 def test_everything_that_is_asked_is_on_the_list() -> None:
-    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, Run)]
+    asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RunProgram)]
     assert all(allowed(one.argv) for one in asked)
     assert [" ".join(one.argv) for one in asked] == [
         "iw dev wlan1 link",

@@ -4,7 +4,7 @@ import pytest
 import trees
 from radio_cases import NOBODY, Case, check, codes, pings, way
 
-from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, Run, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.checklist.probes.wifi import RegisteredProbe
 from atlantis_netcfg.declaration.model import WifiEndpoint
@@ -238,4 +238,4 @@ def test_the_device_has_the_words(version: str) -> None:
 def test_without_an_access_point_of_ours_only_a_ping_is_sent() -> None:
     asked = probe(Case("", (), endpoint={"seen_by": None})).asks()
     assert [one.name for one in asked] == ["route", "ping"]
-    assert all(isinstance(one, Run) and allowed(one.argv) for one in asked)
+    assert all(isinstance(one, RunProgram) and allowed(one.argv) for one in asked)

@@ -10,8 +10,8 @@ import pytest
 from atlantis_netcfg.checklist.probes import CommandResult, Place
 from atlantis_netcfg.checklist.probes import ping as _ping
 from atlantis_netcfg.checklist.probes.ping import (
-    Card,
-    Route,
+    NeighbourRoute,
+    NetworkCard,
     card_request,
     neighbour_request,
     read_card,
@@ -21,23 +21,23 @@ from atlantis_netcfg.checklist.probes.ping import (
 )
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes import Run
+    from atlantis_netcfg.checklist.probes import RunProgram
 
 
-def run(question: Run) -> CommandResult:
+def run(question: RunProgram) -> CommandResult:
     done = subprocess.run(question.argv, capture_output=True, text=True, timeout=20, check=False)
     return CommandResult(None, rc=done.returncode, out=done.stdout, err=done.stderr)
 
 
-def short(address: str) -> Run:
+def short(address: str) -> RunProgram:
     """The same question with two packets, for time."""
     asked = _ping.ping_request(Place.LAPTOP, address)
     return type(asked)(asked.name, asked.place, tuple("2" if one == str(_ping.COUNT) else one for one in asked.argv))
 
 
 def test_ip_is_read_as_it_prints() -> None:
-    assert read_route(run(route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == Route("lo")
-    assert read_card(run(card_request(Place.LAPTOP, "lo"))) == Card(up=True, carrier=True)
+    assert read_route(run(route_request(Place.LAPTOP, "127.0.0.1")), "127.0.0.1") == NeighbourRoute("lo")
+    assert read_card(run(card_request(Place.LAPTOP, "lo"))) == NetworkCard(up=True, carrier=True)
     missing = run(card_request(Place.LAPTOP, "nosuchif0"))
     assert "does not exist" in missing.err
     assert read_card(missing) is None

@@ -10,7 +10,7 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.registry import steps_of
-from atlantis_netcfg.checklist.report import Kind
+from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Bearer, Endpoints
 
@@ -100,7 +100,7 @@ def test_a_location_has_its_own_endpoints_beside(declaration: Declaration) -> No
 def test_without_a_link_a_person_looks(declaration: Declaration, endpoint: str) -> None:
     changed = with_location(declaration, bearers=())
     (step,) = steps_of(Cell(changed, "coastal", None, endpoint))
-    assert step.kind is Kind.PERSON
+    assert step.kind is ItemKind.PERSON
     assert step.do
     assert step.look_for
 
@@ -108,7 +108,7 @@ def test_without_a_link_a_person_looks(declaration: Declaration, endpoint: str) 
 @pytest.mark.parametrize("endpoint", ["satellite", "4g"])
 def test_a_vehicle_with_a_long_haul_link_is_for_a_person(declaration: Declaration, endpoint: str) -> None:
     (step,) = steps_of(Cell(declaration, "coastal", "stork", endpoint))
-    assert step.kind is Kind.PERSON
+    assert step.kind is ItemKind.PERSON
     assert "Stork" in step.title
 
 

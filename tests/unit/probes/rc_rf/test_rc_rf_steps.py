@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Place, Step
 from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
-from atlantis_netcfg.checklist.report import Kind, Phase
+from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import Endpoints
 
@@ -28,17 +28,17 @@ def of(declaration: Declaration, vehicle: str, endpoints: dict[str, object] | No
     return steps(Cell(declaration, "coastal", vehicle, "rc_rf"))
 
 
-def told(made: tuple[Step, ...]) -> list[tuple[str, Kind, Phase]]:
+def told(made: tuple[Step, ...]) -> list[tuple[str, ItemKind, Phase]]:
     return [(step.name, step.kind, step.phase) for step in made]
 
 
 def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(declaration: Declaration) -> None:
     made = of(declaration, "stork")
     assert told(made) == [
-        ("", Kind.AUTOMATIC, Phase.BENCH),
-        ("sticks", Kind.ACTIVE, Phase.BENCH),
-        ("failsafe", Kind.PERSON, Phase.BENCH),
-        ("range", Kind.PERSON, Phase.QUAY),
+        ("", ItemKind.AUTOMATIC, Phase.BENCH),
+        ("sticks", ItemKind.ACTIVE, Phase.BENCH),
+        ("failsafe", ItemKind.PERSON, Phase.BENCH),
+        ("range", ItemKind.PERSON, Phase.QUAY),
     ]
     wanted = RcExpectation("Stork", "coastal-gateway", 14550, address="10.64.1.24")
     assert [step.probe for step in made[:2]] == [RcHeard(wanted, Place.GATEWAY), SticksMoved(wanted, Place.GATEWAY)]
@@ -52,9 +52,9 @@ def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(d
 def test_a_vehicle_without_a_stream_has_a_persons_steps_only(declaration: Declaration) -> None:
     made = of(declaration, "stork", {})
     assert told(made) == [
-        ("", Kind.PERSON, Phase.BENCH),
-        ("failsafe", Kind.PERSON, Phase.BENCH),
-        ("range", Kind.PERSON, Phase.QUAY),
+        ("", ItemKind.PERSON, Phase.BENCH),
+        ("failsafe", ItemKind.PERSON, Phase.BENCH),
+        ("range", ItemKind.PERSON, Phase.QUAY),
     ]
     assert all(step.do and step.look_for for step in made)
     assert "30 m" in made[-1].do

@@ -14,7 +14,7 @@ from typing import Callable, Collection, Mapping, Sequence
 
 from .apt_messages import of_install, of_update, others
 from .apt_run import Apt, Package, fits, half_done, installed, refuse_another_system, wait_for_others
-from .apt_sources import Key, Sources, check_key
+from .apt_sources import AptKey, Sources, check_key
 from .errors import ModuleError
 
 _ARCHIVES = "/var/cache/apt/archives"
@@ -25,7 +25,7 @@ _URI = re.compile(r"^'(?P<scheme>[a-z+]+):[^']*' (?P<file>\S+) (?P<bytes>\d+)", 
 
 
 @dataclass(frozen=True)
-class Costs:
+class AptCosts:
     """In bytes."""
 
     download: int
@@ -39,15 +39,15 @@ def to_install(text: str) -> dict[str, str]:
     return {match["name"].partition(":")[0]: match["version"] for match in _INST.finditer(text)}
 
 
-def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Costs:
+def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> AptCosts:
     """What `apt-get ARGUMENTS` costs, that installs `packages`."""
     matchs = _URI.finditer(apt.get("--yes", "--print-uris", *arguments).output)
     download = sum(int(match["bytes"]) for match in matchs if match["scheme"] not in ("file", "copy", "cdrom"))
     if not packages:
-        return Costs(download, 0)
+        return AptCosts(download, 0)
     shown = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
     kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", shown.output, re.MULTILINE))
-    return Costs(download, kilobytes * 1024)
+    return AptCosts(download, kilobytes * 1024)
 
 
 def bytes_of_lists(apt: Apt) -> int | None:
@@ -63,7 +63,7 @@ def bytes_of_lists(apt: Apt) -> int | None:
     return found or None
 
 
-def refuse_if_full(apt: Apt, costs: Costs) -> None:
+def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
     """Raise ModuleError where the disk cannot take it; places of one file system count together."""
     needed: dict[int, tuple[str, int]] = {}
     for place, size in (("/usr", costs.room + _SPARE_BYTES), (_ARCHIVES, costs.download)):
@@ -109,7 +109,7 @@ class DesiredPackages:
     """What is declared; `packages` maps a name to its version, None: any."""
 
     packages: Mapping[str, str | None]
-    keys: Sequence[Key] = ()
+    keys: Sequence[AptKey] = ()
     codename: str | None = None
     distribution: str | None = None
     architectures: Sequence[str] = ()
@@ -121,7 +121,7 @@ class DesiredPackages:
 
 
 @dataclass
-class Outcome:
+class AptOutcome:
     """What was done, or in check mode would be."""
 
     changes: list[str] = field(default_factory=list)
@@ -133,7 +133,7 @@ class Outcome:
     download_bytes: int = 0
 
 
-class Converge:
+class AptConvergence:
     """One run; `clock` gives the computer's time in seconds since 1970."""
 
     def __init__(
@@ -143,11 +143,11 @@ class Converge:
         self.sources = sources
         self.desired = desired
         self.clock = clock
-        self.outcome = Outcome()
+        self.outcome = AptOutcome()
         self._before: dict[str, Package] | None = None
         """What was there when the first change was made."""
 
-    def run(self, *, check: bool) -> Outcome:
+    def run(self, *, check: bool) -> AptOutcome:
         """Look, and unless it is only a check, do what is missing. Raises ModuleError."""
         self._preflight()
         before = installed(self.apt)

@@ -38,7 +38,7 @@ _ENVIRONMENT = {
 
 
 @dataclass(frozen=True)
-class Output:
+class AptOutput:
     """How a program ended, and all that it said, in order."""
 
     code: int
@@ -107,19 +107,19 @@ class Apt:
             self.tree.write(f"{_FOLDER}/offline.list", bundle_of(self.tree, self.bundle).encode())
             self.tree.write(f"{self.lists}/partial/.keep", b"")
 
-    def update(self) -> Output:
+    def update(self) -> AptOutput:
         """Bring the lists of packages up to date. Only when it is not quiet apt tells what a source does not have."""
         return self.get("-o", "quiet=0", "update")
 
-    def get(self, *arguments: str) -> Output:
+    def get(self, *arguments: str) -> AptOutput:
         """Run apt-get."""
         return self.run("apt-get", *self._options(), *arguments)
 
-    def cache(self, *arguments: str) -> Output:
+    def cache(self, *arguments: str) -> AptOutput:
         """Run apt-cache."""
         return self.run("apt-cache", *self._options(), *arguments)
 
-    def run(self, *argv: str) -> Output:
+    def run(self, *argv: str) -> AptOutput:
         """Run any program and wait for it, not for services that it has started and that keep its output open."""
         command = list(argv) if self.tree.root == "/" else ["chroot", self.tree.root, *argv]
         handle = os.memfd_create("said")
@@ -140,7 +140,7 @@ class Apt:
             os.lseek(handle, 0, os.SEEK_SET)
             with os.fdopen(handle, "rb") as file:
                 text = file.read().decode(errors="replace").replace("\r", "\n")
-        return Output(code, text)
+        return AptOutput(code, text)
 
     def drop_lists(self, *, only_empty: bool) -> None:
         """Remove lists that a power cut has left empty or damaged: apt takes those that it has for good ones."""

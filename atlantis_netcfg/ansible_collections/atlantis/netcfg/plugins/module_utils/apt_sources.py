@@ -20,7 +20,7 @@ _DAY_S = 86400
 
 
 @dataclass(frozen=True)
-class Key:
+class AptKey:
     """A key that signs a source, as it is to stand on the computer."""
 
     path: str
@@ -28,16 +28,16 @@ class Key:
     fingerprint: str
 
 
-def key_of(parameter: Mapping[str, str]) -> Key:
+def key_of(parameter: Mapping[str, str]) -> AptKey:
     """A key of the module's parameters."""
     try:
         content = base64.b64decode(parameter["content_base64"], validate=True)
     except binascii.Error:
         raise ModuleError(f"the key for {parameter['path']} did not arrive whole", "type the same again") from None
-    return Key(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
+    return AptKey(parameter["path"], content, re.sub(r"\s", "", parameter["fingerprint"]).upper())
 
 
-def check_key(key: Key, now: float) -> str | None:
+def check_key(key: AptKey, now: float) -> str | None:
     """Refuse a key that is another one or that is not good at `now` (the computer's clock); gives a note, if any."""
     try:
         found = public_keys(key.content)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Callable, Iterable
 from urllib.parse import urlsplit
 
-from .build_messages import Trouble, about_git, last_words, trouble
+from .build_messages import BuildTrouble, about_git, last_words, trouble
 from .build_plan import Repository, is_commit
 from .errors import ModuleError
 
@@ -135,7 +135,7 @@ class Git:
         try:
             return self._fetch(seed)
         except _Failed as failed:
-            if trouble(failed.output) is not Trouble.DAMAGED:
+            if trouble(failed.output) is not BuildTrouble.DAMAGED:
                 raise self._refused(failed) from None
         self.say("what was fetched before is damaged: fetching everything anew")
         shutil.rmtree(self.folder)
@@ -169,7 +169,7 @@ class Git:
             try:
                 self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", revision)
             except _Failed as failed:
-                if trouble(failed.output) is not Trouble.REVISION and "shallow" not in failed.output:
+                if trouble(failed.output) is not BuildTrouble.REVISION and "shallow" not in failed.output:
                     raise
                 self._online("fetch", "--tags", "--quiet", "origin", "+refs/heads/*:refs/remotes/origin/*")
                 if not self._has(revision):
@@ -179,7 +179,7 @@ class Git:
         try:
             self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", desired)
         except _Failed as failed:
-            if trouble(failed.output) is Trouble.REVISION:
+            if trouble(failed.output) is BuildTrouble.REVISION:
                 self._no_branch()
             if "shallow" not in failed.output:
                 raise
@@ -210,7 +210,7 @@ class Git:
             try:
                 self._online(*update, "--depth", "1")
             except _Failed as failed:
-                if trouble(failed.output) not in (Trouble.REVISION, Trouble.OTHER):
+                if trouble(failed.output) not in (BuildTrouble.REVISION, BuildTrouble.OTHER):
                     raise self._of_submodule(failed) from None
                 self.say("a submodule was not given without its history: fetching it with it")
                 try:
@@ -227,7 +227,12 @@ class Git:
 
     def _of_submodule(self, failed: _Failed) -> Exception:
         """A failure of a submodule names it, because the repository itself is in order."""
-        if trouble(failed.output) in (Trouble.DAMAGED, Trouble.SPACE, Trouble.SUBMODULE, Trouble.ACCOUNT):
+        if trouble(failed.output) in (
+            BuildTrouble.DAMAGED,
+            BuildTrouble.SPACE,
+            BuildTrouble.SUBMODULE,
+            BuildTrouble.ACCOUNT,
+        ):
             return failed
         refused = self._refused(failed)
         return ModuleError(
@@ -240,7 +245,7 @@ class Git:
             try:
                 return self._git(*words)
             except _Failed as failed:  # noqa: PERF203 - attempts are few
-                if trouble(failed.output) is not Trouble.LINK:
+                if trouble(failed.output) is not BuildTrouble.LINK:
                     raise
                 self.say(f"the link broke; next attempt in {pause:.0f} s")
                 self.sleep(pause)
@@ -280,7 +285,7 @@ class Git:
 
     def _refused(self, failed: _Failed) -> ModuleError:
         repository = self.repository
-        if self.offline is not None and trouble(failed.output) in (Trouble.GONE, Trouble.REVISION):
+        if self.offline is not None and trouble(failed.output) in (BuildTrouble.GONE, BuildTrouble.REVISION):
             return ModuleError(
                 f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
                 f"{last_words(failed.output)}",

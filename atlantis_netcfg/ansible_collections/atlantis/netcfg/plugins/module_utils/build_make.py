@@ -27,7 +27,7 @@ from typing import Any, Callable, Iterator
 
 from .build_git import Git, configure
 from .build_messages import CardFull, about_building
-from .build_plan import Plan, Shelf, is_commit
+from .build_plan import BuildPlan, Shelf, is_commit
 from .errors import ModuleError, in_words
 
 _MEMORY_OF_A_JOB_KIB = 1_200 * 1024
@@ -183,7 +183,7 @@ def main(job_file: str) -> int:
 
 def work(job: dict[str, Any], home: str, sleep: Callable[[float], None] = time.sleep) -> list[str]:
     """Fetch, build, check, complete; gives notes for a person, and removes the tokens in `home`. Raises ModuleError."""
-    plan = Plan.of(job["plan"])
+    plan = BuildPlan.of(job["plan"])
     shelf = Shelf(job["prefix"])
     folder = shelf.at(plan.key)
     try:
@@ -202,7 +202,7 @@ def work(job: dict[str, Any], home: str, sleep: Callable[[float], None] = time.s
         _forget(home, plan)
 
 
-def _build(job: dict[str, Any], plan: Plan, shelf: Shelf, home: str, sleep: Callable[[float], None]) -> list[str]:
+def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep: Callable[[float], None]) -> list[str]:
     if shelf.marker(plan.key) is not None:
         return []
     folder = shelf.at(plan.key)
@@ -228,7 +228,7 @@ def _build(job: dict[str, Any], plan: Plan, shelf: Shelf, home: str, sleep: Call
     return notes
 
 
-def _moved(plan: Plan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
+def _moved(plan: BuildPlan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
     """Tell of tags that lead elsewhere than when they were last built."""
     tags = shelf.tags()
     notes = []
@@ -244,7 +244,7 @@ def _moved(plan: Plan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
     return notes
 
 
-def _forget(home: str, plan: Plan) -> None:
+def _forget(home: str, plan: BuildPlan) -> None:
     for name in plan.repositories:
         for path in (os.path.join(home, name), os.path.join(home, f"{name}.askpass")):
             if os.path.exists(path):

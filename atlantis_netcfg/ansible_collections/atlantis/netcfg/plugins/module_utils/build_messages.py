@@ -23,7 +23,7 @@ class CardFull(ModuleError):
     """There is no room for the build: what there is of it is in the way."""
 
 
-class Trouble(Enum):
+class BuildTrouble(Enum):
     """Kinds of failure of git that mean different things to do."""
 
     CERTIFICATE = "certificate"
@@ -39,24 +39,24 @@ class Trouble(Enum):
 
 
 _SIGNS = (
-    (Trouble.SPACE, r"No space left on device|Disk quota exceeded"),
-    (Trouble.CERTIFICATE, r"certificate|SSL peer|self.signed|gnutls_handshake|SSL_ERROR"),
+    (BuildTrouble.SPACE, r"No space left on device|Disk quota exceeded"),
+    (BuildTrouble.CERTIFICATE, r"certificate|SSL peer|self.signed|gnutls_handshake|SSL_ERROR"),
     (
-        Trouble.TOKEN,
+        BuildTrouble.TOKEN,
         (
             r"Authentication failed|could not read (Username|Password)|terminal prompts disabled"
             r"|HTTP Basic: Access denied|returned error: 40[13]|unable to read askpass"
         ),
     ),
-    (Trouble.ACCOUNT, r"transport '\w+' not allowed"),
-    (Trouble.SUBMODULE, r"No url found for submodule path|no submodule mapping found"),
+    (BuildTrouble.ACCOUNT, r"transport '\w+' not allowed"),
+    (BuildTrouble.SUBMODULE, r"No url found for submodule path|no submodule mapping found"),
     (
-        Trouble.GONE,
+        BuildTrouble.GONE,
         r"repository '.*' not found|returned error: 404|does not appear to be a git repository|does not exist",
     ),
-    (Trouble.REVISION, r"couldn't find remote ref|not our ref|unadvertised object|no such remote ref"),
+    (BuildTrouble.REVISION, r"couldn't find remote ref|not our ref|unadvertised object|no such remote ref"),
     (
-        Trouble.LINK,
+        BuildTrouble.LINK,
         (
             r"Could not resolve|Failed to connect|Couldn't connect|timed out|too slow|early EOF|RPC failed|hung up"
             r"|unexpected disconnect|Empty reply|Connection (reset|refused|died)|Recv failure|returned error: 5\d\d"
@@ -64,7 +64,7 @@ _SIGNS = (
         ),
     ),
     (
-        Trouble.DAMAGED,
+        BuildTrouble.DAMAGED,
         (
             r"\bcorrupt|bad object|loose object|unable to read (tree|sha1)|missing blob|did not send all|inflate: "
             r"|bad (index|signature)|index file|invalid sha1 pointer|not a valid object|\.lock': File exists"
@@ -74,9 +74,9 @@ _SIGNS = (
 )
 
 
-def trouble(text: str) -> Trouble:
+def trouble(text: str) -> BuildTrouble:
     """What kind of failure git tells of."""
-    return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), Trouble.OTHER)
+    return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), BuildTrouble.OTHER)
 
 
 def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleError:  # noqa: PLR0911 - one for each trouble
@@ -85,45 +85,45 @@ def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleErr
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
     last = last_words(text)
-    if kind is Trouble.CERTIFICATE:
+    if kind is BuildTrouble.CERTIFICATE:
         return ModuleError(
             f"the certificate of {host} is not accepted:\n{last}",
             "look at the gateway's clock first: `date`. If it is right, and the server's certificate is of an authority"
             " of its own, put that authority's file to /usr/local/share/ca-certificates/NAME.crt on the gateway and run"
             " `update-ca-certificates` there",
         )
-    if kind is Trouble.TOKEN and not tokened:
+    if kind is BuildTrouble.TOKEN and not tokened:
         return ModuleError(
             f"{host} asks who reads {url}, and no token is declared for it",
             "ask the partner for a token that may read the repository, and declare it as `token:` (ansible-vault)",
         )
-    if kind is Trouble.TOKEN:
+    if kind is BuildTrouble.TOKEN:
         return ModuleError(
             f"{host} does not accept the declared token for {url}",
             "it may have expired, or lack the right `read_repository`: ask the partner for a new one; a deploy token of"
             " GitLab goes with a name, and is declared as NAME:TOKEN",
         )
-    if kind is Trouble.GONE:
+    if kind is BuildTrouble.GONE:
         seen = "the token may not see it" if tokened else "it is only seen with a token, and none is declared"
         return ModuleError(f"there is no repository at {url}, or {seen}", "open the address in a browser, and compare")
-    if kind is Trouble.REVISION:
+    if kind is BuildTrouble.REVISION:
         return ModuleError(
             f"there is no revision {revision} in {url}",
             "`git ls-remote --tags URL` lists its tags; a commit is given by all of its 40 hex digits",
         )
-    if kind is Trouble.SUBMODULE:
+    if kind is BuildTrouble.SUBMODULE:
         return ModuleError(
             f"a submodule of {at} cannot be fetched: the repository does not say where it is:\n{last}",
             "the partner has to complete .gitmodules in the repository",
         )
-    if kind is Trouble.ACCOUNT:
+    if kind is BuildTrouble.ACCOUNT:
         return ModuleError(
             f"a submodule of {at} is not at an https address, and would need an account of the gateway's own:\n{last}",
             "the partner has to give it an https address in .gitmodules",
         )
-    if kind is Trouble.SPACE:
+    if kind is BuildTrouble.SPACE:
         return _full(f"while {at} was fetched")
-    if kind is Trouble.LINK:
+    if kind is BuildTrouble.LINK:
         return ModuleError(
             f"{host} could not be reached, or the link broke, while {at} was fetched:\n{last}",
             "look at the links of the site, then type the same again: what has come already is kept",

@@ -50,7 +50,7 @@ class Repository:
 
 
 @dataclass(frozen=True)
-class Plan:
+class BuildPlan:
     """All that decides what a build becomes; it holds no secret."""
 
     library: Repository
@@ -61,7 +61,7 @@ class Plan:
     """Its version and its target."""
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> Plan:
+    def of(cls, values: Mapping[str, Any]) -> BuildPlan:
         """Read what `as_dict` gave."""
         examples = values["examples"]
         return cls(
@@ -177,7 +177,7 @@ class Shelf:
             return {}
         return result if isinstance(result, dict) and all(isinstance(item, dict) for item in result.values()) else {}
 
-    def note_tags(self, plan: Plan, commits: Mapping[str, str]) -> None:
+    def note_tags(self, plan: BuildPlan, commits: Mapping[str, str]) -> None:
         """Record the commit that each tag has led to."""
         tags = self.tags()
         for name, repository in plan.repositories.items():

@@ -21,7 +21,7 @@ from typing import Any, Callable, Mapping
 
 from . import build_git, build_make, build_messages, build_plan, errors, filesystem
 from .build_git import keep
-from .build_plan import Plan, Repository, Shelf
+from .build_plan import BuildPlan, Repository, Shelf
 from .errors import ModuleError, in_words
 from .programs import Done, is_there, run, succeed
 
@@ -42,7 +42,7 @@ _FENCE = (
 
 
 @dataclass(frozen=True)
-class Places:
+class BuildFolders:
     """Where things stand on the gateway."""
 
     prefix: str = "/opt/atlantis/interop"
@@ -90,7 +90,7 @@ class Build:
     jobs: int | None
     offline: str | None
     check: bool
-    places: Places = field(default_factory=Places)
+    places: BuildFolders = field(default_factory=BuildFolders)
     run: Callable[[list[str]], Done] = run
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -107,7 +107,7 @@ class Build:
         if found is None and self.check:
             self.changes.append("build of the library, once its packages are installed")
             return {"state": "wanted"}
-        plan = Plan(self.library, self.examples, self.ros_setup, found or "")
+        plan = BuildPlan(self.library, self.examples, self.ros_setup, found or "")
         shelf = Shelf(self.places.prefix)
         values = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
         marker = shelf.marker(plan.key)
@@ -129,7 +129,7 @@ class Build:
         self._prerequisites(found)
         return {**values, "state": "running", "run": self._start(plan, shelf)}
 
-    def _take(self, plan: Plan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
+    def _take(self, plan: BuildPlan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
         if shelf.linked("current") != plan.key:
             self.changes.append(f"build {plan.key} of {plan.words} taken into use")
             self.notes.extend(marker["notes"])
@@ -141,7 +141,7 @@ class Build:
             for key in shelf.prune([key for key in self._unfinished(shelf) if self._runs(key)]):
                 self._remove_log(key)
 
-    def _start(self, plan: Plan, shelf: Shelf) -> str:
+    def _start(self, plan: BuildPlan, shelf: Shelf) -> str:
         """Write the job and let systemd run it; a build of something that is declared no longer is stopped."""
         for key in self._unfinished(shelf):
             if key != plan.key:
@@ -196,7 +196,7 @@ class Build:
         command += [f"--property={item}" for item in properties]
         return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
 
-    def _ended(self, plan: Plan, started: str) -> ModuleError:
+    def _ended(self, plan: BuildPlan, started: str) -> ModuleError:
         """Why there is no build although it has been started."""
         try:
             with open(self.places.outcome(plan.key), encoding="utf-8") as file:

@@ -21,7 +21,7 @@ from .programs import Done, last_lines, run, succeed
 from .ssh_access import alone
 
 if TYPE_CHECKING:
-    from .desired_state import DesiredState, Step, Unit
+    from .desired_state import ConvergeStep, DesiredState, Unit
 
 _NO_INSTALL = ("static", "generated", "transient", "alias", "indirect", "enabled-runtime", "linked")
 """States of a unit file that `systemctl enable` does not change for the better."""
@@ -30,7 +30,7 @@ _SETTLE_S = 1.0
 
 
 @dataclass(frozen=True)
-class State:
+class ConfigureState:
     """What systemd tells of a unit."""
 
     load: str
@@ -60,7 +60,7 @@ class Systemd:
         self.run = run
         self.sleep = sleep
 
-    def look(self, name: str) -> State:
+    def look(self, name: str) -> ConfigureState:
         """Ask for the state of a unit."""
         desired = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
         done = self.run(["systemctl", "show", "--property", desired, "--", name])
@@ -70,7 +70,7 @@ class Systemd:
                 "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
             )
         values = dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
-        return State(
+        return ConfigureState(
             load=values.get("LoadState", ""),
             active=values.get("ActiveState", ""),
             sub=values.get("SubState", ""),
@@ -210,7 +210,7 @@ class Configure:
             self.systemd.reload_manager()
         self.changes.append(_MANAGER)
 
-    def _take(self, step: Step) -> None:
+    def _take(self, step: ConvergeStep) -> None:
         after = self._digests(step.after)
         desired = {**after, "run": _digest(json.dumps(step.run).encode())}
         gone = set(after.values()) == {ABSENT}
@@ -245,7 +245,7 @@ class Configure:
                 self.systemd.must_run(unit.name, waited=unit.wait)
                 self.stamps.note(_stamp(unit), desired)
 
-    def _state(self, unit: Unit) -> State | None:
+    def _state(self, unit: Unit) -> ConfigureState | None:
         """Look at a unit; None if there is nothing to be done, because there is no such unit and none is wanted."""
         state = self.systemd.look(unit.name)
         if state.stale:
@@ -266,7 +266,7 @@ class Configure:
             f"there is no unit {unit.name} on this computer", "the package that brings it is not installed"
         )
 
-    def _order(self, unit: Unit, state: State, desired: dict[str, str]) -> bool:
+    def _order(self, unit: Unit, state: ConfigureState, desired: dict[str, str]) -> bool:
         """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""
         runs = state.active in ("active", "reloading", "activating")
         stamp = _stamp(unit)

@@ -47,7 +47,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Step:
+class ConvergeStep:
     """A program to be run when what is in `after` is not what it last succeeded with."""
 
     name: str
@@ -107,7 +107,7 @@ class DesiredState:
     absent: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     """Folders in which nothing may stand but what is declared here."""
-    steps: tuple[Step, ...] = ()
+    steps: tuple[ConvergeStep, ...] = ()
     units: tuple[Unit, ...] = ()
     brought: tuple[Brought, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -126,7 +126,8 @@ class DesiredState:
             absent=tuple(values.get("absent") or ()),
             only=tuple(values.get("only") or ()),
             steps=tuple(
-                Step(row["name"], tuple(row["run"]), tuple(row.get("after") or ())) for row in values.get("steps") or ()
+                ConvergeStep(row["name"], tuple(row["run"]), tuple(row.get("after") or ()))
+                for row in values.get("steps") or ()
             ),
             units=tuple(_unit(row) for row in values.get("units") or ()),
             brought=tuple(Brought(row["path"], row["note"]) for row in values.get("brought") or ()),

@@ -15,7 +15,7 @@ from .programs import Done, is_there, last_lines
 
 if TYPE_CHECKING:
     from .desired_state import DesiredState, File, Owned
-    from .filesystem import FileSystem, Found
+    from .filesystem import FileSystem, FoundFile
 
 
 class FileTransaction:
@@ -165,7 +165,7 @@ class FileTransaction:
         self.left[file.path] = (f"{file.finding}: {why}", hint)
         self.rewritten = [each for each in self.rewritten if each.path != file.path]
 
-    def _find(self, path: str, kinds: tuple[str, ...]) -> Found | None:
+    def _find(self, path: str, kinds: tuple[str, ...]) -> FoundFile | None:
         found = self.tree.find(path)
         if found is None or found.kind in kinds:
             return found
@@ -187,7 +187,7 @@ class FileTransaction:
         found = self.found[path]
         return found is not None and found.kind == "link" and found.target == target
 
-    def _mended(self, kind: str, request: Owned, found: Found) -> list[str]:
+    def _mended(self, kind: str, request: Owned, found: FoundFile) -> list[str]:
         lines = []
         if found.mode != request.mode:
             lines.append(f"{kind} {request.path} mode {found.mode:04o} -> {request.mode:04o}")

@@ -26,7 +26,7 @@ _SECOND_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundFile:
     """What stands at a path; `target` is set for a symbolic link, `content` for a file."""
 
     kind: str
@@ -48,20 +48,20 @@ class FileSystem:
         """Where `path` of the computer is for this process."""
         return path if self.root == "/" else self.root + path
 
-    def find(self, path: str) -> Found | None:
+    def find(self, path: str) -> FoundFile | None:
         """Read what is there, without following a symbolic link; None if nothing is."""
         real = self.at(path)
         try:
             result = os.lstat(real)
             mode = stat.S_IMODE(result.st_mode)
             if stat.S_ISLNK(result.st_mode):
-                return Found("link", mode, result.st_uid, result.st_gid, target=os.readlink(real))
+                return FoundFile("link", mode, result.st_uid, result.st_gid, target=os.readlink(real))
             if stat.S_ISDIR(result.st_mode):
-                return Found("directory", mode, result.st_uid, result.st_gid)
+                return FoundFile("directory", mode, result.st_uid, result.st_gid)
             if not stat.S_ISREG(result.st_mode):
-                return Found("other", mode, result.st_uid, result.st_gid)
+                return FoundFile("other", mode, result.st_uid, result.st_gid)
             with open(real, "rb") as file:
-                return Found("file", mode, result.st_uid, result.st_gid, content=file.read())
+                return FoundFile("file", mode, result.st_uid, result.st_gid, content=file.read())
         except FileNotFoundError:
             return None
         except NotADirectoryError:

@@ -17,7 +17,7 @@ from typing import Any
 from . import network_files, network_guard
 from .errors import ModuleError, in_words
 from .network_desired import OURS, DesiredNetwork, same
-from .network_files import Computer, state_of
+from .network_files import NetworkComputer, state_of
 from .network_guard import (
     APPLIED,
     APPLY_AFTER_S,
@@ -105,7 +105,7 @@ WantedBy=multi-user.target
 }
 
 
-def install(computer: Computer) -> None:
+def install(computer: NetworkComputer) -> None:
     """Bring program and units to this version; the one for the boot is enabled."""
     files = {f"{_UNITS}/{name}": text for name, text in _TEXTS.items()}
     for module in (network_files, network_guard):
@@ -128,10 +128,10 @@ _SETTLED_S = 5.0
 _PAUSE_S = 0.1
 
 
-class Change:
+class NetworkChange:
     """Of one interface; `changes` and `diff` are what it comes to, in check mode what it would."""
 
-    def __init__(self, computer: Computer, request: DesiredNetwork) -> None:
+    def __init__(self, computer: NetworkComputer, request: DesiredNetwork) -> None:
         self.computer = computer
         self.desired = request
         self.changes: list[str] = []

@@ -24,7 +24,7 @@ from .errors import ModuleError
 from .network_guard import addresses
 
 if TYPE_CHECKING:
-    from .network_files import Computer
+    from .network_files import NetworkComputer
 
 _PLANS = ("/lib/netplan", "/etc/netplan", "/run/netplan")
 """netplan-generate(8): a file hides one of the same name in a folder further left; all are read, sorted by name."""
@@ -35,7 +35,7 @@ INTERFACES = "/etc/network/interfaces"
 _PROFILES = "/etc/NetworkManager/system-connections"
 
 
-def claims(computer: Computer, interface: str, local: str, gone: frozenset[str]) -> list[str]:
+def claims(computer: NetworkComputer, interface: str, local: str, gone: frozenset[str]) -> list[str]:
     """Files that configure `interface`, but `own` and those that the change takes away."""
     spared = gone | {local}
     found = [
@@ -47,7 +47,7 @@ def claims(computer: Computer, interface: str, local: str, gone: frozenset[str])
     return sorted(set(found))
 
 
-def plans(computer: Computer) -> list[str]:
+def plans(computer: NetworkComputer) -> list[str]:
     """The files that netplan reads."""
     found: dict[str, str] = {}
     for folder in _PLANS:
@@ -55,7 +55,7 @@ def plans(computer: Computer) -> list[str]:
     return [found[name] for name in sorted(found)]
 
 
-def merged(computer: Computer, texts: dict[str, str]) -> tuple[str, list[str]]:
+def merged(computer: NetworkComputer, texts: dict[str, str]) -> tuple[str, list[str]]:
     """What netplan says to files of these names and texts, empty if it takes them, and what it makes of them."""
     with tempfile.TemporaryDirectory(prefix="atlantis-netplan-") as root:
         os.makedirs(f"{root}/etc/netplan")
@@ -71,7 +71,7 @@ def merged(computer: Computer, texts: dict[str, str]) -> tuple[str, list[str]]:
         return (message if done.code else ""), made
 
 
-def matched(computer: Computer, text: str, interface: str) -> bool:
+def matched(computer: NetworkComputer, text: str, interface: str) -> bool:
     """Whether the section [Match] of a .network file takes the interface; what it cannot tell, it takes for yes."""
     section = re.search(r"^\[Match\]\s*$(.*?)(?=^\[|\Z)", text, re.MULTILINE | re.DOTALL)
     rows = re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", section.group(1), re.MULTILINE) if section else []
@@ -94,7 +94,7 @@ def _closed(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)  # netplan complains of files that others can read
 
 
-def _of_netplan(computer: Computer, interface: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_netplan(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
     """Each file by itself: netplan is asked what it makes of it. One that it refuses is judged by the name in it."""
     if not os.path.exists(computer.at(_NETPLAN)):
         return
@@ -108,7 +108,7 @@ def _of_netplan(computer: Computer, interface: str, spared: frozenset[str]) -> I
             yield path
 
 
-def stanzas(computer: Computer) -> list[tuple[str, str]]:
+def stanzas(computer: NetworkComputer) -> list[tuple[str, str]]:
     """File and name, a pattern perhaps, of every interface that ifupdown would configure."""
     row = r"^[ \t]*(?:iface[ \t]+(\S+)|(?:auto|allow-\S+)[ \t]+(.*))"
     return [
@@ -119,11 +119,11 @@ def stanzas(computer: Computer) -> list[tuple[str, str]]:
     ]
 
 
-def _of_ifupdown(computer: Computer, interface: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_ifupdown(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
     return (path for path, name in stanzas(computer) if path not in spared and _among(interface, [name]))
 
 
-def _sourced(computer: Computer, path: str) -> Iterator[str]:
+def _sourced(computer: NetworkComputer, path: str) -> Iterator[str]:
     """A file of interfaces(5) and those that it names."""
     text = computer.read(path)
     if text is None:
@@ -136,7 +136,7 @@ def _sourced(computer: Computer, path: str) -> Iterator[str]:
                 yield from _sourced(computer, item)
 
 
-def _of_networkd(computer: Computer, interface: str, local: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_networkd(computer: NetworkComputer, interface: str, local: str, spared: frozenset[str]) -> Iterator[str]:
     """Where networkd works: what a person has written, and of the vendor's what comes before ours."""
     works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).output.split("\n")[0]
     if not works.startswith("enabled") and not local.startswith(_PARTS[0]):
@@ -155,14 +155,14 @@ def _of_networkd(computer: Computer, interface: str, local: str, spared: frozens
                 yield path
 
 
-def _of_network_manager(computer: Computer, interface: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_network_manager(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
     for path in _glob(computer, f"{_PROFILES}/*.nmconnection"):
         row = rf"^interface-name={re.escape(interface)}\s*$"
         if path not in spared and re.search(row, computer.read(path) or "", re.MULTILINE):
             yield path
 
 
-def _glob(computer: Computer, pattern: str) -> list[str]:
+def _glob(computer: NetworkComputer, pattern: str) -> list[str]:
     return [path[len(computer.root) :] for path in sorted(glob.glob(computer.at(pattern))) if os.path.isfile(path)]
 
 
@@ -243,7 +243,7 @@ class DesiredNetwork:
         """Without the prefix length."""
         return self.address.partition("/")[0]
 
-    def files(self, computer: Computer) -> dict[str, str | None]:
+    def files(self, computer: NetworkComputer) -> dict[str, str | None]:
         """Path -> text of every file that the configuration consists of; None: it shall not be there."""
         found: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
         found[self.path] = self.content
@@ -252,7 +252,7 @@ class DesiredNetwork:
             found[_RESOLV] = self.resolver
         return found
 
-    def lacks(self, computer: Computer) -> list[str]:
+    def lacks(self, computer: NetworkComputer) -> list[str]:
         """What of it is not in effect; empty if the interface is as it shall be."""
         current = addresses(computer).get(self.interface, [])
         missing = [] if self.address in current else [f"{self.interface} has not the address {self.address}"]
@@ -262,7 +262,7 @@ class DesiredNetwork:
             missing.append(f"there is no default route by {self.gateway} on {self.interface}")
         return missing
 
-    def unreached(self, computer: Computer, patience_s: float) -> list[str]:
+    def unreached(self, computer: NetworkComputer, patience_s: float) -> list[str]:
         """As `lacks`, and whether the gateway answers on the interface; waits until nothing is left or patience is."""
         end = time.monotonic() + patience_s
         while True:
@@ -271,7 +271,7 @@ class DesiredNetwork:
                 return missing
             time.sleep(_PAUSE_S)
 
-    def _silent(self, computer: Computer) -> list[str]:
+    def _silent(self, computer: NetworkComputer) -> list[str]:
         self._knock()
         text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).output
         known = json.loads(text or "[]")
@@ -288,7 +288,7 @@ class DesiredNetwork:
             except OSError:
                 return  # no such interface, or no route: then the table knows nobody either
 
-    def hold(self, computer: Computer) -> None:
+    def hold(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` where the change cannot come well, before anything is touched."""
         program, package = _PROGRAMS[self.by]
         if not os.path.exists(computer.at(program)):
@@ -306,7 +306,7 @@ class DesiredNetwork:
         if text := complaint(computer):
             raise ModuleError(f"{self.by} does not take the new configuration: {text}", "nothing was changed")
 
-    def hold_alone(self, computer: Computer) -> None:
+    def hold_alone(self, computer: NetworkComputer) -> None:
         """Raise `ModuleError` where another file configures the interface, too, also if ours is there already."""
         others = claims(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
@@ -317,7 +317,7 @@ class DesiredNetwork:
         if self.path == INTERFACES and INTERFACES not in self.replaces:
             self._hold_whole(computer)
 
-    def _hold_whole(self, computer: Computer) -> None:
+    def _hold_whole(self, computer: NetworkComputer) -> None:
         """/etc/network/interfaces is one file for everything: what somebody else has written is not overwritten."""
         if OURS in (computer.read(INTERFACES) or ""):
             return
@@ -329,7 +329,7 @@ class DesiredNetwork:
                 f"if they may: `replaces: [{INTERFACES}]` in `network` of the host; else declare `by: networkd`",
             )
 
-    def _by_netplan(self, computer: Computer) -> str:
+    def _by_netplan(self, computer: NetworkComputer) -> str:
         """All its files together, with ours as it would be."""
         kept = [path for path in plans(computer) if path not in self.replaces]
         texts = {os.path.basename(path): computer.read(path) or "" for path in kept}
@@ -338,13 +338,13 @@ class DesiredNetwork:
             return text
         return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
 
-    def _by_ifupdown(self, computer: Computer) -> str:
+    def _by_ifupdown(self, computer: NetworkComputer) -> str:
         with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:
             file.write(self.content)
             file.flush()
             done = computer.run(("ifup", "--no-act", "--force", f"--interfaces={file.name}", self.interface))
             return done.output.replace(file.name, self.path) if done.code else ""
 
-    def _by_networkd(self, computer: Computer) -> str:
+    def _by_networkd(self, computer: NetworkComputer) -> str:
         """It has no check of its own: a file that does not name the interface would be taken for another's."""
         return "" if matched(computer, self.content, self.interface) else f"it does not match {self.interface}"

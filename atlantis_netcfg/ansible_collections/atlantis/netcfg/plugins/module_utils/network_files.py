@@ -10,37 +10,36 @@ import fcntl
 import json
 import os
 import subprocess
-from typing import TYPE_CHECKING, Any, Callable, Dict, Iterator, NamedTuple, Sequence
+from typing import Any, Callable, Dict, Iterator, NamedTuple, Sequence
 
-if TYPE_CHECKING:
-    Manifest = Dict[str, Any]
+Manifest = Dict[str, Any]
 
 FOLDER = "/var/lib/atlantis/network"
 _LOCK = f"{FOLDER}/lock"
 
 
-class Done(NamedTuple):
+class ProgramEnd(NamedTuple):
     """What came of a program; `output` is its output and its complaints."""
 
     code: int
     output: str
 
 
-def run_program(words: Sequence[str]) -> Done:
+def run_program(words: Sequence[str]) -> ProgramEnd:
     """Run a program to its end; one that is not there ends with 127, as in a shell."""
     try:
         done = subprocess.run(  # noqa: S603 - programs of the system, by names that stand here
             list(words), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
         )
     except OSError as error:
-        return Done(127, f"{words[0]}: {error.strerror}")
-    return Done(done.returncode, done.stdout.decode(errors="replace").strip())
+        return ProgramEnd(127, f"{words[0]}: {error.strerror}")
+    return ProgramEnd(done.returncode, done.stdout.decode(errors="replace").strip())
 
 
-class Computer:
+class NetworkComputer:
     """The files below `root` and the programs of a computer; both are others' in tests."""
 
-    def __init__(self, root: str = "/", run: Callable[[Sequence[str]], Done] = run_program) -> None:
+    def __init__(self, root: str = "/", run: Callable[[Sequence[str]], ProgramEnd] = run_program) -> None:
         self.root = root.rstrip("/")
         self.run = run
 
@@ -124,7 +123,7 @@ class Computer:
         return self.at(f"{folder}/.{name}.atlantis-new")
 
 
-def state_of(computer: Computer, path: str) -> Manifest:
+def state_of(computer: NetworkComputer, path: str) -> Manifest:
     """What stands at a path, in the form that `put` puts back."""
     real = computer.at(path)
     if os.path.islink(real):
@@ -142,7 +141,7 @@ def state_of(computer: Computer, path: str) -> Manifest:
     }
 
 
-def put(computer: Computer, manifest: Manifest) -> None:
+def put(computer: NetworkComputer, manifest: Manifest) -> None:
     """Bring every file of a manifest to what it says; those that are so already are not touched."""
     for entry in manifest["files"]:
         if state_of(computer, entry["path"]) == entry:

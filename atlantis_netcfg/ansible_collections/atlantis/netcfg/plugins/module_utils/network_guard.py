@@ -16,7 +16,7 @@ import sys
 import time
 from typing import Iterator, Sequence
 
-from .network_files import FOLDER, Computer, Manifest, put
+from .network_files import FOLDER, Manifest, NetworkComputer, put
 
 PENDING, APPLIED, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
 PREVIOUS, DESIRED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
@@ -36,7 +36,7 @@ def boot_time() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
-def addresses(computer: Computer) -> dict[str, list[str]]:
+def addresses(computer: NetworkComputer) -> dict[str, list[str]]:
     """The IPv4 addresses of each interface but the loopback, with their prefix lengths."""
     done = computer.run(("ip", "-json", "-4", "address", "show"))
     found = json.loads(done.output or "[]") if done.code == 0 else []
@@ -47,7 +47,7 @@ def addresses(computer: Computer) -> dict[str, list[str]]:
     }
 
 
-def running(computer: Computer, interfaces: Sequence[str]) -> list[str]:
+def running(computer: NetworkComputer, interfaces: Sequence[str]) -> list[str]:
     """Addresses and routes of interfaces as they are now, as commands of `ip -batch` that bring them back."""
     rows = []
     for name, current in addresses(computer).items():
@@ -73,7 +73,7 @@ def _interfaces(manifest: Manifest) -> list[str]:
     return [name for name in dict.fromkeys(found) if name != "lo"]
 
 
-def bring(computer: Computer, manifest: Manifest, other: Manifest) -> list[str]:
+def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> list[str]:
     """Put the files of `manifest` in the place of those of `other`, and have the tools use them; gives complaints."""
     for name in _interfaces(other):
         computer.run(("ifdown", "--force", name))
@@ -107,7 +107,7 @@ def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
         yield ("ifup", "--force", name)
 
 
-def apply(computer: Computer) -> None:
+def apply(computer: NetworkComputer) -> None:
     """Bring the staged change into effect; if that fails, take it back at once."""
     with computer.alone():
         pending, desired, previous = (computer.load(path) for path in (PENDING, DESIRED, PREVIOUS))
@@ -120,14 +120,14 @@ def apply(computer: Computer) -> None:
             _back(computer, complaints[0])
 
 
-def back(computer: Computer) -> None:
+def back(computer: NetworkComputer) -> None:
     """Take a change back that waits for its confirmation. Raises OSError if a file could not be put back."""
     computer.run(("systemctl", "stop", APPLY_UNIT))
     with computer.alone():
         _back(computer)
 
 
-def _back(computer: Computer, why: str | None = None) -> None:
+def _back(computer: NetworkComputer, why: str | None = None) -> None:
     pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
     if pending is None or previous is None:
         return
@@ -140,7 +140,7 @@ def _back(computer: Computer, why: str | None = None) -> None:
     _close(computer, pending, why or pending["unconfirmed"])
 
 
-def _settle(computer: Computer, previous: Manifest, desired: Manifest) -> None:
+def _settle(computer: NetworkComputer, previous: Manifest, desired: Manifest) -> None:
     """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
     rows, names = previous["running"], previous["interfaces"]
     end = time.monotonic() + _COME_BACK_S
@@ -155,7 +155,7 @@ def _settle(computer: Computer, previous: Manifest, desired: Manifest) -> None:
             computer.run(("ip", *row.split()))
 
 
-def boot(computer: Computer) -> None:
+def boot(computer: NetworkComputer) -> None:
     """The power was cut before the change was confirmed: put the files back; the network starts after this."""
     with computer.alone():
         pending, previous = computer.load(PENDING), computer.load(PREVIOUS)
@@ -168,7 +168,7 @@ def boot(computer: Computer) -> None:
         _close(computer, pending, "the computer was started anew before a new session had confirmed it")
 
 
-def _close(computer: Computer, pending: Manifest, why: str) -> None:
+def _close(computer: NetworkComputer, pending: Manifest, why: str) -> None:
     computer.write(OUTCOME, json.dumps({"id": pending["id"], "confirmed": False, "why": why}))
     computer.remove(PENDING)
     computer.remove(APPLIED)
@@ -176,7 +176,7 @@ def _close(computer: Computer, pending: Manifest, why: str) -> None:
 
 def main(verb: str) -> None:
     """Do what systemd starts this for."""
-    computer = Computer()
+    computer = NetworkComputer()
     if verb == "apply":
         time.sleep(APPLY_AFTER_S)
         apply(computer)

@@ -21,7 +21,7 @@ _ANCESTORS = 20
 
 
 @dataclass(frozen=True)
-class Client:
+class SshClient:
     """The two ends of an SSH session, as the server sees them."""
 
     address: str
@@ -29,13 +29,13 @@ class Client:
     """Of the server."""
 
 
-def client(environment: Mapping[str, str]) -> Client | None:
+def client(environment: Mapping[str, str]) -> SshClient | None:
     """The session of this process: its own `SSH_CONNECTION`, or, where sudo has dropped it, that of an ancestor."""
     text = environment.get("SSH_CONNECTION") or _of_ancestors()
     words = text.split()
     if len(words) != 4 or not words[3].isdigit():  # noqa: PLR2004 - ssh(1): client address, port, server address, port
         return None
-    return Client(words[0].partition("%")[0], int(words[3]))
+    return SshClient(words[0].partition("%")[0], int(words[3]))
 
 
 def _of_ancestors() -> str:

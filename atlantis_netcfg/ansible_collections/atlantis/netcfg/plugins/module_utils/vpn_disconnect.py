@@ -26,8 +26,8 @@ from typing import Any, Callable, Collection, Mapping, Sequence
 from .errors import ModuleError
 from .programs import last_lines
 from .ssh_access import alone
-from .vpn_management import Busy, Closed, Down, Management, Session, Torn
-from .vpn_server import ANSWERS, BUSY, DOWN, Server
+from .vpn_management import Closed, Down, ManagementBusy, ManagementSocket, Session, Torn
+from .vpn_server import ANSWERS, BUSY, DOWN, ManagedServer
 
 _HEARD_S = 0.01
 """So long after its HALT the server has sent it; a kill at once would take the message back [measured, 2.6.14]."""
@@ -57,17 +57,17 @@ class Ending:
         self.management = DOWN
         self.messages: list[str] = []
 
-    def look(self, server: Server) -> list[Session]:
+    def look(self, server: ManagedServer) -> list[Session]:
         """Whom it is about, if the server says so at once; nobody, if it does not."""
         try:
             with server.connection(_AT_ONCE_S) as management:
                 return self._find(management)
-        except (Down, Busy, Closed, Torn):
+        except (Down, ManagementBusy, Closed, Torn):
             return []
 
     def run(
         self,
-        server: Server,
+        server: ManagedServer,
         unheard: Unheard,
         meanwhile: Callable[[], None] = lambda: None,
         step: Callable[[str], None] = lambda _name: None,
@@ -80,7 +80,7 @@ class Ending:
                 self.management = ANSWERS
         except Down:
             self.management = DOWN
-        except (Busy, Closed, Torn) as silent:
+        except (ManagementBusy, Closed, Torn) as silent:
             self.management = BUSY
             self.messages.append(f"who has a session could not be asked: {silent}")
         finally:
@@ -89,7 +89,11 @@ class Ending:
             unheard.end()
 
     def _end(
-        self, management: Management, unheard: Unheard, waits: list[Callable[[], None]], step: Callable[[str], None]
+        self,
+        management: ManagementSocket,
+        unheard: Unheard,
+        waits: list[Callable[[], None]],
+        step: Callable[[str], None],
     ) -> None:
         """Halt, then kill, until nobody is there any more."""
         self.left = self._find(management)
@@ -112,7 +116,7 @@ class Ending:
             self.left = self._find(management)
             step("session dead")
 
-    def _silent(self, management: Management) -> list[Session]:
+    def _silent(self, management: ManagementSocket) -> list[Session]:
         """Wait until nothing comes from them any more, and give those of whom that is so."""
         before: dict[int, int] = {}
         for _ in range(_LOOKS):
@@ -124,14 +128,14 @@ class Ending:
             time.sleep(_QUIET_S)
         return silent
 
-    def _find(self, management: Management) -> list[Session]:
+    def _find(self, management: ManagementSocket) -> list[Session]:
         return theirs(management.sessions(), self._common_names, self._addresses)
 
 
 class Unheard:
     """As long as this holds, nothing that these clients send reaches the server; what it sends reaches them."""
 
-    def __init__(self, server: Server, sessions: Sequence[Session]) -> None:
+    def __init__(self, server: ManagedServer, sessions: Sequence[Session]) -> None:
         self._server = server
         self._peers = {found for session in sessions if (found := peer(session["real"])) is not None}
         self.holds = False
@@ -237,7 +241,7 @@ class _Act:
 
 
 def revoke(
-    server: Server, files: Sequence[Mapping[str, Any]], common_names: Sequence[str], addresses: Sequence[str]
+    server: ManagedServer, files: Sequence[Mapping[str, Any]], common_names: Sequence[str], addresses: Sequence[str]
 ) -> dict[str, Any]:
     """Do it. `files`: list and ruleset, as far as they change. Gives `steps`, `ended`, and what `verify` gives."""
     act = _Act()
@@ -278,7 +282,7 @@ def revoke(
     return {**found, "steps": act.steps, "ended": ending.ended, "told": result}
 
 
-def _hold_list(server: Server, file: Mapping[str, Any] | None) -> None:
+def _hold_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
     """Lay it beside its place. Raises `ModuleError` for one that must not get there."""
     if file is None or server.tree.read(server.place.crl) == file["content"].encode():
         return
@@ -289,13 +293,13 @@ def _hold_list(server: Server, file: Mapping[str, Any] | None) -> None:
         raise
 
 
-def _put_list(server: Server, file: Mapping[str, Any] | None) -> None:
+def _put_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
     """Put what was laid beside it, unless it is there already."""
     if file is not None and server.tree.read(server.place.crl) != file["content"].encode():
         server.tree.put(server.place.crl)
 
 
-def _close(server: Server, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: Unheard) -> None:
+def _close(server: ManagedServer, file: Mapping[str, Any] | None, addresses: Sequence[str], unheard: Unheard) -> None:
     """Load the ruleset without the addresses; where that fails they are taken out of the loaded one.
 
     In the same act their clients are heard no more: each costs the kernel 10 ms.
@@ -315,12 +319,12 @@ def _close(server: Server, file: Mapping[str, Any] | None, addresses: Sequence[s
         server.tree.unstage(server.place.firewall)
 
 
-def _stage(server: Server, file: Mapping[str, Any]) -> str:
+def _stage(server: ManagedServer, file: Mapping[str, Any]) -> str:
     owner = server.tree.uid(file.get("owner") or "root"), server.tree.gid(file.get("group") or "root")
     return server.tree.stage(file["path"], file["content"].encode(), int(file.get("mode") or "0644", 8), *owner)
 
 
-def _keep(server: Server, file: Mapping[str, Any] | None) -> None:
+def _keep(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
     """Bring the folders to the disk and note what is loaded; a power cut before that is mended by the next push."""
     place = server.place
     for path in (place.admission("any"), place.crl, place.firewall):
@@ -330,7 +334,7 @@ def _keep(server: Server, file: Mapping[str, Any] | None) -> None:
 
 
 def verify(
-    server: Server,
+    server: ManagedServer,
     common_names: Sequence[str],
     addresses: Sequence[str],
     files: Mapping[str, str],
@@ -366,7 +370,7 @@ def verify(
     }
 
 
-def _passing(server: Server, addresses: Sequence[str]) -> list[str]:
+def _passing(server: ManagedServer, addresses: Sequence[str]) -> list[str]:
     try:
         inside = server.firewall.members()
     except ModuleError as refused:

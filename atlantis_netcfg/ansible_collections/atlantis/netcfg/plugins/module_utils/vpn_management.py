@@ -1,7 +1,7 @@
 """The management interface of OpenVPN on its Unix socket: one command, its reply, and what the server sends in between.
 
 It serves one client at a time. The kernel accepts a second client, which then receives nothing (OpenVPN issue 660).
-Every wait has an end here, and silence has an exception of its own, `Busy`. Source: doc/management-notes.txt.
+Every wait has an end here, and silence has an exception of its own, `ManagementBusy`. Source: doc/management-notes.txt.
 
 In `status 3` the columns of a row are found by their names in the HEADER rows alone.
 """
@@ -79,7 +79,7 @@ class Down(Exception):
     """Nobody listens on the socket: no server runs that has made it."""
 
 
-class Busy(Exception):
+class ManagementBusy(Exception):
     """Somebody listens and says nothing: another client has it, or the server hangs."""
 
 
@@ -87,8 +87,8 @@ class Closed(Exception):
     """The server has ended the conversation: it went down, or does not take this user for its client."""
 
 
-class Management:
-    """A conversation with the server. Raises `Busy` when a reply does not come in time, `Closed` when it ends."""
+class ManagementSocket:
+    """A session of the server's socket. Raises `ManagementBusy` when a reply is late, `Closed` when it ends."""
 
     def __init__(self, connected: socket.socket, patience_s: float) -> None:
         self._socket = connected
@@ -156,7 +156,7 @@ class Management:
         while b"\n" not in self._buffer:
             ready, _, _ = select.select([self._socket], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise Busy(f"the management socket is silent for {self._patience_s:g} s")
+                raise ManagementBusy(f"the management socket is silent for {self._patience_s:g} s")
             try:
                 got = self._socket.recv(_CHUNK)
             except OSError as error:
@@ -169,7 +169,7 @@ class Management:
 
 
 @contextlib.contextmanager
-def opened(path: str, patience_s: float) -> Iterator[Management]:
+def opened(path: str, patience_s: float) -> Iterator[ManagementSocket]:
     """Connect, without waiting for the greeting. Raises `Down` when nobody listens."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as made:
         made.settimeout(patience_s)
@@ -178,8 +178,8 @@ def opened(path: str, patience_s: float) -> Iterator[Management]:
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise Down(f"nobody listens on {path}") from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
-            raise Busy(f"{path} takes no connection: {error.strerror or error}") from error
-        yield Management(made, patience_s)
+            raise ManagementBusy(f"{path} takes no connection: {error.strerror or error}") from error
+        yield ManagementSocket(made, patience_s)
 
 
 def _short(path: str) -> str:

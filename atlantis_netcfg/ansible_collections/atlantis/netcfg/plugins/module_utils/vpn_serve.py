@@ -30,12 +30,12 @@ from .errors import ModuleError, in_words
 from .file_transaction import FileTransaction, clear, strays
 from .ssh_access import alone
 from .vpn_disconnect import Ending, Unheard, revoke, verify
-from .vpn_server import ANSWERS, DOWN, Place, Server
+from .vpn_server import ANSWERS, DOWN, ManagedServer, ServerPlace
 
 _VERSION = re.compile(r"OpenVPN (\S+)")
 
 
-def look(server: Server) -> dict[str, Any]:
+def look(server: ManagedServer) -> dict[str, Any]:
     """Look at all of it; what cannot be told is null. It changes nothing."""
     return {
         "clock": server.now(),
@@ -52,7 +52,7 @@ def look(server: Server) -> dict[str, Any]:
     }
 
 
-def sessions(server: Server) -> dict[str, Any]:
+def sessions(server: ManagedServer) -> dict[str, Any]:
     """Who has a session: by the server's word, else by its status file, `at` its time."""
     management, rows, why = server.sessions()
     at = server.now()
@@ -61,7 +61,7 @@ def sessions(server: Server) -> dict[str, Any]:
     return {"management": management, "sessions": rows, "at": at, "why": why}
 
 
-def seen(server: Server) -> dict[str, Any]:
+def seen(server: ManagedServer) -> dict[str, Any]:
     """When each common name was last seen, as the server's timer has noted it."""
     try:
         noted = json.loads(server.tree.read(server.place.seen) or b"null")
@@ -70,7 +70,7 @@ def seen(server: Server) -> dict[str, Any]:
     return {"seen": noted if isinstance(noted, dict) else None}
 
 
-def _list(server: Server) -> dict[str, Any] | None:
+def _list(server: ManagedServer) -> dict[str, Any] | None:
     """The list of revoked certificates, itself as well: who asks compares it with what is recorded."""
     crl, pem = server.crl(), server.tree.read(server.place.crl)
     if crl is None or pem is None:
@@ -79,7 +79,7 @@ def _list(server: Server) -> dict[str, Any] | None:
     return {**values, "pem": pem.decode(errors="replace")}
 
 
-def _files(server: Server) -> dict[str, str]:
+def _files(server: ManagedServer) -> dict[str, str]:
     """SHA-256 of each live file, also of those that nobody has declared; `no file` for what is none."""
     place = server.place
     try:
@@ -90,13 +90,13 @@ def _files(server: Server) -> dict[str, str]:
     return {path: _digest(server, path) for path in paths if os.path.lexists(server.tree.at(path))}
 
 
-def _digest(server: Server, path: str) -> str:
+def _digest(server: ManagedServer, path: str) -> str:
     if not stat.S_ISREG(os.lstat(server.tree.at(path)).st_mode):
         return "no file"
     return hashlib.sha256(server.tree.read(path) or b"").hexdigest()
 
 
-def _firewall(server: Server) -> dict[str, Any]:
+def _firewall(server: ManagedServer) -> dict[str, Any]:
     """Who passes, and whether the kernel has what the file says: `as_file` null where that cannot be told."""
     try:
         members = server.firewall.members()
@@ -106,17 +106,17 @@ def _firewall(server: Server) -> dict[str, Any]:
     return {"members": members, "as_file": as_file, "firewall_why": ""}
 
 
-def _version(server: Server) -> str | None:
+def _version(server: ManagedServer) -> str | None:
     found = _VERSION.match(server.run(["openvpn", "--version"]).output)
     return found[1] if found is not None else None
 
 
-def _package(server: Server) -> str | None:
+def _package(server: ManagedServer) -> str | None:
     done = server.run(["dpkg-query", "-W", "-f", "${Version}", "openvpn"])
     return done.output.strip() if done.code == 0 else None
 
 
-def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
+def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
     """Do it; `files` as `configure` has them, or with `sha256` in the place of a content that may be there already.
 
     `only` are folders in which nothing else stays. Gives `changes`, `ended` (sessions, with replies) and `told`; or
@@ -146,7 +146,7 @@ def push(server: Server, files: Sequence[Mapping[str, Any]], only: Sequence[str]
     return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.messages}
 
 
-def _whole(server: Server, file: Mapping[str, Any]) -> dict[str, Any]:
+def _whole(server: ManagedServer, file: Mapping[str, Any]) -> dict[str, Any]:
     """With its content, if it was sent or is there; else with None."""
     values = dict(file)
     digest = values.pop("sha256", None)
@@ -157,7 +157,7 @@ def _whole(server: Server, file: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _hold_list(server: Server, new: bytes | None) -> None:
+def _hold_list(server: ManagedServer, new: bytes | None) -> None:
     """Hold a list that differs from the one in place against that one and against the clock."""
     path = server.place.crl
     if new is None or new == server.tree.read(path):
@@ -169,7 +169,7 @@ def _hold_list(server: Server, new: bytes | None) -> None:
         server.tree.unstage(path)
 
 
-def _redirects(server: Server) -> list[str]:
+def _redirects(server: ManagedServer) -> list[str]:
     """Switch ICMP redirects off; that they are on after all is seen by who looks."""
     with contextlib.suppress(OSError):
         if server.stop_redirects():
@@ -177,7 +177,7 @@ def _redirects(server: Server) -> list[str]:
     return []
 
 
-def _load(server: Server, ruleset: bytes | None) -> list[str]:
+def _load(server: ManagedServer, ruleset: bytes | None) -> list[str]:
     """Load the ruleset unless it is the one that was loaded last, and the kernel has it still."""
     firewall, path = server.firewall, server.tree.at(server.place.firewall)
     if ruleset is None or (firewall.is_noted(ruleset) and firewall.is_as(path) is not False):
@@ -226,7 +226,7 @@ def _answer(line: bytes) -> dict[str, Any]:
     try:
         requested = unpacked(line)
         number = requested.pop("id")
-        server = Server(Place(**requested.pop("place")))
+        server = ManagedServer(ServerPlace(**requested.pop("place")))
         return {"id": number, "done": _DOES[requested.pop("do")](server, **requested)}
     except ModuleError as refused:
         return {"id": number, "refused": refused.message, "hint": refused.hint}

@@ -23,7 +23,7 @@ from typing import Any, Callable, Iterable, Iterator
 from .errors import ModuleError
 from .filesystem import FileSystem, Stamps
 from .programs import Done, last_lines, run
-from .vpn_management import Busy, Closed, Down, Management, Session, Torn, opened, sessions, written
+from .vpn_management import Closed, Down, ManagementBusy, ManagementSocket, Session, Torn, opened, sessions, written
 
 _SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
 _HINT = "`provision vpn status` tells what is wrong with the authority's own list"
@@ -119,7 +119,7 @@ _VOLATILE = ("handle", "index", "counter", "metainfo")
 class Firewall:
     """The table of this computer."""
 
-    place: Place
+    place: ServerPlace
     tree: FileSystem
     stamps: Stamps
     run: Callable[[list[str]], Done]
@@ -220,15 +220,15 @@ def _plain(found: Any) -> Any:  # noqa: ANN401 - JSON
 
 ANSWERS, BUSY, DOWN = "answers", "held", "down"
 """What the management socket does; `held`: another client has it, or the server hangs."""
-_SILENT = (Busy, Closed, Torn)
+_SILENT = (ManagementBusy, Closed, Torn)
 _CONF = "/proc/sys/net/ipv4/conf"
 
 
 @dataclass(frozen=True)
-class Server:
+class ManagedServer:
     """The files, the firewall and the conversation of one server. `run` and `now` are given by tests."""
 
-    place: Place
+    place: ServerPlace
     tree: FileSystem = field(default_factory=FileSystem)
     run: Callable[[list[str]], Done] = run
     now: Callable[[], float] = time.time
@@ -284,8 +284,8 @@ class Server:
         return bool(names)
 
     @contextlib.contextmanager
-    def connection(self, patience_s: float | None = None) -> Iterator[Management]:
-        """A conversation with the server. Raises `Down`, `Busy`, `Closed`."""
+    def connection(self, patience_s: float | None = None) -> Iterator[ManagementSocket]:
+        """A conversation with the server. Raises `Down`, `ManagementBusy`, `Closed`."""
         patience_s = self.place.patience_s if patience_s is None else patience_s
         with opened(self.tree.at(self.place.socket), patience_s) as management:
             management.greeted()
@@ -324,7 +324,7 @@ class Server:
 
 
 @dataclass(frozen=True)
-class Place:
+class ServerPlace:
     """Paths from the root, and names."""
 
     ca: str

@@ -99,7 +99,7 @@ from typing import Any
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.build_plan import Repository
-from ..module_utils.build_start import Build, Places
+from ..module_utils.build_start import Build, BuildFolders
 from ..module_utils.errors import ModuleError
 
 _TEXT = {"type": "str", "required": True}
@@ -129,7 +129,7 @@ def main() -> None:
         data["jobs"],
         data["offline"],
         module.check_mode,
-        Places(data["prefix"]),
+        BuildFolders(data["prefix"]),
     )
     try:
         result = build.visit(data["started"])

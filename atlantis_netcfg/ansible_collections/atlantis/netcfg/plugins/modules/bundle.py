@@ -84,7 +84,7 @@ class StoredFile:
 
 
 @dataclass(frozen=True)
-class Settled:
+class BundleSettled:
     """How it stands: `ready` when the bundle is whole, else the `missing` content, by SHA-256."""
 
     ready: bool
@@ -94,7 +94,7 @@ class Settled:
     changes: tuple[str, ...]
 
 
-class Store:
+class BundleStore:
     """The bundles below `folder`; what is uploaded belongs to the account `owner`, a number."""
 
     def __init__(self, folder: str = FOLDER, owner: int | None = None) -> None:
@@ -107,7 +107,7 @@ class Store:
         """Where the archive of what is missing goes to."""
         return os.path.join(self._incoming, f"{name}.tar")
 
-    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> Settled:
+    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> BundleSettled:
         """Take in what has arrived, and put the bundle together once nothing is missing. Raises ModuleError.
 
         `files` None: those that were told when the bundle was put together. `check`: change nothing.
@@ -115,18 +115,18 @@ class Store:
         with _words(self.folder):
             result = files if files is not None else self._listed_files(name)
             if result is None:
-                return Settled(False, False, (), ())
+                return BundleSettled(False, False, (), ())
             if self._whole(name, result):
-                return Settled(True, True, (), () if check else tuple(self._prune(name, result)))
+                return BundleSettled(True, True, (), () if check else tuple(self._prune(name, result)))
             if not check:
                 self._ready()
                 self._take_in({entry.sha256: entry for entry in result})
             missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
             if missing or check:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
-                return Settled(False, True, missing, ())
+                return BundleSettled(False, True, missing, ())
             self._compose(name, result)
-            return Settled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
+            return BundleSettled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
 
     def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
         try:
@@ -277,7 +277,7 @@ def main() -> None:
     if not re.fullmatch(r"[0-9a-f]{16}", name) or any(".." in item.path.split("/") for item in files or ()):
         module.fail_json(msg="this is no bundle", hint="", changes=[])
     owner = os.environ.get("SUDO_UID", "")
-    store = Store(FOLDER, int(owner) if owner.isdigit() else None)
+    store = BundleStore(FOLDER, int(owner) if owner.isdigit() else None)
     try:
         settled = store.settle(name, files, check=module.check_mode)
     except ModuleError as why:

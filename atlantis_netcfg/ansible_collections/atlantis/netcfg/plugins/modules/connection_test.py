@@ -77,7 +77,7 @@ _COMMAND = '. "$1" && cd "$2" && exec timeout --kill-after=5 "$3" "$4" "$5"'
 
 
 @dataclass(frozen=True)
-class Verdict:
+class TestVerdict:
     """What there is to be said; `worth`: a person should read it."""
 
     verdict: str
@@ -100,20 +100,20 @@ class SmokeTest:
     """The VPN's: without an address on it nothing can be connected."""
     seconds: int
 
-    def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], Done] = run) -> Verdict:
+    def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], Done] = run) -> TestVerdict:
         """INCONCLUSIVE, or SKIP with its reason. Raises ModuleError where the program fails."""
         name = os.path.basename(self.program)
         stamps, desired = Stamps(tree), self._digests(tree)
         if stamps.holds(_STAMP, desired):
-            return Verdict(
+            return TestVerdict(
                 "SKIP", f"{name} has been started with this build and this configuration before", worth=False
             )
         if check:
-            return Verdict("SKIP", f"{name} is not started by a plan", worth=False)
+            return TestVerdict("SKIP", f"{name} is not started by a plan", worth=False)
         done = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
         if done.code != 0 or " inet " not in done.output:
             words = f"{name} was not started: {self.interface}, the VPN's interface, has no address yet"
-            return Verdict("SKIP", words, worth=True)
+            return TestVerdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
                 raise ModuleError(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
@@ -127,7 +127,7 @@ class SmokeTest:
         stamps.note(_STAMP, desired)
         ran = f"ran for {self.seconds} s" if done.code == _STILL_RUNS else "ran, and ended by itself,"
         seen = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
-        return Verdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
+        return TestVerdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
 
     def _command(self, tree: FileSystem) -> list[str]:
         command = ["systemd-run", "--quiet", "--collect", "--wait", "--pipe", f"--uid={self.user}"]

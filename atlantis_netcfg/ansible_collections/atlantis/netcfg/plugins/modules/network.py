@@ -84,9 +84,9 @@ from typing import Any
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
-from ..module_utils.network_change import BACK, Change
+from ..module_utils.network_change import BACK, NetworkChange
 from ..module_utils.network_desired import DesiredNetwork
-from ..module_utils.network_files import Computer
+from ..module_utils.network_files import NetworkComputer
 
 _TEXT = {"type": "str", "required": True}
 ARGUMENTS = {
@@ -114,7 +114,7 @@ _UNKNOWN = (
 
 def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
     request = DesiredNetwork.of(parameters)
-    change = Change(Computer(), request)
+    change = NetworkChange(NetworkComputer(), request)
     values: dict[str, Any] = {}
     if parameters["action"] == "stage":
         values["name"] = change.stage(check=check)

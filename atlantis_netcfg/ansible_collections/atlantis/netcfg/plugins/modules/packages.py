@@ -105,7 +105,7 @@ from typing import Any
 
 from ansible.module_utils.basic import AnsibleModule
 
-from ..module_utils.apt_converge import Converge, DesiredPackages
+from ..module_utils.apt_converge import AptConvergence, DesiredPackages
 from ..module_utils.apt_run import Apt
 from ..module_utils.apt_sources import Sources, key_of
 from ..module_utils.errors import ModuleError
@@ -171,7 +171,7 @@ def main() -> None:
             requested["limit_words"],
         )
         diffs = {path: sources.before_and_after(path) for path in [*sources.changed, *sources.in_the_way]}
-        converge = Converge(Apt(tree, requested["offline"], requested["wait_s"]), sources, desired)
+        converge = AptConvergence(Apt(tree, requested["offline"], requested["wait_s"]), sources, desired)
         outcome = converge.run(check=module.check_mode)
     except ModuleError as why:
         done = converge.done() if converge is not None else []
