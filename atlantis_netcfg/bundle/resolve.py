@@ -249,7 +249,7 @@ def read_package(deb: Path, sha256: str) -> ResolvedPackage:
     if done.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
         raise BundleRefused(f"{deb.name} is no Debian package", hint="remove it, and type the same again")
     return ResolvedPackage(
-        fields["ResolvedPackage"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256
+        fields["Package"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256
     )
 
 

@@ -136,7 +136,7 @@ class CommandSession:
         declared = self._declared(mode)
         # What their tasks need is imported before these, which are forked children, and only where they take part.
         if any(is_unit(host) for host in declared):
-            import_module("atlantis_netcfg.operations.lte")
+            import_module("atlantis_netcfg.operations.lte.run")
         if any(is_computer(host) for host in declared):
             from atlantis_netcfg.operations.computers.parts import refuse_unfounded
 

@@ -222,7 +222,7 @@ def run_trust(arguments: Arguments) -> ExitCode:
     """Look at each device, ask where something is new, and keep the answers."""
     import sys
 
-    from atlantis_netcfg.cli._vpn import declared
+    from atlantis_netcfg.cli.vpn._common import declared
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
     from atlantis_netcfg.declaration import choose

@@ -73,7 +73,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.declaration import ALL
     from atlantis_netcfg.operations import Mode
-    from atlantis_netcfg.report.junit import junit
+    from atlantis_netcfg.report.drift import junit
 
     file = _file(arguments.value("junit"))
     with session(

@@ -34,7 +34,7 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, is_unit, managed
-from atlantis_netcfg.operations.lte import EmulatedUnit, emulated_units, not_rehearsed
+from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, not_rehearsed
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import members_of, with_other_ends
 from atlantis_netcfg.routeros.assumptions import unconfirmed

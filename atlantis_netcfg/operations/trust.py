@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
-from atlantis_netcfg.operations.lte import LteUnit
+from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.api import certificate_of
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ document, so no page can say what was not signed.
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.report._html import pages
+from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.checklist.report._words import lines
 from atlantis_netcfg.checklist.report.document import (

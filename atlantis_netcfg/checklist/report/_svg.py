@@ -33,7 +33,7 @@ from atlantis_netcfg.checklist.report._shapes import (
     letters_of,
     worst_state,
 )
-from atlantis_netcfg.report.junit import clean
+from atlantis_netcfg.report.drift import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

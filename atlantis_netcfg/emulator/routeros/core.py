@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.network.topology import Topology
 from atlantis_netcfg.emulator.routeros.schema import Schema, features_of
 from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.store import ActionHistory, RowStore
-from atlantis_netcfg.emulator.routeros.topology import Topology
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import Answer, Caller

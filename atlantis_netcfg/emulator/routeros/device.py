@@ -22,8 +22,8 @@ from atlantis_netcfg.emulator.routeros.commands.read import _rows, emit
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
 from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, Printed
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile, Listener, Service, services_of
-from atlantis_netcfg.emulator.routeros.failover import next_watch, watch
-from atlantis_netcfg.emulator.routeros.path import path_open
+from atlantis_netcfg.emulator.routeros.network.failover import next_watch, watch
+from atlantis_netcfg.emulator.routeros.network.path import path_open
 from atlantis_netcfg.emulator.routeros.software import boot_with
 from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.storage import FileSide

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed, public_key
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
-from atlantis_netcfg.emulator.routeros.firewall import Packet, PacketVerdict, walk
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
-from atlantis_netcfg.emulator.routeros.path import route_to
+from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
+from atlantis_netcfg.emulator.routeros.network.path import route_to
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
     from atlantis_netcfg.emulator.routeros.core import Core
+    from atlantis_netcfg.emulator.routeros.network.topology import Interface, Route, Topology
     from atlantis_netcfg.emulator.routeros.store import RowStore, StoredItem, Table
-    from atlantis_netcfg.emulator.routeros.topology import Interface, Route, Topology
 
 
 Properties = dict[str, str]

@@ -36,7 +36,7 @@ from atlantis_netcfg.operations.links.status import (
     read_routeros,
     twice,
 )
-from atlantis_netcfg.operations.lte import LteUnit
+from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire

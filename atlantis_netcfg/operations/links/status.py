@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.operations.lte import LteUnit
+    from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
 
 

@@ -124,14 +124,14 @@ from pathlib import Path
 sys.path[:0] = sys.argv[4:]
 from blocks_fake import LoopCard
 from test_image_writer import SIZE, shown
-from atlantis_netcfg.image.writer import Step
+from atlantis_netcfg.image.writer import WriterStep
 from atlantis_netcfg.image.source import segments
 from atlantis_netcfg.image.writer import write
 image, device, file = map(Path, sys.argv[1:4])
 status = device.stat().st_rdev
 card = LoopCard(device, file, f"{os.major(status)}:{os.minor(status)}")
 def tell(progress):
-    if progress.step is Step.COMPARING:
+    if progress.step is WriterStep.COMPARING:
         os.kill(os.getpid(), 9)
 write(image, segments(image, SIZE), shown(file.parent / "child", card), tell)
 """

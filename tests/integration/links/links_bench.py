@@ -15,8 +15,8 @@ from atlantis_netcfg.declaration import Declaration, choose, load
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite
 from atlantis_netcfg.operations.kinds import handled, is_unit
 from atlantis_netcfg.operations.links.look import LinksStatus, look
-from atlantis_netcfg.operations.lte import emulated_units
-from atlantis_netcfg.operations.lte import perform as perform_lte
+from atlantis_netcfg.operations.lte.run import perform as perform_lte
+from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.operations.rehearsal import site_spec
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import with_other_ends

@@ -16,7 +16,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec, TwinSpec
 from atlantis_netcfg.journal import Store
-from atlantis_netcfg.operations.lte import perform
+from atlantis_netcfg.operations.lte.run import perform
 from atlantis_netcfg.operations.request import Target
 from atlantis_netcfg.operations.terminals import TriedPin
 

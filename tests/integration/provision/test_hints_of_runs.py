@@ -104,9 +104,9 @@ READ = """
 import sys
 from types import SimpleNamespace
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._session import Session
+from atlantis_netcfg.cli._session import CommandSession
 from atlantis_netcfg.core.errors import ExitCode
-Session.perform = lambda *_words, **_more: SimpleNamespace(devices={}, exit=ExitCode.CHANGES)
+CommandSession.perform = lambda *_words, **_more: SimpleNamespace(devices={}, exit=ExitCode.CHANGES)
 sys.exit(main())
 """
 """The command line, all of whose devices were read and differ from the declaration: nobody else is at work there."""

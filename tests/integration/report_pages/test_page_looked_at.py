@@ -16,7 +16,7 @@ import pytest
 from chromium_pipe import Chromium, chromium
 from pages_example import SHORT, hostile, made
 
-from atlantis_netcfg.checklist.report._html import html
+from atlantis_netcfg.checklist.report._pages import html
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -31,7 +31,7 @@ def test_the_overview_names_every_command_and_exit_code(capsys: pytest.CaptureFi
 
 
 def test_every_module_of_a_command_is_in_the_table() -> None:
-    modules = {path.stem for path in Path(cli.__file__).parent.glob("[a-z]*.py")}
+    modules = {path.stem for path in Path(cli.__file__).parent.rglob("[a-z]*.py")}
     assert {row.partition(":")[0].rpartition(".")[2] for row in COMMANDS.values()} == modules
     for name in COMMANDS:
         assert load(name, COMMANDS).command.name == name

@@ -50,7 +50,7 @@ from atlantis_netcfg.journal import (
     run_order,
     unrecorded,
 )
-from atlantis_netcfg.operations.lte import LteResult
+from atlantis_netcfg.operations.lte.units import LteResult
 from atlantis_netcfg.routeros import Status
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from atlantis_netcfg.bearers.lte import rutos_read
 from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.journal import Journal, JournalFailed, Store
-from atlantis_netcfg.operations.lte import perform
+from atlantis_netcfg.operations.lte.run import perform
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.printable import visible
-from atlantis_netcfg.report.junit import clean
+from atlantis_netcfg.report.drift import clean
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Document

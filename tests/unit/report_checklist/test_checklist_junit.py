@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import checklist_example as made
 
-from atlantis_netcfg.checklist.report._junit import junit
+from atlantis_netcfg.checklist.report._pages import junit
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report import Document

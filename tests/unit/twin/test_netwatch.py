@@ -1,4 +1,4 @@
-"""Netwatch, check-gateway and scripts of netwatch, on a clock turned by hand (emulator/routeros/failover.py)."""
+"""Netwatch, check-gateway and scripts of netwatch, on a clock turned by hand (`network/failover.py`)."""
 
 from __future__ import annotations
 

@@ -16,8 +16,9 @@ from vpn_desk import NOBODY, PASSPHRASE, declared, founded
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_server
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.cli import _session, _vpn, main
+from atlantis_netcfg.cli import _session, main
 from atlantis_netcfg.cli._playbook import PlayOutcome
+from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.computers._watch import ComputerResult
@@ -115,7 +116,7 @@ def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], mon
     """A laptop with an authority, on which plays go to a stand-in and a person types the passphrase."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
     shutil.copytree(founded(base) / "vpn", tmp_path / "vpn")
-    monkeypatch.setattr(_vpn, "declared", lambda _arguments: real())
+    monkeypatch.setattr(_common, "declared", lambda _arguments: real())
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
     made = Laptop(tmp_path, capsys, monkeypatch)
@@ -133,7 +134,7 @@ def laptop(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> Laptop:
-    monkeypatch.setattr(_vpn, "server", lambda *_: NoPush())
+    monkeypatch.setattr(_common, "server", lambda *_: NoPush())
     founding = Authority.init
     # Sealed as Ansible does it: tests do not wait for age.
     monkeypatch.setattr(
@@ -176,7 +177,7 @@ def moved(at: Laptop) -> str:
     pilot = real().pilot
     vpn = pilot.vpn.model_copy(update={"endpoint_name": "tunnel.atlantis.internal"})
     changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
-    at.monkeypatch.setattr(_vpn, "declared", lambda _arguments: changed)
+    at.monkeypatch.setattr(_common, "declared", lambda _arguments: changed)
     return at.type("vpn", "init", code=3)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli import _vpn, main
+from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli._commands import COMMANDS
+from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.printable import line as printable_line
 
@@ -40,6 +41,6 @@ def test_who_stops_a_command_is_told_that_the_record_stands(
     def stopped(_arguments: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_vpn, "declared", stopped)
+    monkeypatch.setattr(_common, "declared", stopped)
     assert main(["vpn", "onboard", "host=coastal-gateway"]) == ExitCode.UNKNOWN
     assert "type the same again" in capsys.readouterr().err

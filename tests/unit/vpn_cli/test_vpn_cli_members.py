@@ -12,7 +12,8 @@ import pytest
 from cryptography import x509
 from vpn_desk import NOBODY, PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 
-from atlantis_netcfg.cli import _vpn, main
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
@@ -282,12 +283,12 @@ def test_a_server_by_another_name_gets_a_certificate_once(
     pilot = tmp_path / "inventory" / "group_vars" / "all" / "pilot.yml"
     pilot.write_text(pilot.read_text().replace("endpoint_name: vpn.example.org", "endpoint_name: tunnel.example.org"))
     moved = load(tmp_path / "inventory")
-    monkeypatch.setattr(_vpn, "server", lambda *_: NoPush())
+    monkeypatch.setattr(_common, "server", lambda *_: NoPush())
     before = (desk.authority / "server" / "server.crt").read_bytes()
     assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]
     assert (desk.authority / "server" / "server.crt").read_bytes() == before
 
-    monkeypatch.setattr(_vpn, "declared", lambda _: moved)
+    monkeypatch.setattr(_common, "declared", lambda _: moved)
     code, _, said = desk.type("init", passphrase=PASSPHRASE)
     assert (code, f"`provision vpn sync --sign authority={desk.authority}` makes a certificate for it" in said) == (
         3,

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli import _vpn, main
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.declaration import load
 
@@ -112,4 +113,4 @@ def declared() -> Declaration:
 
 def reading_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no command line read the inventory's files again."""
-    monkeypatch.setattr(_vpn, "declared", lambda _arguments: declared())
+    monkeypatch.setattr(_common, "declared", lambda _arguments: declared())

@@ -4,10 +4,10 @@ from atlantis_netcfg.emulator.lab.stubs.archive import (
     NOT_REHEARSED,
     StandInFailed,
     StubArchive,
+    StubPackage,
     publish,
     ros_packages,
     why_no_archive,
 )
-from atlantis_netcfg.emulator.lab.stubs.packages import StubPackage
 
 __all__ = ["NOT_REHEARSED", "StandInFailed", "StubArchive", "StubPackage", "publish", "ros_packages", "why_no_archive"]

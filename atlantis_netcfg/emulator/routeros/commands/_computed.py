@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.emulator.routeros.core import Call, Core
+    from atlantis_netcfg.emulator.routeros.network.topology import Interface
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
-    from atlantis_netcfg.emulator.routeros.topology import Interface
 
 Rows = list[dict[str, str]]
 _CPUS = "4"

@@ -21,7 +21,7 @@ from atlantis_netcfg.emulator.routeros.commands import write
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
-from atlantis_netcfg.emulator.routeros.path import answers
+from atlantis_netcfg.emulator.routeros.network.path import answers
 from atlantis_netcfg.emulator.routeros.spec import Deviation, DeviceModeName
 from atlantis_netcfg.emulator.routeros.values import id_text
 from atlantis_netcfg.emulator.routeros.views import count_echoes

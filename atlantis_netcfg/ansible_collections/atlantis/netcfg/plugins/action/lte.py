@@ -24,7 +24,7 @@ class ActionModule(EngineAction):
     def perform(requested: TaskRequest) -> Mapping[str, Any]:
         """Converge or check the units of the play; in check mode, only plan."""
         from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
-        from atlantis_netcfg.operations.lte import perform  # noqa: PLC0415 - Ansible imports every action plugin
+        from atlantis_netcfg.operations.lte.run import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
         values: dict[str, Any] = cleaned(
             perform(

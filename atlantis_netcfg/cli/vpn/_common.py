@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.server import Server
     from atlantis_netcfg.vpn.authority.authority import Authority
 
+
 __all__ = [
     "AGAIN",
     "AUTHORITY",
@@ -37,6 +38,7 @@ __all__ = [
     "waiting",
     "who",
 ]
+
 
 AUTHORITY = Word("authority", "folder of the authority; `vpn` in the state directory if left out")
 CLOCK = Word(

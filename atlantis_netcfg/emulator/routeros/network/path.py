@@ -10,14 +10,15 @@ from __future__ import annotations
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.firewall import Packet, PacketVerdict, walk
-from atlantis_netcfg.emulator.routeros.topology import MAIN, Topology
+from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
+from atlantis_netcfg.emulator.routeros.network.topology import MAIN, Topology
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
+
 
 _CLIENT_PORT = 50000
 _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/nat"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
+from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -68,18 +68,18 @@ VPN_ONBOARD = CommandSpec(
 
 def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
 
-    declaration, requested = _vpn.declared(arguments), _device_words(arguments)
+    declaration, requested = _common.declared(arguments), _device_words(arguments)
     requests = requests_of(declaration, requested)
     target = handout_target(arguments, recipients_of(requested, [request.name for request in requests]))
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
-    authority = _vpn.opened(arguments)
-    server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), target)
+    authority = _common.opened(arguments)
+    server = _common.server(arguments, declaration)
+    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
     handed = onboarding.finished(requests)
     passphrase = passphrase_prompt(arguments) if not handed else None
     hold(arguments, server, authority)
@@ -133,21 +133,21 @@ VPN_RENEW = CommandSpec(
 
 def run_vpn_renew(arguments: Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
     from atlantis_netcfg.operations.vpn.requests import change_of, recipient_of
 
-    declaration = _vpn.declared(arguments)
+    declaration = _common.declared(arguments)
     change = change_of(**{key: arguments.optional(key) for key in ("days", "wrap", "key", "link")})
     typed = arguments.optional("recipient")
     recipient = recipient_of(typed) if typed is not None else None
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
-    authority = _vpn.opened(arguments)
+    authority = _common.opened(arguments)
     members = _members_to_renew(arguments, authority.membership())
     target = handout_target(arguments, {} if recipient is None else {member.name: recipient for member in members})
-    server = _vpn.server(arguments, declaration)
-    onboarding = Onboarding(declaration, _vpn.operator(arguments, authority), target)
+    server = _common.server(arguments, declaration)
+    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
     handed = onboarding.renew(members, change, passphrase)
@@ -197,20 +197,20 @@ VPN_REVOKE = CommandSpec(
 
 def run_vpn_revoke(arguments: Arguments) -> ExitCode:
     """Ask, record, publish the list, end the sessions, look."""
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.members import reason_of, revoke
 
-    declaration = _vpn.declared(arguments)
+    declaration = _common.declared(arguments)
     reason = reason_of(arguments.optional("reason"))
-    authority = _vpn.opened(arguments)
+    authority = _common.opened(arguments)
     members = _members_to_revoke(arguments, authority.membership())
-    server = _vpn.server(arguments, declaration)
+    server = _common.server(arguments, declaration)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
     _agree(arguments, members)
-    revoked = revoke(_vpn.operator(arguments, authority), members, reason, passphrase)
+    revoked = revoke(_common.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
         cut = server.cut(authority, revoked, notify)
     return close_revoked(arguments, revoked, cut)
@@ -264,13 +264,13 @@ def run_vpn_accept(arguments: Arguments) -> ExitCode:
     from datetime import UTC, datetime
     from pathlib import Path
 
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.enrolment_package import accept
 
-    declaration = _vpn.declared(arguments)
+    declaration = _common.declared(arguments)
     data = _bytes(Path(arguments.word("file")), "the hand-out")
-    accepted = accept(declaration, data, _opener(arguments), _vpn.folder(arguments), now=datetime.now(UTC))
+    accepted = accept(declaration, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
     member, certificate = accepted.identity.member, accepted.identity.certificate
     values = {
         "name": member.name,
@@ -285,7 +285,7 @@ def run_vpn_accept(arguments: Arguments) -> ExitCode:
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
         f"  kept in {accepted.path}; `{bringing(declaration, member)}` brings it there",
     ]
-    return _vpn.tell(arguments, ExitCode.DONE, values, lines)
+    return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
 def _opener(arguments: Arguments) -> Secret:
@@ -351,19 +351,19 @@ def close(
 
     A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
     """
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
 
     if not arguments.flag("json"):
         for line in (line for entry in handed for line in _lines(declaration, entry)):
             print(line, flush=True)
     deployed = _deployed(arguments, server, authority)
     values = {"members": [_row(item) for item in handed], **deployed.as_json()}
-    return _vpn.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
+    return _common.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
 
 
 def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
     from atlantis_netcfg.cli._output import progress
-    from atlantis_netcfg.cli._vpn import AGAIN
+    from atlantis_netcfg.cli.vpn._common import AGAIN
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.operations.vpn.server import Deployed
 
@@ -423,7 +423,7 @@ def bringing(declaration: Declaration, member: Member) -> str:
 
 def close_revoked(arguments: Arguments, revoked: RevocationResult, deployed: Deployed) -> ExitCode:
     """Tell who is out, and by which evidence."""
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
 
     values = {
         "members": list(revoked.members),
@@ -432,7 +432,7 @@ def close_revoked(arguments: Arguments, revoked: RevocationResult, deployed: Dep
         **deployed.as_json(),
     }
     lines = [f"{name}: {'already so' if name in revoked.already else 'revoked'}" for name in revoked.members]
-    return _vpn.tell(arguments, deployed.exit, values, [*lines, *deployed.lines], deployed.errors)
+    return _common.tell(arguments, deployed.exit, values, [*lines, *deployed.lines], deployed.errors)
 
 
 def close_synced(
@@ -442,7 +442,7 @@ def close_synced(
 
     `taken`: who is revoked because the server's list was taken over.
     """
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
 
     values = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
     lines = (
@@ -450,4 +450,4 @@ def close_synced(
     )
     if site is not None:
         lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
-    return _vpn.tell(arguments, deployed.exit, values, (*lines, *deployed.lines), deployed.errors)
+    return _common.tell(arguments, deployed.exit, values, (*lines, *deployed.lines), deployed.errors)

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.values import references, spell
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.network.topology import Topology
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
-    from atlantis_netcfg.emulator.routeros.topology import Topology
+
 
 _DEEPEST = 16
 _CLOSING = ("drop", "reject", "tarpit", "dst-nat", "redirect", "netmap", "same", "socksify")

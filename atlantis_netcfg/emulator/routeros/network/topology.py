@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.store import RowStore, StoredItem
 
+
 MAIN = 0
 """The id of routing table `main`."""
 CONNECTED_SCOPE = 10

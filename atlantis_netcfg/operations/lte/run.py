@@ -1,14 +1,7 @@
-"""A run for a 4G unit that is not RouterOS: read it, set its SIM, judge it.
+"""A run for 4G units that are not RouterOS: set to what is declared of their SIM, and judged.
 
-4G units that are not RouterOS in a run: set to what is declared of their SIM where that can be, and judged.
-
-Perform a request for the 4G units of a play: one journal and one lock a site, one unit after another.
-
-Set one 4G unit to what is declared of its SIM, or only check it; a change counts once it was read back.
-
-A declared 4G unit that does not run RouterOS, its state as its driver reads it, and its result in a run.
-
-Emulated 4G units for a rehearsal; ModemManager and units without a driver are not emulated.
+Performs a request for the 4G units of a play: one journal and one lock a site, one unit after another. A change counts
+once it was read back.
 """
 
 from __future__ import annotations
@@ -16,21 +9,18 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.bearers.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
-from atlantis_netcfg.bearers.lte import judge as record
-from atlantis_netcfg.bearers.lte.judge import LteExpected, judge, quality
-from atlantis_netcfg.console.ssh import Commands, open_commands
+from atlantis_netcfg.bearers.lte import Registration, rutos_client, rutos_settings
+from atlantis_netcfg.bearers.lte.judge import quality
 from atlantis_netcfg.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import LteAccess, LteDriver, LteRouter
-from atlantis_netcfg.emulator import modem, rutos
+from atlantis_netcfg.core.events import Event, Stage, Verdict
+from atlantis_netcfg.declaration.model import LteDriver, LteRouter
 from atlantis_netcfg.journal import (
     NOT_RECORDED,
     ActionsConfirmed,
@@ -38,7 +28,6 @@ from atlantis_netcfg.journal import (
     LayerSent,
     NoJournal,
     Outcome,
-    Pins,
     Planned,
     PlannedAction,
     Recorder,
@@ -51,304 +40,18 @@ from atlantis_netcfg.journal import (
 )
 from atlantis_netcfg.operations.costs import gate
 from atlantis_netcfg.operations.kinds import is_unit
-from atlantis_netcfg.operations.request import Mode, Request, Target, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.terminals import TriedPin
+from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
+from atlantis_netcfg.operations.request import Mode, Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.routeros.apply import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.bearers import BearerFinding, Quality
-    from atlantis_netcfg.bearers.lte import LteReading
-    from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
-    from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings, SettingChange
+    from atlantis_netcfg.bearers.lte.rutos_settings import SettingChange
+    from atlantis_netcfg.console.ssh import Commands
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import EventStream
-
-
-_HTTPS, _SSH = 443, 22
-_SERIAL = "serial number of "
-"""Before a device's name where its serial number is kept among the pins; names have no spaces."""
-
-
-class NotRehearsed(NetcfgError):
-    """There is no emulation of what this driver talks to."""
-
-
-@dataclass(frozen=True, slots=True)
-class UnitStatus:
-    """What one look at a unit has given."""
-
-    reading: LteReading
-    findings: tuple[BearerFinding, ...]
-    requests: int = 0
-    sent: int = 0
-    received: int = 0
-    serial: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LteUnit:
-    """A unit, the way to it, and what is known of it from earlier runs."""
-
-    host: Host
-    device: LteRouter
-    store: Store
-    """Pins of its certificates, and whether its SIM's PIN was tried."""
-    notify: Subscriber
-    rehearsed: bool = False
-    target: Target | None = None
-    """Rehearsal: where its emulation listens; None: there is none."""
-
-    @property
-    def name(self) -> str:
-        """The inventory's name."""
-        return self.host.name
-
-    @property
-    def may_set(self) -> bool:
-        """Whether somebody is declared who may set things."""
-        access = self.device.access
-        admin = access is not None and access.admin_user is not None and access.admin_password is not None
-        return self.device.driver is LteDriver.RUTOS and admin
-
-    @property
-    def settings(self) -> LteSettings:
-        """What is declared of its SIM, to be set."""
-        sim = self.device.sim
-        return rutos_settings.LteSettings(
-            apn=sim.apn, user=sim.user, password=sim.password, pin=sim.pin, roaming=sim.roaming
-        )
-
-    @property
-    def expected(self) -> LteExpected:
-        """What is declared of its SIM, to be judged."""
-        sim = self.device.sim
-        return LteExpected(
-            apn=sim.apn,
-            roaming=sim.roaming,
-            pin_declared=sim.pin is not None,
-            apn_required=sim.user is not None or sim.password is not None,
-            bands=sim.bands,
-        )
-
-    def look(self) -> UnitStatus:
-        """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
-        if self.rehearsed and self.target is None and self.device.driver is not LteDriver.MANUAL:
-            raise NotRehearsed(f"not looked at: there is no emulation for driver {self.device.driver}")
-        readers: dict[LteDriver, Callable[[], UnitStatus]] = {
-            LteDriver.RUTOS: self._rutos,
-            LteDriver.AT: self._at,
-            LteDriver.MODEMMANAGER: self._modemmanager,
-            LteDriver.MANUAL: self._manual,
-        }
-        return readers[self.device.driver]()
-
-    def shell(self) -> Commands:
-        """Log in to set things. Raises DeviceFailed, before the password is sent where the host key is not known."""
-        access = self._access
-        assert access.admin_user is not None  # noqa: S101 - `may_set` has said so
-        assert access.admin_password is not None  # noqa: S101 - as above
-        (host, port), key = self.ssh, access.host_key or self.pins.host_key(self.name)
-        key = key if self.target is None else self.target.host_key
-        return open_commands(host, port, access.admin_user, access.admin_password, pin=key)
-
-    @property
-    def _access(self) -> LteAccess:
-        assert self.device.access is not None  # noqa: S101 - declaration/rules/lte.py
-        return self.device.access
-
-    @property
-    def endpoint(self) -> RutosEndpoint:
-        """Driver `rutos`: where its own interface is, and by which certificate it is known."""
-        access, target = self._access, self.target
-        host, port = str(self.device.address), access.port or _HTTPS
-        pin = access.fingerprint or self.pins.get(self.name)
-        if target is not None:
-            host, port, pin = target.host, target.port, target.pin
-        return rutos_client.RutosEndpoint(host, port, access.user, access.password, pin)
-
-    @property
-    def ssh(self) -> tuple[str, int]:
-        """Driver `rutos`: where its SSH server is."""
-        return (str(self.device.address), _SSH) if self.target is None else (self.target.host, self.target.ssh or _SSH)
-
-    @property
-    def pins(self) -> Pins:
-        """By what it is known."""
-        return self.store.pins
-
-    @property
-    def tried(self) -> TriedPin:
-        """What is remembered of a PIN that its SIM has not taken."""
-        return TriedPin(self.store.root, self.host.site, self.name)
-
-    @property
-    def pin_tried(self) -> bool:
-        """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
-        return bool(self.tried.why_not)
-
-    def _rutos(self) -> UnitStatus:
-        found = rutos_read.read(self.endpoint)
-        self._identify(found.serial)
-        reading = found.reading
-        if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
-            # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
-            reading = replace(reading, pin_refused=True)
-        return UnitStatus(
-            reading, judge(reading, self.expected), found.requests, found.sent, found.received, found.serial
-        )
-
-    def _identify(self, serial: str | None) -> None:
-        """A unit is known by its serial number, where it tells one."""
-        if serial is None:
-            return
-        known = self.pins.pin(f"{_SERIAL}{self.name}", serial)
-        if known != serial:
-            raise DeviceFailed(
-                f"{self.name}: another unit answers here: serial number {serial}, and the one that was met is {known}",
-                hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
-            )
-
-    def _at(self) -> UnitStatus:
-        port = self.target.serial if self.target is not None else self.device.serial
-        assert port is not None  # noqa: S101 - declaration/rules/lte.py; each emulated modem has one
-        found = at.read(port)
-        return UnitStatus(found.reading, judge(found.reading, self.expected), found.commands)
-
-    def _modemmanager(self) -> UnitStatus:
-        found = modemmanager.read()
-        return UnitStatus(found.reading, (*judge(found.reading, self.expected), *found.findings), found.calls)
-
-    def _manual(self) -> UnitStatus:
-        return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
-
-
-FINE = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
-"""What is no failure of a play: a unit that only a person can look at was not checked, and has not failed."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LteResult:
-    """What was set, and what the unit said afterwards."""
-
-    name: str
-    status: Status
-    exit: ExitCode
-    message: str
-    hint: str | None = None
-    planned: int = 0
-    confirmed: int = 0
-    diff: str = ""
-    notes: tuple[str, ...] = ()
-    plan_hash: str = ""
-    findings: tuple[BearerFinding, ...] = ()
-    quality: Quality = field(default_factory=dict)
-    requests: int = 0
-    sent: int = 0
-    """Bytes of what we sent, without headers and TLS, and without SSH; so is `received`."""
-    received: int = 0
-    seconds: float = 0.0
-    serial: str | None = None
-    """The unit's serial number, which identifies it."""
-
-    def as_dict(self) -> Mapping[str, Any]:
-        """As JSON-able data, with every key of a device's result."""
-        return {
-            "status": self.status.value,
-            "exit": int(self.exit),
-            "message": self.message,
-            "hint": self.hint,
-            "busy": "",
-            "planned": self.planned,
-            "confirmed": self.confirmed,
-            "diff": self.diff,
-            "drift": [],
-            "comparison": None,
-            "notes": list(self.notes),
-            "estimate": None,
-            "plan_hash": self.plan_hash,
-            "protection": "none",
-            "protection_words": "none: the settings of a 4G unit are written at once, and read back",
-            "round_trips": self.requests,
-            "bytes": {"sent": self.sent, "received": self.received},
-            "seconds": round(self.seconds, 3),
-            "version": None,
-            "board": None,
-            "findings": [finding.as_dict() for finding in self.findings],
-            "quality": self.quality,
-            "serial": self.serial,
-        }
-
-
-def words(finding: BearerFinding) -> str:
-    """A finding as a note: `WARN: ... (...)`; one that passes is told without its verdict."""
-    verdict = "" if finding.verdict is Verdict.PASS else f"{finding.verdict}: "
-    return f"{verdict}{finding.message}{f' ({finding.hint})' if finding.hint else ''}"
-
-
-@dataclass(frozen=True, slots=True)
-class EmulatedUnit:
-    """A running unit."""
-
-    target: Target
-    export: Callable[[], str]
-    """What it is set to, in its own words."""
-
-
-@contextmanager
-def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str, EmulatedUnit]]:
-    """Start those of these hosts that can be emulated; they end with the context."""
-    with ExitStack() as stack:
-        found = {}
-        for host in hosts:
-            device = host.device
-            if not isinstance(device, LteRouter):
-                continue
-            if device.driver is LteDriver.RUTOS:
-                found[host.name] = _rutos(stack, host.name, device, folder)
-            elif device.driver is LteDriver.AT:
-                found[host.name] = _modem(stack, device)
-        yield found
-
-
-def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
-    """What a rehearsal of these units does not show."""
-    drivers = {host.device.driver for host in hosts if isinstance(host.device, LteRouter)}
-    reasons = {
-        LteDriver.RUTOS: rutos.NOT_REHEARSED,
-        LteDriver.AT: modem.NOT_REHEARSED,
-        LteDriver.MODEMMANAGER: ("ModemManager and its modem: nothing of them is emulated, and nothing was looked at",),
-        LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
-    }
-    return tuple(line for driver, lines in reasons.items() if driver in drivers for line in lines)
-
-
-def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:
-    """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
-    access, sim = device.access, device.sim
-    assert access is not None  # noqa: S101 - declaration/rules/lte.py
-    spec = rutos.RutosSpec(
-        name=name,
-        reader=access.user,
-        reader_password=access.password.reveal(),
-        admin=access.admin_user or "root",
-        admin_password=access.admin_password.reveal() if access.admin_password is not None else "",
-        sim=rutos.RutosSim(pin=None if sim.pin is None else sim.pin.reveal(), apn=sim.apn),
-    )
-    running = stack.enter_context(rutos.RunningRutos(spec, folder / name))
-    ready = running.ready
-    target = Target(
-        host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
-    )
-    return EmulatedUnit(target, running.unit.export)
-
-
-def _modem(stack: ExitStack, device: LteRouter) -> EmulatedUnit:
-    spec = modem.AtModemSpec(apn=device.sim.apn or "internet")
-    running = stack.enter_context(modem.RunningModem(spec))
-    return EmulatedUnit(Target(host="", port=0, pin="", serial=running.path), lambda: "\n".join(running.forbidden))
 
 
 @dataclass(frozen=True, slots=True)

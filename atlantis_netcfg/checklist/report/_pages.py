@@ -6,6 +6,11 @@ Photos that are evidence, in a size that a report can carry; every other file is
 
 A telephone's photo has 5 MB, a report is sent over a satellite: large ones are made smaller, and the page says so. What
 counts as the evidence is the file that is kept beside the document; its hash is compared before anything is shown.
+
+The checklist as JUnit XML: a suite a row, a case an item. What keeps a checklist from being green fails in it.
+
+FAIL, INCONCLUSIVE and what is open are failures, ERROR is an error, SKIP is skipped with its reason; what a person has
+overridden passes, and `system-out` says who and why. A checklist in which nothing was checked has an error of its own.
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ import base64
 import hashlib
 import io
 import warnings
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -22,16 +28,93 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 from PIL import Image, ImageOps
 
-from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._words import clock, counts, evidence_groups, first, headline, scope, title
-from atlantis_netcfg.report.junit import clean
+from atlantis_netcfg.checklist.report._words import (
+    clock,
+    closing,
+    counts,
+    evidence_groups,
+    evidence_words,
+    first,
+    headline,
+    scope,
+    signed,
+    title,
+)
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.report.document import Document, Evidence
+    from atlantis_netcfg.checklist.report.document import Document, Evidence, Item
+
+
+_FAILURES = frozenset({ShownState.FAIL, ShownState.INCONCLUSIVE, ShownState.OPEN})
+
+
+def junit(document: Document) -> bytes:
+    """The file, the same for the same document."""
+    rehearsed = ", rehearsed: nothing real was checked" if document.rehearsed else ""
+    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsed}"))
+    root.append(_whole(document))
+    for row in grid(document).rows:
+        if row.items:
+            root.append(_suite(row.row.key, row.items))
+    if document.left_out:
+        root.append(_left_out(document))
+    return written(root)
+
+
+def _whole(document: Document) -> ET.Element:
+    suite = ET.Element("testsuite", name="checklist", time="0")
+    case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
+    if document.exit is ExitCode.NOTHING:
+        add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
+    tell(case, f"run {document.run}", closing(document), signed(document), *document.notes)
+    count(suite)
+    return suite
+
+
+def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
+    seconds = sum(item.seconds or 0 for item in items)
+    suite = ET.Element("testsuite", name=clean(key), time=f"{seconds:.3f}")
+    for item in items:
+        given = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
+        _judge(ET.SubElement(suite, "testcase", given), item)
+    count(suite)
+    return suite
+
+
+def _judge(case: ET.Element, item: Item) -> None:
+    shown = state(item)
+    words = filter(None, (item.message, item.hint))
+    if shown in _FAILURES:
+        add(case, "failure", str(shown), *words)
+    elif shown is ShownState.ERROR:
+        add(case, "error", str(shown), *words)
+    elif shown is ShownState.SKIP:
+        skip(case, item.message)
+    tell(case, *_lines(item))
+
+
+def _lines(item: Item) -> Iterator[str]:
+    yield f"{item.verdict}: {item.title}"
+    yield item.message
+    if item.override is not None:
+        yield f"OVERRIDDEN by {item.override.by}: {item.override.reason}"
+    yield from (f"{finding.verdict} {finding.code}: {finding.message}" for finding in item.findings)
+    yield from map(evidence_words, item.evidence)
+
+
+def _left_out(document: Document) -> ET.Element:
+    suite = ET.Element("testsuite", name="left out", time="0")
+    for item in document.left_out:
+        case = ET.SubElement(suite, "testcase", name=clean(item.what), classname="left out", time="0")
+        skip(case, item.why)
+    count(suite)
+    return suite
 
 
 MAX_BYTES = 30_000_000

@@ -28,11 +28,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.console.run import run_script
 from atlantis_netcfg.emulator.routeros.core import NETWATCH_GROUP, Core, NetwatchState, NextHop
-from atlantis_netcfg.emulator.routeros.path import receives
+from atlantis_netcfg.emulator.routeros.network.path import receives
 from atlantis_netcfg.emulator.routeros.values import seconds
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
+
 
 _ROWS, _ROUTES, _SETTINGS = "/tool/netwatch", "/ip/route", "/routing/settings"
 _NETWATCH = Caller(0, "*sys", NETWATCH_GROUP, "local", "", 0.0)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY, CLOCK, NO_PUSH
+from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
 
 if TYPE_CHECKING:
@@ -73,15 +73,15 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
 def _installed(opened: CommandSession) -> ExitCode:
     import json
 
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._consent import agreed
     from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.vpn.router import identity_for, install
 
     arguments, (host,) = opened.arguments, opened.hosts
-    request = opened.request(Mode.APPLY).model_copy(update={"authority": _vpn.folder(arguments)})
+    request = opened.request(Mode.APPLY).model_copy(update={"authority": _common.folder(arguments)})
     identity = identity_for(opened.declaration, host, request)
     with progress(quiet=opened.as_json) as notify:
         found = install(opened.declaration, host, identity, request, notify, plan=True)
@@ -133,15 +133,16 @@ VPN_SYNC = CommandSpec(
 
 def run_vpn_sync(arguments: Arguments) -> ExitCode:
     """Push, end what must end, look."""
-    from atlantis_netcfg.cli import _vpn, vpn_members
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.cli.vpn import members as vpn_members
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.vpn.members import server_names
 
-    declaration = _vpn.declared(arguments)
-    authority = _vpn.opened(arguments)
-    server = _vpn.server(arguments, declaration)
+    declaration = _common.declared(arguments)
+    authority = _common.opened(arguments)
+    server = _common.server(arguments, declaration)
     sign, take = arguments.flag("sign"), arguments.flag("take-list")
     if take and not sign:
         raise UsageError("a list that is taken over is signed anew", hint="add `--sign`")
@@ -154,13 +155,13 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
         vpn_members.hold(arguments, server, authority)
     served, taken = False, None
     if passphrase is not None:
-        with _vpn.operator(arguments, authority).unlocked(passphrase) as signer:
+        with _common.operator(arguments, authority).unlocked(passphrase) as signer:
             taken = signer.take(theirs) if theirs is not None else None
             signer.publish()
             served = signer.serve(server_names(declaration))
     with progress(quiet=arguments.flag("json")) as notify:
         deployed = server.deploy(authority, notify)
-    return vpn_members.close_synced(arguments, deployed, _vpn.site(declaration) if served else None, taken)
+    return vpn_members.close_synced(arguments, deployed, _common.site(declaration) if served else None, taken)
 
 
 VPN_STATUS = CommandSpec(
@@ -179,14 +180,14 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
     """Look at the record and at the server; whoever was seen is recorded."""
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn import records
     from atlantis_netcfg.operations.vpn.server import Connected, vpn_status
 
-    declaration = _vpn.declared(arguments)
-    authority = _vpn.opened(arguments)
-    server = _vpn.server(arguments, declaration)
+    declaration = _common.declared(arguments)
+    authority = _common.opened(arguments)
+    server = _common.server(arguments, declaration)
     with progress(quiet=arguments.flag("json")) as notify:
         found = vpn_status(authority, server if isinstance(server, Connected) else None, notify)
     membership, partner = authority.membership(), arguments.optional("partner")
@@ -198,11 +199,11 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
         "server": found.server_json(),
         "queued": list(membership.queued),
     }
-    return _vpn.tell(arguments, found.exit, values, _lines(found, members, now))
+    return _common.tell(arguments, found.exit, values, _lines(found, members, now))
 
 
 def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterator[str]:
-    from atlantis_netcfg.cli._vpn import table
+    from atlantis_netcfg.cli.vpn._common import table
     from atlantis_netcfg.operations.vpn.records import expires, status_of, when
 
     for entry in found.items:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
-from atlantis_netcfg.cli._vpn import AGAIN, AUTHORITY
+from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,14 +44,14 @@ VPN_INIT = CommandSpec(
 
 def run_vpn_init(arguments: Arguments) -> ExitCode:
     """Make it, unless it is there."""
-    from atlantis_netcfg.cli import _vpn
     from atlantis_netcfg.cli._passphrase import chosen
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
-    declaration, folder = _vpn.declared(arguments), _vpn.folder(arguments)
+    declaration, folder = _common.declared(arguments), _common.folder(arguments)
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     there = existing_authority(folder, declaration)
     authority = there
@@ -60,7 +60,7 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
         guesses = VAULT_GUESSES if vault else SEAL_GUESSES
         passphrase = chosen(arguments, lambda typed: check_passphrase(typed, guesses))
         authority = Authority.init(
-            folder, passphrase, server_names(declaration), _vpn.who(), "vault" if vault else "age"
+            folder, passphrase, server_names(declaration), _common.who(), "vault" if vault else "age"
         )
     names = authority.server()
     values = {
@@ -82,7 +82,7 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
         )
     if there is None and (memory := authority.opening_bytes()):
         lines.append(f"  opening its key takes about a second and {memory >> 20} MiB of memory, wherever that is done")
-    return _vpn.tell(arguments, ExitCode.DONE, values, lines)
+    return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
 VPN_AUDIT = CommandSpec(
@@ -103,13 +103,13 @@ VPN_AUDIT = CommandSpec(
 
 def run_vpn_audit(arguments: Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.records import audit, start_of
 
     since = arguments.optional("since")
     start = start_of(since) if since is not None else None
-    found = audit(_vpn.opened(arguments), start, arguments.optional("partner"))
+    found = audit(_common.opened(arguments), start, arguments.optional("partner"))
     rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in found.entries]
     checked = found.agreement
     values = {
@@ -119,8 +119,8 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
         "signed_at": checked.at.isoformat() if checked is not None and checked.at is not None else None,
         "entries": [entry.facts() for entry in found.entries],
     }
-    lines = [*_vpn.table(rows), *found.words]
-    return _vpn.tell(
+    lines = [*_common.table(rows), *found.words]
+    return _common.tell(
         arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, values, lines, errors=found.broken
     )
 
@@ -137,12 +137,12 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
     """List them, in the order of their onboarding."""
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)
-    members = records.of_partner(_vpn.opened(arguments).membership(), arguments.optional("partner"))
+    members = records.of_partner(_common.opened(arguments).membership(), arguments.optional("partner"))
     rows = [("name", "kind", "address", "until", "last seen", "standing")]
     for member in members:
         until = records.expires(member)
@@ -160,7 +160,7 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
             )
         )
     values = {"members": [records.member_row(member, now) for member in members]}
-    return _vpn.tell(arguments, ExitCode.DONE, values, _vpn.table(rows))
+    return _common.tell(arguments, ExitCode.DONE, values, _common.table(rows))
 
 
 VPN_SHOW = CommandSpec(
@@ -175,14 +175,14 @@ def run_vpn_show(arguments: Arguments) -> ExitCode:
     """Show it."""
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.cli import _vpn
+    from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn import records
 
     now = datetime.now(UTC)
-    member = records.find(_vpn.opened(arguments).membership(), arguments.word("name"))
+    member = records.find(_common.opened(arguments).membership(), arguments.word("name"))
     lines = _lines(member, records.status_of(member, now))
-    return _vpn.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
+    return _common.tell(arguments, ExitCode.DONE, {"member": records.member_row(member, now)}, lines)
 
 
 def _lines(member: Member, standing: str) -> Iterator[str]:

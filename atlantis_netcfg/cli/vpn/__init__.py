@@ -1,0 +1,1 @@
+"""The commands of the VPN: its authority, its members, and what brings it to devices."""

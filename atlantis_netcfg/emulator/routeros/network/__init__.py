@@ -1,0 +1,1 @@
+"""What an emulated router does with packets: ports and addresses, routes, firewall, netwatch."""

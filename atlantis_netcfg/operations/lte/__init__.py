@@ -1,0 +1,1 @@
+"""4G units that are not RouterOS, in a run."""
