@@ -16,9 +16,6 @@ These archives were not queried from here: a run on a board shows whether they s
 from __future__ import annotations
 
 import base64
-import binascii
-import hashlib
-import re
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -26,6 +23,7 @@ from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin
+from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
 from atlantis_netcfg.render import environment
 
@@ -34,139 +32,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-
-
-_SIGNATURE, _KEY = 2, 6
-_DIRECT = 0x1F
-_CERTIFICATIONS = (0x10, 0x11, 0x12, 0x13, _DIRECT)
-"""Signatures over a user name, and over the key itself; of the latter only those count that limit its life."""
-_CREATED, _EXPIRES, _ISSUER, _ISSUER_FINGERPRINT = 2, 9, 16, 33
-_ARMOUR = re.compile(
-    rb"-----BEGIN PGP PUBLIC KEY BLOCK-----[ \t\r]*\n(.*?)\n-----END PGP PUBLIC KEY BLOCK-----", re.DOTALL
-)
-
-
-class NotAKey(ValueError):
-    """These bytes are no public OpenPGP key."""
-
-
-@dataclass(frozen=True)
-class PublicKey:
-    """A primary key. Times are seconds since 1970 (UTC)."""
-
-    fingerprint: str
-    """40 hex digits, capitals."""
-    created: int
-    renewed: int
-    """When its owner last said something about it: a clock before that is wrong."""
-    expires: int | None
-    """None: never."""
-
-
-def binary(content: bytes) -> bytes:
-    """Take the ASCII armour off, if there is any. Raises NotAKey."""
-    blocks = [match[1] for match in _ARMOUR.finditer(content)]
-    if not blocks:
-        if content[:1] and content[0] & 0x80:
-            return content
-        raise NotAKey("it is neither an armoured nor a binary public key")
-    packets = b""
-    for block in blocks:
-        lines = [line.strip() for line in block.split(b"\n")]
-        if b"" in lines:
-            lines = lines[lines.index(b"") + 1 :]
-        try:
-            packets += base64.b64decode(b"".join(line for line in lines if not line.startswith(b"=")), validate=True)
-        except binascii.Error:
-            raise NotAKey("its armour is damaged") from None
-    return packets
-
-
-def public_keys(content: bytes) -> list[PublicKey]:
-    """The primary keys of a key file, armoured or binary, in its order. Raises NotAKey."""
-    keys: list[PublicKey] = []
-    try:
-        for tag, body in _packets(binary(content)):
-            if tag == _KEY:
-                keys.append(_key(body))
-            elif tag == _SIGNATURE and keys:
-                keys[-1] = _with_signature(keys[-1], body)
-    except IndexError:
-        raise NotAKey("it ends too early") from None
-    if not keys:
-        raise NotAKey("no public key is in it")
-    return keys
-
-
-def _packets(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = 0
-    while at < len(data):
-        head = data[at]
-        if not head & 0x80:
-            raise NotAKey("it is damaged")
-        if head & 0x40:
-            tag, (length, size) = head & 0x3F, _new_length(data, at + 1)
-        else:
-            tag, size = (head >> 2) & 0x0F, 1 << (head & 3)
-            length = int.from_bytes(data[at + 1 : at + 1 + size], "big")
-        at += 1 + size
-        if at + length > len(data):
-            raise NotAKey("it ends too early")
-        yield tag, data[at : at + length]
-        at += length
-
-
-def _new_length(data: bytes, at: int) -> tuple[int, int]:
-    """The length of a packet or subpacket, and how many bytes it takes to say so (RFC 4880 4.2.2, 5.2.3.1)."""
-    first = data[at]
-    if first < 192:  # noqa: PLR2004 - of the RFC, like the next two
-        return first, 1
-    if first < 224:  # noqa: PLR2004
-        return ((first - 192) << 8) + data[at + 1] + 192, 2
-    if first == 255:  # noqa: PLR2004
-        return int.from_bytes(data[at + 1 : at + 5], "big"), 5
-    raise NotAKey("it is written in pieces, which no key is")
-
-
-def _key(body: bytes) -> PublicKey:
-    if body[0] != 4:  # noqa: PLR2004 - the version that every archive uses
-        raise NotAKey(f"it is a key of version {body[0]}")
-    created = int.from_bytes(body[1:5], "big")
-    digest = hashlib.sha1(b"\x99" + len(body).to_bytes(2, "big") + body)  # noqa: S324 - what a fingerprint is
-    return PublicKey(digest.hexdigest().upper(), created, created, None)
-
-
-def _with_signature(key: PublicKey, body: bytes) -> PublicKey:
-    """What a signature of the key's owner adds: the latest one counts."""
-    if body[0] != 4 or body[1] not in _CERTIFICATIONS:  # noqa: PLR2004
-        return key
-    size = int.from_bytes(body[4:6], "big")
-    hashed = body[6 : 6 + size]
-    more = int.from_bytes(body[6 + size : 8 + size], "big")
-    values = dict(_subpackets(body[8 + size : 8 + size + more]))
-    values.update(_subpackets(hashed))
-    life = int.from_bytes(dict(_subpackets(hashed)).get(_EXPIRES, b""), "big")
-    if body[1] == _DIRECT and not life:
-        return key
-    issuer = values.get(_ISSUER, values.get(_ISSUER_FINGERPRINT, b"")[1:][-8:]).hex().upper()
-    made = int.from_bytes(values.get(_CREATED, b""), "big")
-    if issuer != key.fingerprint[-16:] or made < key.renewed:
-        return key
-    return PublicKey(key.fingerprint, key.created, made, key.created + life if life else None)
-
-
-def _subpackets(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = 0
-    while at < len(data):
-        length, size = _new_length(data, at) if data[at] < 224 or data[at] == 255 else _two(data, at)  # noqa: PLR2004
-        at += size
-        yield data[at] & 0x7F, data[at + 1 : at + length]
-        at += length
-
-
-def _two(data: bytes, at: int) -> tuple[int, int]:
-    """Subpackets have no pieces: lengths of two bytes go on up to 254 there."""
-    return ((data[at] - 192) << 8) + data[at + 1] + 192, 2
 
 
 FOLDER = "keys"

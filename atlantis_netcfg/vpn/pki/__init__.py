@@ -9,19 +9,25 @@ from __future__ import annotations
 
 from atlantis_netcfg.vpn.pki.certificates import (
     CA_DAYS,
+    CRL_DAYS,
     SERVER_DAYS,
     Ca,
+    CrlFacts,
+    RevokedSerial,
     cert_pem,
+    check_crl,
     issued_by,
     load_ca,
     load_cert,
     new_ca,
     new_client,
+    new_crl,
     new_serial,
     new_server,
+    publish,
+    read_crl,
     sha256,
 )
-from atlantis_netcfg.vpn.pki.crl import CRL_DAYS, CrlFacts, RevokedSerial, check_crl, new_crl, publish, read_crl
 from atlantis_netcfg.vpn.pki.keys import (
     METADATA_MAX,
     CertificateRefused,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.emulator.lab.stubs import publish
-from atlantis_netcfg.gateway.ros2 import NotAKey, PublicKey, binary, public_keys
+from atlantis_netcfg.gateway.openpgp import NotAKey, PublicKey, binary, public_keys
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

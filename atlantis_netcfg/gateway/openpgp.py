@@ -1,0 +1,1 @@
+../ansible_collections/atlantis/netcfg/plugins/module_utils/openpgp.py
