@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 NAME = "te4sea-4g"
-RIGHT, WRONG = (rf'!vault "$ANSIBLE_VAULT;1.1;AES256\n{pin.encode().hex()}"' for pin in ("4711", "0815"))
+RIGHT, WRONG = (rf'!vault "$ANSIBLE_VAULT;1.1;AES256\n{pin.encode().hex()}"' for pin in ("98979695", "97959391"))
 """Vaulted as far as the loader can see; `opened` is the way back."""
-SECRETS = ("EXAMPLE-4g-te4sea", "EXAMPLE-4g-admin-te4sea", "4711", "0815", "EXAMPLE-apn-password")
+SECRETS = ("EXAMPLE-4g-te4sea", "EXAMPLE-4g-admin-te4sea", "98979695", "97959391", "EXAMPLE-apn-password")
 ADMIN = "\n    admin_user: root\n    admin_password: EXAMPLE-4g-admin-te4sea"
 BASE = """\
 ---
@@ -164,7 +164,7 @@ def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
 
 def test_the_right_pin_is_tried_once(deck: Deck) -> None:
     deck.rutos(f"pin: {RIGHT}")
-    twin = deck.unit(sim=RutosSim(pin="4711"))
+    twin = deck.unit(sim=RutosSim(pin="98979695"))
     result = deck.run()
     assert ends(result) == ("changed", 0, 2)
     assert (twin.modem.attempts, twin.modem.registration) == (1, "Registered, home")
@@ -174,7 +174,7 @@ def test_the_right_pin_is_tried_once(deck: Deck) -> None:
 
 def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: Deck) -> None:
     deck.rutos(f"pin: {WRONG}, roaming: true")
-    twin = deck.unit(sim=RutosSim(pin="4711"))
+    twin = deck.unit(sim=RutosSim(pin="98979695"))
     first = deck.run()
     assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
     assert first["message"].startswith("0 settings applied and verified, the PIN taken back; ")
@@ -196,12 +196,12 @@ def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: 
 
 def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> None:
     deck.rutos(f"pin: {WRONG}, roaming: true")
-    deck.unit("locked", sim=RutosSim(pin="4711"))
+    deck.unit("locked", sim=RutosSim(pin="98979695"))
     assert deck.run()["exit"] == 6
     deck.unit("unlocked-in-a-telephone")
     assert ends(deck.run()) == ("unchanged", 0, 0)
     deck.rutos(f"pin: {RIGHT}, roaming: true")
-    twin = deck.unit("locked-again", sim=RutosSim(pin="4711"))
+    twin = deck.unit("locked-again", sim=RutosSim(pin="98979695"))
     assert ends(deck.run()) == ("changed", 0, 1)
     assert twin.modem.attempts == 1
 
@@ -209,9 +209,9 @@ def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> 
 @pytest.mark.parametrize(
     ("sim", "said", "words"),
     [
-        ("apn: internet", {"sim": RutosSim(pin="4711")}, "the SIM asks for a PIN and none is declared"),
-        (f"pin: {RIGHT}", {"sim": RutosSim(pin="4711", tries=0)}, "asks for its PUK"),
-        (f"pin: {RIGHT}", {"sim": RutosSim(pin="4711", tries=1)}, "the SIM has one try left, which is a person's"),
+        ("apn: internet", {"sim": RutosSim(pin="98979695")}, "the SIM asks for a PIN and none is declared"),
+        (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=0)}, "asks for its PUK"),
+        (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=1)}, "the SIM has one try left, which is a person's"),
     ],
 )
 def test_a_locked_card_is_left_alone(deck: Deck, sim: str, said: dict[str, Any], words: str) -> None:
