@@ -11,8 +11,36 @@ log=$setup/log
 
 say() { printf '%s\n' "$*" >&2; }
 
+# start_ticking: from now on `doing WORDS` is shown with the seconds that have passed, each second on a terminal and every 30
+# in a log, so that nobody takes a slow download for a computer that hangs.
+start_ticking() {
+    ticking_since=$(date +%s)
+    : >"$setup/doing"
+    (
+        step=30
+        [ ! -t 2 ] || step=1
+        while sleep "$step" >/dev/null 2>&1 && kill -0 "$$" 2>/dev/null; do
+            IFS= read -r words <"$setup/doing" || continue
+            passed=$(($(date +%s) - ticking_since))
+            if [ -t 2 ]; then printf '\r%s, %s s \033[K' "$words" "$passed" >&2; else say "$words, $passed s"; fi
+        done
+    ) &
+    ticker=$!
+}
+
+stop_ticking() {
+    [ -n "${ticker:-}" ] || return 0
+    kill "$ticker" 2>/dev/null
+    wait "$ticker" 2>/dev/null
+    ticker=
+    [ ! -t 2 ] || printf '\r\033[K' >&2
+}
+
+doing() { [ -z "${ticker:-}" ] || printf '%s\n' "$1" >"$setup/doing"; }
+
 # give_up MESSAGE [HINT...]: what is wrong with this machine, and what to type. Exit code 3 of docs/exit-codes.md.
 give_up() {
+    stop_ticking
     say "error: $1"
     shift
     for hint in "$@"; do say "       $hint"; done
@@ -63,7 +91,7 @@ prepare() {
         exec 9>"$setup/lock"
         flock -n 9 || { say "another start is setting up .venv; waiting for it" && flock 9; }
     fi
-    trap 'say "stopped; the next start goes on from here"; exit 4' INT TERM HUP
+    trap 'stop_ticking; say "stopped; the next start goes on from here"; exit 4' INT TERM HUP
     is_complete "$1" || build "$1"
     trap - INT TERM HUP
     exec 9>&-
@@ -72,11 +100,13 @@ prepare() {
 build() {
     began=$(date +%s)
     : >"$log"
+    start_ticking
     if usable_venv; then
         renew "$1"
     else
         anew "$1"
     fi
+    stop_ticking
     stamp >"$venv/$1.stamp"
     [ "$1" = run ] || cp "$venv/$1.stamp" "$venv/run.stamp"
     rm -f "$setup/making"
@@ -96,6 +126,7 @@ anew() {
     : >"$setup/making"
     rm -rf "$venv"
     say "[2/4] environment: .venv"
+    doing "      making it"
     "$python" -I -m venv "$venv" >>"$log" 2>&1 || pip_failed "the environment could not be made"
     install_packages "$1" || pip_failed "the packages could not be installed"
 }
@@ -123,6 +154,7 @@ renew() {
 # the setuptools that is among them.
 install_packages() {
     say "[3/4] packages: fetching"
+    doing "      fetching"
     pip --require-hashes --only-binary :all: --requirement "$root/requirements/$1.txt" &&
         pip --no-deps --no-build-isolation --editable "$root"
 }
@@ -141,11 +173,12 @@ pip() {
                 "exit "*) status=${line#exit } ;;
                 "Collecting "* | "Processing "*)
                     count=$((count + 1))
-                    [ ! -t 2 ] || printf '\r[3/4] packages: fetching, %s so far \033[K' "$count" >&2
+                    doing "      fetching, $count packages so far"
                     ;;
                 "Installing collected packages: "*,*)
                     [ ! -t 2 ] || printf '\r\033[K' >&2
                     say "[3/4] packages: installing $count"
+                    doing "      installing $count packages"
                     ;;
             esac
         done
@@ -213,6 +246,7 @@ install_system_packages() {
         fi
     fi
     say "      installing what this machine lacks, by apt-get: $*"
+    doing "      apt-get at work"
     apt_get install -y --no-install-recommends "$@" || { apt_get update && apt_get install -y --no-install-recommends "$@"; }
 }
 

@@ -524,6 +524,7 @@ class FirstContact:
             Stage.WAITING,
             f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: "
             f"{self.target.host} is where the router is from now on",
+            self.wait_s,
         )
         deadline = time.monotonic() + self.wait_s
         while True:
@@ -567,5 +568,5 @@ class FirstContact:
 
     # --- words -----------------------------------------------------------------------------------------------------
 
-    def _tell(self, stage: Stage, message: str) -> None:
-        self.notify(Event(self.target.name, stage, message))
+    def _tell(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
+        self.notify(Event(self.target.name, stage, message, limit_s=limit_s))

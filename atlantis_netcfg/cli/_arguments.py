@@ -77,6 +77,7 @@ REMOVE_FOREIGN = Flag(
     "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",
 )
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
+SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 
 

@@ -7,8 +7,10 @@ Live progress: one line a device on a terminal, one plain line a step elsewhere.
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
+import shutil
 import sys
 import threading
 import time
@@ -18,6 +20,8 @@ from typing import TYPE_CHECKING, TextIO
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import Style, Styled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -131,12 +135,52 @@ def tell(errors: Sequence[NetcfgError]) -> None:
 
 
 def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
+    label = translate("error")
+    indent = len(label) + 2
     for message, hint in errors:
-        lines = message.splitlines() + (hint.splitlines() if hint else [])
-        text = "\n".join(
-            f"{'       ' if place else 'error: '}{printable.line(line)}" for place, line in enumerate(lines)
+        lines = [*translate(message).splitlines(), *(translate(hint).splitlines() if hint else ())]
+        rows: list[printable.Row] = [
+            (Styled(f"{label}: ", Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
+            for place, text in enumerate(map(printable.line, lines))
+        ]
+        width = width_of(sys.stderr)
+        printable.show((line for row in rows for line in printable.wrapped(row, width, indent)), sys.stderr)
+
+
+def width_of(out: TextIO) -> int:
+    """Columns at which lines are wrapped: those of a terminal; 0 elsewhere, where programs and `grep` read."""
+    return shutil.get_terminal_size((printable.NARROW, 24)).columns if out.isatty() else 0
+
+
+def page(rows: Sequence[printable.Row]) -> None:
+    """Show lines; what is longer than a terminal goes through `$PAGER`, else `less`, if a person sits there."""
+    out, width = sys.stdout, width_of(sys.stdout)
+    lines = [line for row in rows for line in printable.wrapped(row, width, _MARGIN)]
+    height = shutil.get_terminal_size((printable.NARROW, 24)).lines
+    if width and sys.stdin.isatty() and len(lines) >= height and _paged(lines):
+        return
+    printable.show(lines, out)
+
+
+_MARGIN = 4
+"""Where a line of a plan goes on that is longer than the terminal is wide."""
+_PAGER = "less"
+
+
+def _paged(lines: Sequence[printable.Row]) -> bool:
+    """Whether a pager has shown them; `less` ends by itself where they fit, and keeps colours and what was shown."""
+    import subprocess
+
+    typed = shlex.split(os.environ.get("PAGER", _PAGER)) or [_PAGER]
+    text = printable.painted(lines, colour=printable.shows_colour(sys.stdout))
+    sys.stdout.flush()
+    try:
+        done = subprocess.run(  # noqa: S603 - the program that the person has chosen for this
+            typed, input=text, text=True, env={"LESS": "FRX", **os.environ}, check=False, errors="replace"
         )
-        print(text, file=sys.stderr)
+    except OSError:
+        return False
+    return done.returncode == 0
 
 
 _ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)
@@ -169,13 +213,20 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
 def line(event: Event) -> str:
     """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
     count = f" {event.done}/{event.total}" if event.total else ""
-    return printable.line(f"  {event.device:<18} {event.stage}{count}  {event.message}".rstrip())
+    words = translate(event.message)
+    return printable.line(f"  {event.device:<18} {translate(event.stage.value)}{count}  {words}".rstrip())
+
+
+def _age(event: Event, age_s: float) -> str:
+    """How long a step has taken, and how long it may take where that is known."""
+    limit = f" of at most {event.limit_s:.0f} s" if event.limit_s else ""
+    return translate(f"{age_s:.0f} s{limit}")
 
 
 @contextmanager
 def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
     """One line a step, and a reminder whenever nothing has been printed for `silence_s`."""
-    at_work: dict[str, Event] = {}
+    at_work: dict[str, tuple[Event, float]] = {}
     lock, ended = threading.Lock(), threading.Event()
     step_at = printed_at = time.monotonic()
 
@@ -184,7 +235,7 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
         with lock:
             at_work.pop(event.device, None)
             if event.stage not in _ENDS:
-                at_work[event.device] = event
+                at_work[event.device] = event, time.monotonic()
             step_at = printed_at = time.monotonic()
             print(line(event), file=out, flush=True)
 
@@ -195,7 +246,8 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
                 now = time.monotonic()
                 if now >= printed_at + silence_s:
                     printed_at = now
-                    print(_reminder(list(at_work.values()), now - step_at), file=out, flush=True)
+                    steps = [(event, now - since) for event, since in at_work.values()]
+                    print(_reminder(steps, now - step_at), file=out, flush=True)
 
     thread = threading.Thread(target=remind, name="progress", daemon=True)
     thread.start()
@@ -206,12 +258,18 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
         thread.join()
 
 
-def _reminder(at_work: list[Event], age_s: float) -> str:
-    """What is waited for, in words: `  still at work, 40 s without news: coastal-router (connecting)`."""
-    names = [f"{event.device} ({event.stage})" for event in at_work[:_NAMED]]
+def _step(event: Event, age_s: float) -> str:
+    stage = translate(event.stage.value)
+    return f"{stage}, {_age(event, age_s)}" if age_s >= _AGE_S else stage
+
+
+def _reminder(at_work: list[tuple[Event, float]], age_s: float) -> str:
+    """What is waited for: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
+    names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED]]
     if more := len(at_work) - len(names):
-        names.append(f"{more} more")
-    return f"  still at work, {age_s:.0f} s without news" + (f": {', '.join(names)}" if names else "")
+        names.append(translate(f"{more} more"))
+    words = translate(f"still at work, {age_s:.0f} s without news")
+    return f"  {words}" + (f": {', '.join(names)}" if names else "")
 
 
 @contextmanager
@@ -226,8 +284,12 @@ def _live(out: TextIO) -> Iterator[Subscriber]:
 
     def text(event: Event, since: float) -> Text:
         age_s = time.monotonic() - since
-        age = f"  ({age_s:.0f} s)" if age_s >= _AGE_S and event.stage not in _ENDS else ""
-        return Text(line(event) + age, overflow="ellipsis", no_wrap=True)
+        age = f"  ({_age(event, age_s)})" if age_s >= _AGE_S and event.stage not in _ENDS else ""
+        words = line(event)
+        room = console.width - len(age)
+        return Text(
+            f"{words[: room - 1]}…{age}" if len(words) > room else words + age, overflow="ellipsis", no_wrap=True
+        )
 
     def table() -> Text:
         return Text("\n").join(text(*row) for row in list(latest.values()))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
 from atlantis_netcfg.operations.kinds import is_unit
@@ -31,7 +33,8 @@ def _announce(opened: CommandSession) -> None:
     if not opened.as_json:
         sites = {host.site for host in opened.hosts}
         titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)
-        print(f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted")
+        words = f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted"
+        print(translate(words), flush=True)
 
 
 def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
@@ -39,9 +42,13 @@ def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunRep
     passes: list[Pass] = []
     sites = opened.declaration.sites
     units = {host.name for host in opened.hosts if is_unit(host)}
-    for name in dict.fromkeys(
-        [LAN.name, *(bearer.name for host in opened.contacted for bearer in sites[host.site].bearers)]
-    ):
+    links = list(
+        dict.fromkeys([LAN.name, *(bearer.name for host in opened.contacted for bearer in sites[host.site].bearers)])
+    )
+    for number, name in enumerate(links, 1):
+        if not opened.as_json:
+            words = f"Second run {number} of {len(links)}, over {name}: nothing may be left to change"
+            print(translate(words), file=sys.stderr, flush=True)
         via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.contacted:
             twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))

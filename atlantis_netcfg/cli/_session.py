@@ -7,20 +7,30 @@ import re
 import shlex
 import sys
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, JSON, REMOVE_FOREIGN, STREAM, UNPROTECTED, Arguments
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    JSON,
+    REMOVE_FOREIGN,
+    STREAM,
+    SUMMARY,
+    UNPROTECTED,
+    VERBOSE,
+    Arguments,
+)
 from atlantis_netcfg.cli._commands import DEFAULT
 from atlantis_netcfg.cli._consent import agreed, pay, pays, removes
-from atlantis_netcfg.cli._output import Stopped, as_typed, carried, progress
+from atlantis_netcfg.cli._output import Stopped, as_typed, carried, page, progress, width_of
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
-from atlantis_netcfg.core import paths
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, worst
+from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, worst
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.declaration import Declaration, Host, choose, load
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
@@ -164,6 +174,8 @@ class CommandSession:
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(dict.fromkeys(run for runs in outcome.runs.values() for run in runs.values())),
             stopped_by=outcome.stopped_by,
+            purpose=mode.value,
+            verbose=self.arguments.given(VERBOSE),
         )
 
     def _refuse_early(self, request: Request) -> None:
@@ -230,24 +242,42 @@ class CommandSession:
         if self._exports() != before:
             raise NetcfgError("planning has changed an emulated device: this must never happen")
         if self.rehearsed and not self.as_json:
-            print("the emulated device is unchanged, byte for byte")
+            print(translate("the emulated device is unchanged, byte for byte"))
         return report
 
-    def change(self, *, ask: bool) -> RunReport:
-        """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out."""
-        if not ask:
+    def change(self, *, ask: bool, saved: Mapping[str, str] | None = None) -> RunReport:
+        """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out.
+
+        `saved`: device name to the hash of a plan that was saved. What is to be done now has to be the same. Raises
+        PlanOutdated.
+        """
+        if not ask and saved is None:
             report = self.perform(Mode.APPLY)
             if self.arguments.flag("verbose"):
                 self.show_plan(report)
             return report
         planned = self.plan()
+        plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
+        if saved is not None:
+            _refuse_outdated(planned, plans, saved)
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
-        dear = [
+        if not ask:
+            return self.perform(Mode.APPLY, plans=plans)
+        self._agree(planned)
+        return self.perform(Mode.APPLY, plans=plans, paid=bool(self._dear(planned)))
+
+    @staticmethod
+    def _dear(planned: RunReport) -> list[str]:
+        return [
             consent_question(device["cost"])
             for device in planned.devices.values()
             if device["planned"] and "cost" in device
         ]
+
+    def _agree(self, planned: RunReport) -> None:
+        """Return when a person agrees to the plan, to its cost and to what goes by the hundred. Raises Declined."""
+        dear = self._dear(planned)
         if dear and not self.arguments.given(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
         many = [
@@ -260,8 +290,6 @@ class CommandSession:
             self.remove_foreign = True
         changing = (name for name, item in planned.devices.items() if item["planned"] or item["status"] == "planned")
         agreed(f"Change {', '.join(changing)} now")
-        plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
-        return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
 
     @staticmethod
     def _plannable(planned: RunReport) -> Iterator[ExitCode]:
@@ -277,14 +305,84 @@ class CommandSession:
         return {name: re.sub(r"(?m)^#.*\n", "", text) for name, text in texts.items()}
 
     def show_plan(self, report: RunReport) -> None:
-        """Print the changes in the device's own language, and what they cost."""
+        """Print the changes in the device's own language, and what they cost; with `--summary` the cost alone."""
         if not self.as_json:
-            print(report.plan_as_text(), end="", flush=True)
+            page(report.cost_rows() if self.arguments.given(SUMMARY) else report.plan_rows())
 
-    def close(self, report: RunReport) -> ExitCode:
-        """Print how it ended."""
-        print(json.dumps(report.as_json(), ensure_ascii=False) if self.as_json else report.as_text())
+    def close(self, report: RunReport, next_command: str = "") -> ExitCode:
+        """Print how it ended, and keep that beside the journal; `next_command` in place of the usual one."""
+        as_json = report.as_json()
+        record = self._keep(report.runs, as_json)
+        if self.as_json:
+            print(json.dumps(as_json, ensure_ascii=False))
+        else:
+            shown = replace(report, next_command=next_command or self._next_command(report), record=record)
+            printable.show(shown.rows(width_of(sys.stdout)), sys.stdout)
         return report.exit
+
+    def _keep(self, runs: Sequence[str], result: Mapping[str, Any]) -> str:
+        """Put the result beside the journals of these runs; the runs, and where they are, as a person reads it."""
+        data = json.dumps(result, ensure_ascii=False, indent=1).encode()
+        kept, failure = list[str](), ""
+        sites = sorted({host.site for host in self.hosts})
+        for run in filter(None, runs):
+            try:
+                places = [site for site in sites if self.store.keep_result(site, run, data)]
+                kept += [run] if places else []
+            except OSError as error:
+                kept.append(run)
+                failure = f"; its result could not be written: {error.strerror}"
+        folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
+        return f"{', '.join(kept)} in {_from_home(folder)}{failure}" if kept else ""
+
+    def _next_command(self, report: RunReport) -> str:
+        """What comes next where nothing went wrong; elsewhere the device has a hint of its own."""
+        site = min(host.site for host in self.hosts)
+        if report.exit is ExitCode.CHANGES:
+            return self._typed_without(*PLAN_ONLY)
+        if report.exit is ExitCode.DONE and not report.stopped_by:
+            words = carried(self.arguments)
+            rehearsed = ["--rehearse"] if self.rehearsed and "--rehearse" not in words else []
+            return shlex.join(["provision", "check", f"site={site}", *words, *rehearsed])
+        return ""
+
+    def _typed_without(self, *flags: str) -> str:
+        """This command line as it was typed, without these flags and their values."""
+        arguments = self.arguments
+        words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
+        kept = [
+            part
+            for name, value in arguments.flags.items()
+            if name not in flags
+            for part in ([f"--{name}"] if value is None else [f"--{name}", value])
+        ]
+        named = [] if arguments.command.name == DEFAULT else arguments.command.name.split()
+        return shlex.join(["provision", *named, *words, *kept])
+
+
+PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
+"""Flags that the command which carries a plan out does not have, or that say only how it is shown."""
+
+
+def _from_home(path: Path) -> str:
+    """A path as a person types it."""
+    home = Path.home()
+    return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)
+
+
+class PlanOutdated(DeviceFailed):
+    """A saved plan is not what would be done now: the devices have moved on, and none was changed."""
+
+
+def _refuse_outdated(planned: RunReport, plans: Mapping[str, str], saved: Mapping[str, str]) -> None:
+    silent = [name for name, row in planned.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
+    other = [name for name in dict.fromkeys((*saved, *plans)) if saved.get(name) != plans.get(name)]
+    moved = [name for name in other if name not in silent]
+    if moved:
+        raise PlanOutdated(
+            f"nothing was changed: what would be done on {', '.join(moved)} is no longer what the saved plan says",
+            hint="make a new plan, and look at it: the same words with `--plan --save FILE`",
+        )
 
 
 def _foreign(result: Mapping[str, Any]) -> bool:

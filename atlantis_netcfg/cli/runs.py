@@ -21,6 +21,7 @@ from atlantis_netcfg.cli._arguments import (
     ONLY,
     REMOVE_FOREIGN,
     STREAM,
+    SUMMARY,
     UNPROTECTED,
     VERBOSE,
     VIA,
@@ -305,6 +306,8 @@ SITE = CommandSpec(
     ),
     flags=(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        SUMMARY,
+        Flag("save", "with --plan: keep the plan in a file, for `provision apply`", takes="FILE"),
         Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
         Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE"),
         Flag("yes", "do not ask before changing devices"),
@@ -324,19 +327,39 @@ SITE = CommandSpec(
 def run_site(arguments: Arguments) -> ExitCode:
     """Plan, ask, apply, read back."""
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.cli.plans import save
 
-    bundle = _bundle(arguments)
+    bundle, file = _bundle(arguments), _plan_file(arguments)
+    next_command = ""
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         opened.offline = bundle
         if arguments.flag("plan"):
             report = opened.plan()
+            if file is not None:
+                next_command = save(opened, report, file)
         elif opened.rehearsal is not None:
             from atlantis_netcfg.cli._rehearse import rehearse
 
             report = rehearse(opened, opened.rehearsal)
         else:
             report = opened.change(ask=not arguments.flag("yes"))
-    return opened.close(report)
+    return opened.close(report, next_command)
+
+
+def _plan_file(arguments: Arguments) -> Path | None:
+    """Where the plan is to be kept. Raises UsageError, also for a flag of `--plan` without it."""
+    from pathlib import Path
+
+    from atlantis_netcfg.cli.plans import refuse_place
+
+    for name in ("save", "summary"):
+        if arguments.flag(name) and not arguments.flag("plan"):
+            raise UsageError(f"`--{name}` is about a plan, and this command changes devices", hint="add `--plan`")
+    named = arguments.value("save")
+    if named is None:
+        return None
+    refuse_place(Path(named))
+    return Path(named)
 
 
 def _bundle(arguments: Arguments) -> Path | None:

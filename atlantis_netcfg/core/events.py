@@ -29,7 +29,10 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened to one device; `done` of `total` actions are confirmed."""
+    """One thing that happened to one device; `done` of `total` actions are confirmed.
+
+    `limit_s`: after so many seconds without another event it is given up; 0 where there is no such limit.
+    """
 
     device: str
     stage: Stage
@@ -37,6 +40,7 @@ class Event:
     done: int = 0
     total: int = 0
     data: Mapping[str, Any] = field(default_factory=dict)
+    limit_s: float = 0.0
 
 
 Subscriber = Callable[[Event], None]

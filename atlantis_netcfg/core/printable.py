@@ -108,19 +108,56 @@ Row = str | Styled | tuple[str | Styled, ...]
 """A line for `show`: text, or its pieces."""
 
 
+NARROW = 80
+"""Columns of the narrowest usual terminal."""
+
+
+def plain(row: Row) -> str:
+    """The text of a line."""
+    pieces = row if isinstance(row, tuple) else (row,)
+    return "".join(piece if isinstance(piece, str) else piece.text for piece in pieces)
+
+
+def wrapped(row: Row, width: int, indent: int) -> list[Row]:
+    """A line as lines of at most `width` columns, broken between words; 0: as it is. Words that are longer stay whole.
+
+    All but the first begin at column `indent`.
+    """
+    if not width or all(len(line) <= width for line in plain(row).split("\n")):
+        return [row]
+    pieces = row if isinstance(row, tuple) else (row,)
+    found: list[list[str | Styled]] = [[]]
+    used = 0
+    for piece in pieces:
+        text = piece if isinstance(piece, str) else piece.text
+        for word in re.findall(r"\n *|[^\s]+|[^\S\n]+", text):
+            if word.startswith("\n") or (used + len(word) > width and used > indent and not word.isspace()):
+                found.append([" " * indent])
+                used = indent
+                if word.startswith("\n"):
+                    continue
+            found[-1].append(word if isinstance(piece, str) else Styled(word, piece.style))
+            used += len(word)
+    return [tuple(line) for line in found]
+
+
 def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:  # noqa: ANN401 - any text stream
     """Whether a person sees colours there: a terminal that knows them, and nobody has said `NO_COLOR`."""
     return bool(stream.isatty()) and not environment.get("NO_COLOR") and environment.get("TERM", "dumb") != "dumb"
 
 
+def painted(rows: Iterable[Row], *, colour: bool) -> str:
+    """Lines as they are written to a terminal, with or without colours. Only styles are obeyed: texts are filtered."""
+    return "".join(
+        "".join(_painted(piece, colour=colour) for piece in (row if isinstance(row, tuple) else (row,))) + "\n"
+        for row in rows
+    )
+
+
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
-    """Write lines, coloured where the stream shows colours. Only styles are obeyed: the texts are filtered."""
-    colour = shows_colour(stream)
-    out = getattr(stream, "stream", stream)
-    for row in rows:
-        pieces = row if isinstance(row, tuple) else (row,)
-        out.write("".join(_painted(piece, colour=colour) for piece in pieces) + "\n")
-    out.flush()
+    """Write lines, coloured where the stream shows colours."""
+    getattr(stream, "stream", stream).write(painted(rows, colour=shows_colour(stream)))
+    stream.flush()
 
 
 def _painted(piece: str | Styled, *, colour: bool) -> str:

@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.eventlog import write_all
+from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.journal.files import (
     NoSuchRun,
     SiteBusy,
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal.records import RunResumed, RunStarted
 
 
+RESULT = "result.json"
+"""Beside a run's journal: what its command has reported, the object of `--json`. Nothing of ours reads it."""
 _ATTEMPTS = 10
 _PAUSE_S = 0.02
 
@@ -243,6 +246,14 @@ class Store:
             listing = ", ".join(known[-5:]) or "none yet"
             raise NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
         return self._load(site, run)
+
+    def keep_result(self, site: str, run: str, result: bytes) -> bool:
+        """Put what a command has reported beside the journal; whether there is such a run. Raises OSError."""
+        directory = self._runs(site) / component(run)
+        if not directory.is_dir():
+            return False
+        write_private(directory / RESULT, result)
+        return True
 
     def runs(self, site: str) -> tuple[Run, ...]:
         """The latest runs of a site and those that are still needed, oldest first; the others are archived."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.events import Subscriber, ignore
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.declaration.model import Cpe, Router
 from atlantis_netcfg.emulator.routeros import (
     NOT_REHEARSED,
@@ -97,11 +97,15 @@ def rehearsal(
     requested = {host.name for host in hosts}
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     others = [host for host in hosts if is_unit(host)]
+    spec = site_spec(declaration, emulated, via, {end.name for end in emulated} - requested)
+    if emulated or others:
+        words = f"starting {len(emulated) + len(others)} emulated devices"
+        notify(Event(",".join(sorted({host.site for host in hosts})), Stage.CONNECTING, words))
     with (
         temporary.folder("twins") as folder,
         emulated_units(others, folder) as units,
         rehearsed_computers(declaration, hosts, folder / "computers", notify) as computers,
-        spawn(site_spec(declaration, emulated, via, {end.name for end in emulated} - requested), folder) as twins,
+        spawn(spec, folder) as twins,
     ):
         targets = {
             name: Target(

@@ -159,7 +159,8 @@ class Upgrading:
         endpoint = replace(self.endpoint, connect_timeout_s=patient_s, reply_timeout_s=patient_s)
         why = "it did not answer"
         while (gone_s := clock() - began) < self.waiting.until_s:
-            self._say(Stage.WAITING, f"for the device to come back: {gone_s:.0f} s")
+            words = f"for the device to come back: {gone_s:.0f} s of at most {self.waiting.until_s:.0f} s"
+            self._say(Stage.WAITING, words)
             await asyncio.sleep(self.waiting.poll_s)
             try:
                 seen = await look(endpoint)
@@ -188,8 +189,8 @@ class Upgrading:
             hint="are the files whole and from MikroTik, for this very board?",
         )
 
-    def _say(self, stage: Stage, message: str, done: int = 0, total: int = 0) -> None:
-        self.notify(Event(self.name, stage, message, done, total))
+    def _say(self, stage: Stage, message: str, done: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
+        self.notify(Event(self.name, stage, message, done, total, limit_s=limit_s))
 
 
 async def _reboot(endpoint: Endpoint) -> None:

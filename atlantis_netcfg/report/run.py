@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import Row, Style, Styled
+from atlantis_netcfg.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -64,6 +67,13 @@ class RunReport:
     """Rehearsal: device name to why nothing stands for it here."""
     stopped_by: str = ""
     """The signal with which a person has stopped the run, as `SIGINT`; what was still to come was not done."""
+    purpose: str = "apply"
+    """The mode of the run, as `plan`."""
+    verbose: bool = False
+    next_command: str = ""
+    """What a person types next where all went well; what did not go well has a hint of its own."""
+    record: str = ""
+    """The runs, and the folder that holds their records."""
 
     @property
     def exit(self) -> ExitCode:
@@ -104,48 +114,109 @@ class RunReport:
             "not_rehearsed": list(self.not_rehearsed) if self.rehearsed else [],
         }
 
-    def plan_as_text(self) -> str:
+    def plan_rows(self) -> list[Row]:
         """What would change, device by device, and what it costs; one that has no plan has its closing line alone."""
-        return "".join(
-            f"{name}:\n" + "".join(f"{line}\n" for line in _plan(result)) + "\n"
-            for name, result in self.devices.items()
-            if not _without_plan(result)
-        )
+        rows: list[Row] = []
+        for name, result in self.devices.items():
+            if not _without_plan(result):
+                rows += [Styled(f"{name}:", Style.TITLE), *_plan(result), ""]
+        return rows
+
+    def cost_rows(self) -> list[Row]:
+        """The same without the differences: of each device how much would change, and what that costs."""
+        rows: list[Row] = []
+        for name, result in self.devices.items():
+            if not _without_plan(result):
+                rows += [Styled(f"{name}:", Style.TITLE), *_plan_cost(result), ""]
+        return rows
+
+    def plan_as_text(self) -> str:
+        """The plan as plain text."""
+        return "".join(f"{printable.plain(row)}\n" for row in self.plan_rows())
 
     def as_text(self) -> str:
-        """The closing lines that a person reads."""
-        return "\n".join(self._lines())
+        """The closing lines that a person reads, as plain text."""
+        return "\n".join(map(printable.plain, self.rows()))
 
-    def _lines(self) -> Iterable[str]:
+    def rows(self, width: int = 0) -> list[Row]:
+        """The closing lines: the devices, wrapped at `width` columns if that is not 0, and the summary."""
+        devices = [part for row in self._device_rows() for part in printable.wrapped(row, width, _COLUMN)]
+        return [*devices, *self.summary().rows_for_screen(min(width or printable.NARROW, printable.NARROW))]
+
+    def summary(self) -> Summary:
+        """What the last lines are made of."""
+        return Summary(
+            site=self.site,
+            rehearsed=self.rehearsed,
+            purpose=self.purpose,
+            exit=self.exit,
+            results={name: self._decisive(name, result) for name, result in self.devices.items()},
+            unseen={
+                **{name: (DeviceEnd.NOT_REHEARSED, why) for name, why in self.left_out.items()},
+                **dict.fromkeys(self.not_handled, (DeviceEnd.NOT_HANDLED, "")),
+            },
+            rows=rows_of_plan(self.devices.values()),
+            limits=len(self.not_rehearsed) if self.rehearsed and not self.verbose else 0,
+            passes=len({item.bearer for item in self.passes}),
+            stopped_by="Ctrl-C" if self.stopped_by == "SIGINT" else self.stopped_by,
+            next_command=self.next_command,
+            record=self.record,
+        )
+
+    def _decisive(self, name: str, result: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The result that counts: of a second run that failed or found something, that one."""
+        for item in self.passes:
+            if item.device == name and item.result["exit"] != ExitCode.DONE:
+                return item.result
+            if item.device == name and item.left:
+                words = f"a second run over {item.bearer} still finds {item.left} changes"
+                return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
+        return result
+
+    def _device_rows(self) -> Iterable[Row]:
         for name, result in self.devices.items():
-            yield f"  {name:<18} {printable.below(result['message'], 21)}{_cost(result)}"
+            words = printable.below(translate(result["message"]), _COLUMN)
+            style = _STYLES.get(ending(result), Style.BAD)
+            yield (f"  {name:<18} ", Styled(words, style), _cost(result))
             if result["hint"]:
-                yield f"  {'':<18} {printable.below(result['hint'], 21)}"
+                yield f"  {'':<18} {printable.below(translate(result['hint']), _COLUMN)}"
             yield from self._bill(result)
             for item in self.passes:
                 if item.device == name:
-                    yield f"  {'':<18} again over {item.bearer}: {_left(item)}{_cost(item.result)}"
+                    yield f"  {'':<18} second run over {item.bearer}: {_left(item)}{_cost(item.result)}"
                     yield from self._bill(item.result)
-            yield from (f"  {'':<18} note: {printable.below(note, 21)}" for note in result["notes"])
-            yield from (f"  {'':<18} drift: {printable.below(drift['message'], 21)}" for drift in result["drift"])
-        yield from (f"  {name:<18} not rehearsed: {why}" for name, why in self.left_out.items())
+            yield from (_note("note", note) for note in result["notes"])
+            yield from (_note("drift", drift["message"]) for drift in result["drift"])
+        yield from (
+            (f"  {name:<18} ", Styled(translate(f"not rehearsed: {why}"), Style.WARNING))
+            for name, why in self.left_out.items()
+        )
         for name, kind in self.not_handled.items():
-            yield f"  {name:<18} not handled yet ({kind.replace('_', ' ')})"
-        if self.rehearsed:
-            yield from (f"  not rehearsed: {item}" for item in self.not_rehearsed)
-        if self.stopped_by:
-            yield f"  {self._stopped()}"
-        recorded = [run for run in self.runs if run]
-        if recorded:
-            yield f"  recorded as {', '.join(recorded)}"
+            words = translate(f"not handled yet ({kind.replace('_', ' ')})")
+            yield (f"  {name:<18} ", Styled(words, Style.WARNING))
+        if self.rehearsed and self.verbose:
+            yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
 
-    def _stopped(self) -> str:
-        how = "Ctrl-C" if self.stopped_by == "SIGINT" else self.stopped_by
-        scope = "; only emulated devices were changed" if self.rehearsed else ""
-        return f"stopped by {how} before its end{scope}"
+    def _bill(self, result: Mapping[str, Any]) -> Iterable[Row]:
+        return (f"  {'':<18} {translate(line)}" for line in cost_lines(result, rehearsed=self.rehearsed))
 
-    def _bill(self, result: Mapping[str, Any]) -> Iterable[str]:
-        return (f"  {'':<18} {line}" for line in cost_lines(result, rehearsed=self.rehearsed))
+
+_COLUMN = 21
+"""Where what is told of a device begins."""
+_STYLES = {
+    DeviceEnd.CHANGED: Style.GOOD,
+    DeviceEnd.UNCHANGED: Style.GOOD,
+    DeviceEnd.TO_CHANGE: Style.TITLE,
+    DeviceEnd.DECLARED: Style.WARNING,
+    DeviceEnd.NOT_CHECKED: Style.WARNING,
+    DeviceEnd.UNKNOWN: Style.WARNING,
+}
+
+
+def _note(label: str, message: str) -> Row:
+    words = printable.below(translate(message), _COLUMN)
+    style = Style.WARNING if message.startswith("WARN: ") else None
+    return (f"  {'':<18} {translate(label)}: ", Styled(words, style) if style is not None else words)
 
 
 def _without_plan(result: Mapping[str, Any]) -> bool:
@@ -154,24 +225,39 @@ def _without_plan(result: Mapping[str, Any]) -> bool:
     return result["exit"] not in fine and result["status"] != "declared" and not result["diff"]
 
 
-def _plan(result: Mapping[str, Any]) -> Iterable[str]:
-    if result["status"] == "declared":
-        yield f"  {result['message']}"
-        return
-    nothing = f"  {result['message']}" if result["status"] == "planned" else "  nothing to change"
+def _plan(result: Mapping[str, Any]) -> Iterable[Row]:
     diff = result["diff"].rstrip().expandtabs()
-    yield from diff.split("\n") if diff else [nothing]
+    if diff and result["status"] != "declared":
+        yield from map(_difference, diff.split("\n"))
+    yield from _plan_cost(result)
+
+
+def _difference(line: str) -> Row:
+    """A line of a plan, green where something comes and red where something goes; `+` and `-` say it as well."""
+    style = {"+": Style.ADDED, "-": Style.REMOVED}.get(line[:1])
+    return Styled(line, style) if style is not None else line
+
+
+def _plan_cost(result: Mapping[str, Any]) -> Iterable[Row]:
+    """How much would change on a device, what that costs, and what protects it meanwhile."""
+    if result["status"] == "declared":
+        yield f"  {translate(result['message'])}"
+        return
+    if not result["diff"]:
+        nothing = result["message"] if result["status"] == "planned" else "nothing to change"
+        yield f"  {translate(nothing)}"
     estimate = result["estimate"]
     if estimate is not None:
         size = estimate["bytes"] / 1000
         cost = f"{estimate['round_trips']} round trips, {size:.0f} kB, about {estimate['seconds']:.0f} s"
-        yield f"  {_changes(result)} over {estimate['bearer']}: {cost}"
+        words = f"{_changes(result)} over {estimate['bearer']}: {cost}"
+        yield f"  {translate(words)}"
     elif result["planned"]:
-        yield "  no estimate"
+        yield f"  {translate('no estimate')}"
     if "cost" in result:
-        yield f"  {consent_question(result['cost'])}"
+        yield f"  {translate(consent_question(result['cost']))}"
     if result["planned"] or estimate is not None:
-        yield f"  protection: {result['protection_words']}"
+        yield f"  {translate('protection')}: {translate(result['protection_words'])}"
 
 
 def _changes(result: Mapping[str, Any]) -> str:
@@ -182,8 +268,8 @@ def _changes(result: Mapping[str, Any]) -> str:
 
 def _left(unit: Pass) -> str:
     if unit.result["exit"] != ExitCode.DONE:
-        return str(unit.result["message"])
-    return f"{unit.left} changes LEFT" if unit.left else "0 changes"
+        return translate(unit.result["message"])
+    return translate(f"{unit.left} changes LEFT" if unit.left else "0 changes")
 
 
 def _cost(result: Mapping[str, Any]) -> str:
@@ -191,4 +277,5 @@ def _cost(result: Mapping[str, Any]) -> str:
     if not trips:
         return f" ({result['seconds']:.1f} s)" if result["seconds"] else ""
     size = sum(result["bytes"].values()) / 1000
-    return f" ({trips} round trips, {size:.1f} kB, {result['seconds']:.1f} s)"
+    words = f"{trips} round trips, {size:.1f} kB, {result['seconds']:.1f} s"
+    return f" ({translate(words)})"

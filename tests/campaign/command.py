@@ -70,7 +70,7 @@ class Ended:
         """The names under which it says that it is recorded."""
         if self.devices is not None:
             return list(json.loads(self.out.strip().splitlines()[-1])["runs"])
-        return [name for names in re.findall(r"(?m)^  recorded as (.+)$", self.out) for name in names.split(", ")]
+        return [name for names in re.findall(r"(?m)^record +(.+?)(?: in|$)", self.out) for name in names.split(", ")]
 
     @property
     def results(self) -> Collection[str]:

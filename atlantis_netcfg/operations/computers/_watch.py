@@ -49,6 +49,7 @@ class ComputerResult:
     status: Status = Status.UNCHANGED
     seconds: float = 0.0
     recorded: bool = True
+    reached: bool = True
 
     def ok(self, task: str, values: Mapping[str, Any]) -> None:
         """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
@@ -84,13 +85,14 @@ class ComputerResult:
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
         self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
+        self.reached = False
         self.status = Status.LEFT_AS_FOUND
 
     def rescued(self) -> None:
         """Forget a failure that the role itself has dealt with."""
         if self.failure is None:
             return
-        self.failure, self.hint = None, None
+        self.failure, self.hint, self.reached = None, None, True
         drifted = self.findings and self.mode is Mode.DRIFT
         self.status = self._changed if self.changes or drifted else Status.UNCHANGED
 
@@ -157,6 +159,7 @@ class ComputerResult:
         lines = [*(f"  {change}" for change in self.changes), *self.shown]
         return {
             "status": self.status.value,
+            "reached": self.reached,
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint and complete(self.hint, site=self.site, device=self.name),

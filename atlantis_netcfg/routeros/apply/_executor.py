@@ -238,7 +238,7 @@ def _planned(work: RunContext) -> DeviceResult:
 
 
 async def _observe(work: RunContext, mode: JobMode) -> None:
-    work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
+    work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     if mode is JobMode.RESUME:
         await _until_undone(work)
@@ -506,7 +506,7 @@ async def _change(work: RunContext) -> DeviceResult:
 
 async def _backup(work: RunContext) -> DeviceResult:
     """Save the device's own text of its state, and change nothing."""
-    work.say(Stage.CONNECTING, f"to {work.job.endpoint}")
+    work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
     found = saved(*await work.session.flight(SAVING))
     text = found.text if found.text is not None else await fetch(work.session)

@@ -237,6 +237,7 @@ class DeviceResult:
         """The result as JSON-able data."""
         return {
             "status": self.status.value,
+            "reached": not self.sessions or self.facts is not None or self.received > 0,
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,

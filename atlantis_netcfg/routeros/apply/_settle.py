@@ -241,8 +241,9 @@ async def _left_to_the_job(work: RunContext, reason: NetcfgError, failed: str) -
     """Wait until the dead-man job has run, if one is armed: it does what we could not."""
     job = work.dead_man
     if job is not None:
-        work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back")
-        await asyncio.sleep(max(0.0, job.over - asyncio.get_running_loop().time()))
+        left_s = max(0.0, job.over - asyncio.get_running_loop().time())
+        work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back", left_s)
+        await asyncio.sleep(left_s)
         _, _, now = await _state(work)
         if not differing(work.seen, now):
             return _rolled_back(work, reason, "taken back by the dead-man job")

@@ -359,11 +359,11 @@ class RunContext:
         """Every action was sent, and the device says that it executed it."""
         return self.acknowledged >= {action.number for action in self.aim.actions}
 
-    def say(self, stage: Stage, message: str) -> None:
+    def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
         """Tell the subscriber."""
         total = len(self.plan.actions) if self.plan is not None else 0
         data = {"acknowledged": len(self.acknowledged)}
-        self.job.events(Event(self.job.name, stage, message, self.confirmed, total, data))
+        self.job.events(Event(self.job.name, stage, message, self.confirmed, total, data, limit_s))
 
     def record(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed."""

@@ -108,7 +108,7 @@ class _WayBack:
             return self._untouched(far)
         clock = asyncio.get_running_loop().time
         patience_s = max(0.0, work.fires - clock()) + far.job.patience.reach_s
-        far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s")
+        far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
         found = await self._settled(far, patience_s, returning=True)
         if found is None:
             return self._unknown(far)

@@ -141,7 +141,7 @@ class End:
 
     async def read(self) -> None:
         """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceFailed."""
-        self.say(Stage.CONNECTING, f"to {self.job.endpoint}")
+        self.say(Stage.CONNECTING, f"to {self.job.endpoint}", self.job.endpoint.connect_timeout_s)
         self.session = await self.contact.open()
         self.job = await fitted(self.session, self.job)
         self.before = await observe(self.session, self.job.endpoint, self.job.desired.menus, (*GUARDED, *MENUS))
@@ -236,9 +236,10 @@ class End:
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
-    def say(self, stage: Stage, message: str) -> None:
+    def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
         """Tell the subscriber."""
-        self.job.events(Event(self.name, stage, message, self.confirmed, len(self.actions)))
+        event = Event(self.name, stage, message, self.confirmed, len(self.actions), limit_s=limit_s)
+        self.job.events(event)
 
     def record(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed."""

@@ -184,7 +184,7 @@ class Transaction:
         if done:
             self._received(await self._answer)
         else:
-            far.say(Stage.WAITING, "its radio was changed, the link is gone")
+            far.say(Stage.WAITING, "its radio was changed, the link is gone", patience_s)
 
     async def change_near(self) -> None:
         """Write the near end, whose answers come over the cable."""

@@ -1,4 +1,4 @@
-"""A site's gateway in `provision`: a real Debian for root, planned, changed, run again over every bearer."""
+"""A site's gateway in `provision`: a real Debian for root, planned, changed, run second run over every bearer."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def test_a_plain_playbook_is_asked_too(at: Quay, words: tuple[str, ...], code: i
 def test_a_rehearsal_says_what_a_real_run_would_ask(at: Quay) -> None:
     done = at.provision(*HERE, "--rehearse", code=0).stdout
     lines = done.splitlines()
-    over = next(number for number, line in enumerate(lines) if "again over satellite" in line)
+    over = next(number for number, line in enumerate(lines) if "second run over satellite" in line)
     assert "a real run asks first: over satellite of coastal, which is paid by the byte: about" in lines[over + 1]
     assert lines[over + 2].strip().startswith("and comes to: ")
     told: dict[str, Any] = json.loads(at.provision(*HERE, "--rehearse", "--json", code=0).stdout)

@@ -21,8 +21,10 @@ def result(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
     return {
         "exit": 0,
         "message": "already so",
+        "status": "unchanged",
         "hint": None,
         "planned": 0,
+        "diff": "",
         "notes": ["a note"],
         "drift": [],
         "comparison": None,
@@ -61,8 +63,8 @@ def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> No
     lines = [line.strip() for line in report.as_text().splitlines()]
     asks = [number for number, line in enumerate(lines) if line.startswith("a real run asks first")]
     assert asks == [1, 5]
-    assert lines[3].startswith("again over lan")
-    assert lines[4].startswith("again over satellite")
+    assert lines[3].startswith("second run over lan")
+    assert lines[4].startswith("second run over satellite")
     told = report.as_json()["devices"]["r"]
     assert told["cost"] == COST
     assert [("cost" in one) for one in told["bearers"].values()] == [False, True]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -69,19 +70,32 @@ def test_a_rehearsal_is_only_done_when_the_second_pass_is(again: dict[str, Any],
 
 def test_a_person_reads_cost_passes_and_what_is_left_out() -> None:
     passes = (Pass("r", "lan", result(ExitCode.DONE, planned=2)),)
-    report = RunReport(
+    whole = RunReport(
         "coastal",
         True,
         {"r": result(ExitCode.DONE, "9 actions kept")},
         passes,
         {"sat": "satellite_terminal"},
         ("tides",),
+        verbose=True,
     )
-    assert report.as_text().splitlines() == [
+    lines = [
         "  r                  9 actions kept (3 round trips, 3.0 kB, 1.2 s)",
-        "                     again over lan: 2 changes LEFT (3 round trips, 3.0 kB, 1.2 s)",
+        "                     second run over lan: 2 changes LEFT (3 round trips, 3.0 kB, 1.2 s)",
         "  sat                not handled yet (satellite terminal)",
         "  not rehearsed: tides",
+        "",
+        "[FAIL] FAILED: r ended with an error",
+        "devices   2: 0 changed, 0 unchanged, 1 failed, 0 not reached, 1 not handled yet",
+        "look at   r: a second run over lan still finds 2 changes",
+        "do        remove the cause, then type the same command again",
+    ]
+    assert whole.as_text().splitlines() == lines
+    brief = replace(whole, verbose=False).as_text().splitlines()
+    assert brief == [
+        *lines[:3],
+        *lines[4:],
+        "limits    1 thing is not rehearsed: `--verbose` and the record list it",
     ]
 
 

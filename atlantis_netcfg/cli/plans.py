@@ -1,0 +1,167 @@
+"""`provision apply`: carry out a plan that was shown, saved and looked at, and no other.
+
+A saved plan is bound to the declaration (its revision) and to each device (the hash of the planned actions with what
+was found there): when either has moved on it is refused, and nothing is changed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    REMOVE_FOREIGN,
+    UNPROTECTED,
+    VERBOSE,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Word,
+)
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.report.run import RunReport
+
+_FORMAT = "atlantis-plan-1"
+_KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text"}
+
+APPLY = CommandSpec(
+    "apply",
+    "carry out a plan that was saved, if nothing has moved on since",
+    words=(
+        Word("file", "the file that `--plan --save FILE` wrote", required=True, example="coastal.plan"),
+        INVENTORY,
+    ),
+    flags=(
+        Flag("yes", "do not ask before changing devices"),
+        ACCEPT_COST,
+        UNPROTECTED,
+        REMOVE_FOREIGN,
+        ASK_VAULT_PASS,
+        JSON,
+        VERBOSE,
+    ),
+    details=(
+        "Site, hosts and bearer are those of the plan. It is refused when the\n"
+        "declaration has changed (exit code 3), or when a device is no longer as\n"
+        "it was (exit code 4). A plan of a rehearsal is carried out in a rehearsal."
+    ),
+    changes=True,
+    plays=True,
+)
+
+
+def run_apply(arguments: Arguments) -> ExitCode:
+    """Read the plan, look whether it still holds, ask, apply, read back."""
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._session import session
+
+    file = Path(arguments.word("file"))
+    plan = _read(file)
+    rehearsed = bool(plan["rehearsed"])
+    with session(arguments, rehearse=rehearsed, via=plan["via"], site=plan["site"], only=plan["only"]) as opened:
+        if opened.declaration.revision != plan["revision"]:
+            raise UsageError(
+                f"the declaration has changed since the plan in {file} was saved; no device was contacted",
+                hint=f"make a new plan: `provision site={plan['site']} --plan --save {file}`",
+            )
+        opened.offline = Path(plan["offline"]) if plan["offline"] else None
+        report = opened.change(ask=not (rehearsed or arguments.flag("yes")), saved=plan["plans"])
+    return opened.close(report)
+
+
+def refuse_place(file: Path) -> None:
+    """Refuse a file that cannot be written, or that is something else, before a device is asked. Raises UsageError."""
+    if not file.parent.is_dir():
+        raise UsageError(
+            f"`--save {file}`: there is no folder {file.parent}", hint="name a file in a folder that exists"
+        )
+    if file.exists() or file.is_symlink():
+        try:
+            _read(file)
+        except UsageError as error:
+            raise UsageError(
+                f"`--save {file}`: the file is there, and it is not a saved plan", hint="name another file"
+            ) from error
+
+
+def save(opened: CommandSession, report: RunReport, file: Path) -> str:
+    """Keep a plan in a file that only its owner can read; the command that carries it out, empty if there is nothing.
+
+    A plan in which a device has no part, because it could not be read or was refused, is not kept: it would be
+    carried out by halves. Raises UsageError.
+    """
+    import json
+    import shlex
+
+    from atlantis_netcfg.cli._output import carried
+    from atlantis_netcfg.core.paths import write_private
+
+    if report.exit is not ExitCode.CHANGES:
+        file.unlink(missing_ok=True)
+        return ""
+    kept = {
+        "format": _FORMAT,
+        "site": opened.site,
+        "only": list(opened.arguments.many("only")),
+        "via": opened.via,
+        "offline": str(opened.offline) if opened.offline is not None else None,
+        "rehearsed": opened.rehearsed,
+        "revision": opened.declaration.revision,
+        "plans": {name: str(result["plan_hash"]) for name, result in report.devices.items()},
+        "text": report.plan_as_text(),
+    }
+    try:
+        write_private(file, json.dumps(kept, ensure_ascii=False, indent=1).encode())
+    except OSError as error:
+        raise UsageError(
+            f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"
+        ) from error
+    words = [word for word in carried(opened.arguments) if word != "--rehearse"]
+    return shlex.join(["provision", "apply", f"file={file}", *words])
+
+
+def _read(file: Path) -> Mapping[str, Any]:
+    """A saved plan. Raises UsageError."""
+    import json
+
+    try:
+        plan = json.loads(file.read_bytes())
+    except OSError as error:
+        raise UsageError(f"{file} cannot be read: {error.strerror}", hint=_HINT) from error
+    except ValueError as error:
+        raise UsageError(f"{file} is not a saved plan", hint=_HINT) from error
+    if not isinstance(plan, dict) or set(plan) != _KEYS or plan["format"] != _FORMAT or not _is_whole(plan):
+        raise UsageError(f"{file} is not a saved plan of this version", hint=_HINT)
+    return plan
+
+
+_HINT = "make one: `provision site=… --plan --save FILE`"
+
+
+def _is_whole(plan: Mapping[str, Any]) -> bool:
+    """Whether each value is of its kind: the file may have been edited, and it decides what is changed."""
+    texts = [
+        plan["site"],
+        plan["revision"],
+        plan["text"],
+        *(plan["only"] if isinstance(plan["only"], list) else [None]),
+    ]
+    hashes = plan["plans"]
+    return (
+        all(isinstance(each, str) for each in texts)
+        and all(isinstance(plan[name], str | None) for name in ("via", "offline"))
+        and isinstance(plan["rehearsed"], bool)
+        and isinstance(hashes, dict)
+        and all(isinstance(each, str) for each in hashes.values())
+    )

@@ -1,0 +1,333 @@
+"""The last lines of a run: verdict, counts, the device that needs a person first, what to type next, the record.
+
+They stand alone: whoever reads nothing else knows what happened and what to do. All from the results, so that a screen
+and `--json` cannot disagree; texts are English until they are shown.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import Row, Style, Styled
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+_AGAIN = "remove the cause, then type the same command again"
+"""What to do where whoever failed had no better advice."""
+WIDTH = 80
+"""Columns that the last lines take at most: those of the narrowest usual terminal."""
+_LABEL = 10
+_REASON_LINES = 2
+
+
+class DeviceEnd(StrEnum):
+    """How a run ended for one device, as the counts say it; a device has exactly one."""
+
+    CHANGED = "changed"
+    UNCHANGED = "unchanged"
+    FAILED = "failed"
+    NOT_REACHED = "not reached"
+    TO_CHANGE = "to change"
+    DIFFERENT = "different"
+    REFUSED = "refused"
+    ROLLED_BACK = "rolled back"
+    UNKNOWN = "unknown"
+    NOT_PROVED = "not proved"
+    DECLARED = "only declared"
+    NOT_CHECKED = "not checked"
+    NOT_REHEARSED = "not rehearsed"
+    NOT_HANDLED = "not handled yet"
+
+
+ALWAYS = (DeviceEnd.CHANGED, DeviceEnd.UNCHANGED, DeviceEnd.FAILED, DeviceEnd.NOT_REACHED)
+"""Counted also where there are none: a zero tells as much as a number."""
+_SEEN = frozenset(DeviceEnd) - {DeviceEnd.NOT_CHECKED, DeviceEnd.NOT_REHEARSED, DeviceEnd.NOT_HANDLED}
+_BY_STATUS = {
+    "changed": DeviceEnd.CHANGED,
+    "declared": DeviceEnd.DECLARED,
+    "refused": DeviceEnd.REFUSED,
+    "rolled-back": DeviceEnd.ROLLED_BACK,
+}
+_BY_CODE = {
+    ExitCode.CHANGES: DeviceEnd.TO_CHANGE,
+    ExitCode.UNKNOWN: DeviceEnd.UNKNOWN,
+    ExitCode.NOTHING: DeviceEnd.NOT_CHECKED,
+}
+
+
+def ending(result: Mapping[str, Any]) -> DeviceEnd:
+    """How one device ended, from its result."""
+    code, status = ExitCode(result["exit"]), str(result["status"])
+    if code is ExitCode.DONE:
+        return _BY_STATUS.get(status, DeviceEnd.UNCHANGED)
+    if code in _BY_CODE:
+        return _BY_CODE[code]
+    if code is ExitCode.CHECKS_FAILED:
+        return DeviceEnd.DIFFERENT if status == "drifted" else DeviceEnd.NOT_PROVED
+    if code is ExitCode.FAILED and not result.get("reached", True):
+        return DeviceEnd.NOT_REACHED
+    found = _BY_STATUS.get(status, DeviceEnd.FAILED)
+    return found if found in {DeviceEnd.REFUSED, DeviceEnd.ROLLED_BACK} else DeviceEnd.FAILED
+
+
+def warnings(result: Mapping[str, Any]) -> list[str]:
+    """What a person should know of a device that ended well, in words."""
+    found = [words for note in result.get("notes", ()) if (words := str(note).removeprefix("WARN: ")) != note]
+    return [*found, *(str(row["message"]) for row in result.get("drift", ()))]
+
+
+_BAD = {
+    DeviceEnd.REFUSED: ("REFUSED", "{device} was not changed", "{count} devices were not changed"),
+    DeviceEnd.ROLLED_BACK: ("ROLLED BACK", "{device} is as it was before", "{count} devices are as they were before"),
+    DeviceEnd.NOT_REACHED: (
+        "NOT REACHED",
+        "{device} did not answer, and was not changed",
+        "{count} devices did not answer, and were not changed",
+    ),
+    DeviceEnd.UNKNOWN: (
+        "UNKNOWN",
+        "what {device} holds now is not known",
+        "what {count} devices hold now is not known",
+    ),
+    DeviceEnd.NOT_PROVED: (
+        "NOT PROVED",
+        "something is left to do for {device}",
+        "something is left to do for {count} devices",
+    ),
+    DeviceEnd.DIFFERENT: ("DIFFERENT", "{device} is not as declared", "{count} devices are not as declared"),
+    DeviceEnd.FAILED: ("FAILED", "{device} ended with an error", "{count} devices ended with an error"),
+    DeviceEnd.NOT_CHECKED: ("NOTHING DONE", "no device took part", "no device took part"),
+}
+"""How a run ended whose worst device ended so: the word, and the sentence for one device and for several."""
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What the last lines are made of."""
+
+    site: str
+    rehearsed: bool
+    purpose: str
+    """`plan`, `apply`, `resume`, `backup`: the mode of the run."""
+    exit: ExitCode
+    results: Mapping[str, Mapping[str, Any]]
+    """Of each device the result that counts: of a rehearsal that found something in a later pass, that one."""
+    unseen: Mapping[str, tuple[DeviceEnd, str]]
+    """Devices that had no part in it, and why."""
+    rows: tuple[int, int, int] = (0, 0, 0)
+    """Of a plan: rows to add, to change and to remove."""
+    limits: int = 0
+    """What a rehearsal says nothing about."""
+    passes: int = 0
+    stopped_by: str = ""
+    next_command: str = ""
+    record: str = ""
+
+    @property
+    def endings(self) -> dict[str, DeviceEnd]:
+        """Device name to how it ended."""
+        return {
+            **{name: ending(result) for name, result in self.results.items()},
+            **{name: how for name, (how, _) in self.unseen.items()},
+        }
+
+    @property
+    def warned(self) -> list[str]:
+        """Devices that ended well and have a warning."""
+        return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
+
+    def rows_for_screen(self, width: int = WIDTH) -> list[Row]:
+        """The lines, none longer than `width` columns as far as words allow."""
+        style, mark = self._style()
+        verdict = _wrapped(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
+        lines: list[Row] = ["", *(Styled(line, style) for line in verdict)]
+        lines += _labelled("devices", self._counts(), width)
+        if self.purpose == "plan" and any(self.rows):
+            added, changed, removed = self.rows
+            plan = translate(f"{added} rows to add, {changed} to change, {removed} to remove")
+            lines += _labelled("plan", plan, width)
+        lines += self._look_at(width)
+        if self.limits:
+            lines += _labelled("limits", translate(_limits(self.limits)), width)
+        if self.next_command:
+            lines += _labelled("next", self.next_command, width)
+        if self.record:
+            lines += _labelled("record", self.record, width)
+        return lines
+
+    def verdict(self) -> str:
+        """What it came to: a word in capitals, and a sentence."""
+        word, sentence = self._words()
+        return f"{translate(word)}: {translate(sentence)}"
+
+    def _words(self) -> tuple[str, str]:
+        if self.stopped_by:
+            return f"STOPPED by {self.stopped_by}", self._after_a_stop()
+        if self.exit is ExitCode.DONE:
+            return self._good()
+        if self.exit is ExitCode.CHANGES:
+            number = list(self.endings.values()).count(DeviceEnd.TO_CHANGE)
+            return "PLANNED", f"{_devices(number)} would change; nothing was changed"
+        return self._bad()
+
+    def _after_a_stop(self) -> str:
+        if self.rehearsed:
+            return "only emulated devices were changed"
+        if DeviceEnd.UNKNOWN in self.endings.values():
+            return "what a device holds now is not known"
+        return "what was read back stays, nothing else was changed"
+
+    def _good(self) -> tuple[str, str]:
+        how = self.endings.values()
+        whole, in_part, warned, sentence = self._good_words()
+        seen = sum(each in _SEEN for each in how)
+        if seen < len(how):
+            return in_part, f"{seen} of {_devices(len(how))} took part; {sentence}"
+        return warned if self.warned else whole, sentence
+
+    def _good_words(self) -> tuple[str, str, str, str]:
+        """The word for the whole, for a part and for a whole with warnings, and the sentence."""
+        how = set(self.endings.values())
+        if self.rehearsed and self.purpose != "plan":
+            words = ("REHEARSED", "REHEARSED IN PART", "REHEARSED, WITH WARNINGS")
+            return *words, self._rehearsed_words()
+        if self.purpose == "backup":
+            return "SAVED", "SAVED IN PART", "SAVED, WITH WARNINGS", "nothing was changed"
+        if DeviceEnd.CHANGED in how:
+            return "DONE", "DONE IN PART", "DONE, WITH WARNINGS", self._changed_words()
+        if DeviceEnd.UNCHANGED in how:
+            words = ("NOTHING TO CHANGE", "NOTHING TO CHANGE IN PART", "NOTHING TO CHANGE, WITH WARNINGS")
+            return *words, "read, and found as declared"
+        return "LOOKED AT", "LOOKED AT IN PART", "LOOKED AT, WITH WARNINGS", "nothing was sent to a device"
+
+    def _changed_words(self) -> str:
+        """Devices of the engine are read back in a new session; of a computer the tasks say what they have done."""
+        computers = any("changes" in result for result in self.results.values() if ending(result) is DeviceEnd.CHANGED)
+        return "changed as declared" if computers else "changed as declared, and read back"
+
+    def _rehearsed_words(self) -> str:
+        if self.passes:
+            return f"second runs over {_links(self.passes)} changed nothing"
+        if DeviceEnd.CHANGED in self.endings.values():
+            return "emulated devices were changed as declared, and read back"
+        return "emulated devices were read, nothing was changed"
+
+    def _bad(self) -> tuple[str, str]:
+        worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
+        named = [device for device, how in self.endings.items() if how is worst]
+        word, one, several = _BAD[worst]
+        return word, one.format(device=named[0]) if len(named) == 1 else several.format(count=len(named))
+
+    def _style(self) -> tuple[Style, str]:
+        """Colour and symbol of the verdict: green only where every device was seen and none has a warning."""
+        if self.exit is ExitCode.DONE and not self.stopped_by:
+            whole = all(how in _SEEN for how in self.endings.values())
+            return (Style.GOOD, "[OK]") if whole and not self.warned else (Style.WARNING, "[!]")
+        if self.exit is ExitCode.CHANGES:
+            return Style.TITLE, "[~]"
+        return (Style.WARNING, "[?]") if self.exit is ExitCode.UNKNOWN else (Style.BAD, "[FAIL]")
+
+    def _counts(self) -> str:
+        counted = Counter(self.endings.values())
+        parts = [translate(f"{counted[how]} {how}") for how in DeviceEnd if how in ALWAYS or counted[how]]
+        if self.warned:
+            parts.append(translate(f"{len(self.warned)} with a warning"))
+        return f"{len(self.endings)}: {', '.join(parts)}"
+
+    def _worst(self) -> str:
+        """The device that needs a person first; empty: none does."""
+        for code in WORST_FIRST:
+            if code in {ExitCode.DONE, ExitCode.CHANGES}:
+                break
+            for name, result in self.results.items():
+                if result["exit"] == code:
+                    return name
+        return ""
+
+    def _look_at(self, width: int) -> Iterator[Row]:
+        """The worst device with its reason and what to do about it; else the first warning, else who had no part."""
+        name = self._worst()
+        if name:
+            result = self.results[name]
+            yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, _REASON_LINES)
+            hint = result["hint"] or _AGAIN
+            yield from _labelled("do", translate(hint), width, _REASON_LINES)
+        elif self.warned:
+            first = self.warned[0]
+            words = translate(warnings(self.results[first])[0])
+            words = words if first in words else f"{first}: {words}"
+            yield from _labelled("look at", words, width, _REASON_LINES)
+        else:
+            for device, (how, why) in self.unseen.items():
+                words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
+                yield from _labelled("look at", f"{device}: {words}", width, _REASON_LINES)
+                return
+
+
+def _is_fine(result: Mapping[str, Any]) -> bool:
+    return result["exit"] in {ExitCode.DONE, ExitCode.CHANGES}
+
+
+def _devices(number: int) -> str:
+    return "1 device" if number == 1 else f"{number} devices"
+
+
+def _links(number: int) -> str:
+    return "1 link" if number == 1 else f"{number} links"
+
+
+def _limits(number: int) -> str:
+    if number == 1:
+        return "1 thing is not rehearsed: `--verbose` and the record list it"
+    return f"{number} things are not rehearsed: `--verbose` and the record list them"
+
+
+def _wrapped(text: str, width: int, indent: int) -> list[str]:
+    """Lines of at most `width` columns; a word that is longer stays whole, so that it can be copied."""
+    return textwrap.wrap(
+        text, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
+    ) or [""]
+
+
+def _labelled(label: str, text: str, width: int, most: int = 0) -> Iterator[Row]:
+    """Lines behind a label; of a reason only the first ones, the whole stands above."""
+    room = max(width - _LABEL, 20)
+    lines = _wrapped(re.sub(r"\s+", " ", text).strip(), room, 0)
+    if most and len(lines) > most:
+        lines = [*lines[: most - 1], _cut(lines[most - 1], room)]
+    for place, line in enumerate(lines):
+        shown = translate(label) if place == 0 else ""
+        yield (Styled(f"{shown:<{_LABEL - 1}} ", Style.QUIET), line)
+
+
+def _cut(line: str, room: int) -> str:
+    return f"{line[: room - 2].rstrip()} …"
+
+
+def rows_of_plan(results: Iterable[Mapping[str, Any]]) -> tuple[int, int, int]:
+    """Rows to add, to change and to remove in the plans of these results; a computer names changes, not rows."""
+    added = changed = removed = 0
+    for result in results:
+        if "changes" in result:
+            changed += int(result["planned"])
+            continue
+        signed = [line for line in result["diff"].split("\n") if line.startswith(("+ ", "- "))]
+        pairs = _pairs(signed)
+        changed += pairs
+        added += sum(line.startswith("+ ") for line in signed) - pairs
+        removed += sum(line.startswith("- ") for line in signed) - pairs
+    return added, changed, removed
+
+
+def _pairs(signed: Sequence[str]) -> int:
+    """An old line with the new one of the same row right below it: that row changes in place."""
+    return sum(old.startswith("- set") and new.startswith("+ set") for old, new in pairwise(signed))
