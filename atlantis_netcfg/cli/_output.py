@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TextIO
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -131,10 +132,12 @@ def tell(errors: Sequence[NetcfgError]) -> None:
 
 
 def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
+    start = f"{translate('error:')} "
     for message, hint in errors:
         lines = message.splitlines() + (hint.splitlines() if hint else [])
         text = "\n".join(
-            f"{'       ' if place else 'error: '}{printable.line(line)}" for place, line in enumerate(lines)
+            f"{' ' * len(start) if place else start}{printable.line(translate(line))}"
+            for place, line in enumerate(lines)
         )
         print(text, file=sys.stderr)
 
@@ -169,7 +172,8 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
 def line(event: Event) -> str:
     """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
     count = f" {event.done}/{event.total}" if event.total else ""
-    return printable.line(f"  {event.device:<18} {event.stage}{count}  {event.message}".rstrip())
+    stage, message = translate(event.stage), translate(event.message)
+    return printable.line(f"  {event.device:<18} {stage}{count}  {message}".rstrip())
 
 
 @contextmanager
@@ -208,10 +212,10 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
 
 def _reminder(at_work: list[Event], age_s: float) -> str:
     """What is waited for, in words: `  still at work, 40 s without news: coastal-router (connecting)`."""
-    names = [f"{event.device} ({event.stage})" for event in at_work[:_NAMED]]
+    names = [f"{event.device} ({translate(event.stage)})" for event in at_work[:_NAMED]]
     if more := len(at_work) - len(names):
-        names.append(f"{more} more")
-    return f"  still at work, {age_s:.0f} s without news" + (f": {', '.join(names)}" if names else "")
+        names.append(translate(f"{more} more"))
+    return translate(f"  still at work, {age_s:.0f} s without news") + (f": {', '.join(names)}" if names else "")
 
 
 @contextmanager
