@@ -89,6 +89,7 @@ NOT_KEYWORDS = _set("""
     """)
 
 _TWO_WORDS = re.compile(r"[A-Za-z}`)][,;:.!?)`]* [A-Za-z{`(]")
+_HEADING = re.compile(r"^[A-Z][a-z]+:$")
 _LETTERS = re.compile(r"[A-Za-z]{2,}")
 _FOREIGN = re.compile(
     r"^/|^:|^\$|^-{1,2}[a-z]|^#|^\.id|^<|^\*|^[A-Za-z_]+=\S*$|^AT\+"
@@ -373,7 +374,7 @@ def _lines(texts: Iterable[str], *, sure: bool) -> Iterator[str]:
             bare = re.sub(r"(?<!\{)\{[a-z_A-Z0-9]*\}|`[^`]*`", "", msgid)
             if not _LETTERS.search(bare) or _FOREIGN.search(msgid):
                 continue
-            if sure or (_TWO_WORDS.search(msgid) and re.search(r"[a-z]{2}", bare)):
+            if sure or _HEADING.search(msgid) or (_TWO_WORDS.search(msgid) and re.search(r"[a-z]{2}", bare)):
                 yield msgid
 
 

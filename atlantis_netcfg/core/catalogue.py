@@ -135,8 +135,8 @@ class Catalogue:
                 templates.append(template)
             else:
                 self._whole[template.literals[0]] = template.filled(())
-        # Most letters of its own first; of as many, in the order of their texts.
-        templates.sort(key=lambda item: (-item.letters, item.literals))
+        # Most letters of its own first, then most signs; of as many, in the order of their texts.
+        templates.sort(key=lambda item: (-item.letters, -len("".join(item.literals)), item.literals))
         self._ranks = {id(template): rank for rank, template in enumerate(templates)}
         self._by_word, self._others = _index(templates)
         self._known: dict[str, str | None] = {}
