@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Printer
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class _CommandLine:
         from atlantis_netcfg.cli.help import overview
 
         typed = bool(self.typed)
-        print(overview(self.table), file=sys.stdout if typed else sys.stderr)
+        print(translate(overview(self.table)), file=sys.stdout if typed else sys.stderr)
         return ExitCode.DONE if typed else ExitCode.USAGE
 
 
@@ -128,14 +129,14 @@ def _without_language(typed: Sequence[str]) -> tuple[str | None, list[str]]:
 def _print_overview(table: Mapping[str, str]) -> ExitCode:
     from atlantis_netcfg.cli.help import overview
 
-    print(overview(table))
+    print(translate(overview(table)))
     return ExitCode.DONE
 
 
 def _print_help(command: CommandSpec) -> ExitCode:
     from atlantis_netcfg.cli.help import of_command
 
-    print(of_command(command))
+    print(translate(of_command(command)))
     return ExitCode.DONE
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -180,9 +181,9 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
 def _show(state: str, steps: tuple[str, ...]) -> None:
     from atlantis_netcfg.core import printable
 
-    print(f"the router is {state}; the steps:", flush=True)
+    print(translate(f"the router is {state}; the steps:"), flush=True)
     for number, step in enumerate(steps, start=1):
-        print(f"  {number}. {printable.line(step)}", flush=True)
+        print(translate(f"  {number}. {printable.line(step)}"), flush=True)
 
 
 def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
@@ -196,13 +197,13 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
         return result.exit
     if arguments.flag("plan") and result.steps:
         _show(result.standing, result.steps)
-    print(f"  {result.device:<18} {printable.below(result.message, 21)}")
+    print(f"  {result.device:<18} {printable.below(translate(result.message), 21)}")
     for note in result.notes:
-        print(f"  {'':<18} note: {printable.below(note, 27)}")
+        print(f"  {'':<18} {translate('note:')} {printable.below(translate(note), 27)}")
     if result.run:
-        print(f"  recorded as {result.run}")
+        print(translate(f"  recorded as {result.run}"))
     if arguments.flag("rehearse"):
-        print("  rehearsed with an emulated router: nothing real was contacted, and no cable was moved")
+        print(translate("  rehearsed with an emulated router: nothing real was contacted, and no cable was moved"))
     return result.exit
 
 
@@ -268,7 +269,7 @@ def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
 
     shows = f"{identity.device}: its {identity.service} is {identity.seen}"
     if identity.known:
-        print(f"{shows}, as {'declared' if identity.declared else 'agreed to before'}", flush=True)
+        print(translate(f"{shows}, as {'declared' if identity.declared else 'agreed to before'}"), flush=True)
         return ExitCode.DONE
     field = "fingerprint" if identity.service == "certificate" else "host_key"
     if identity.declared:
@@ -276,11 +277,18 @@ def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
             f"{shows}, and the inventory declares {identity.declared}: nothing was trusted",
             hint=f"another device, a new certificate, or somebody in between; if it was renewed: change `{field}`",
         )
-    print(f"{shows}; {f'agreed to before was {identity.pinned}' if identity.pinned else 'it was not seen before'}")
-    print(f"  {identity.compare}", flush=True)
+    print(
+        translate(
+            f"{shows}; {f'agreed to before was {identity.pinned}' if identity.pinned else 'it was not seen before'}"
+        )
+    )
+    print(translate(f"  {identity.compare}"), flush=True)
     agreed(f"Is this {identity.device}, and no other")
     agree(identity, request)
-    print(f"kept on this computer; for all others declare `{field}: {identity.seen}` under its `access`", flush=True)
+    print(
+        translate(f"kept on this computer; for all others declare `{field}: {identity.seen}` under its `access`"),
+        flush=True,
+    )
     return ExitCode.DONE
 
 
@@ -302,9 +310,13 @@ def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCod
             hint=f"only if it is a new computer or a new card: `ssh-keygen -R {host.name}`, then type the same again",
         )
     if state is KeyState.UNKNOWN:
-        print(f"{host.name}: OpenSSH shows its key; on the computer: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub")
+        print(
+            translate(
+                f"{host.name}: OpenSSH shows its key; on the computer: ssh-keygen -lf /etc/ssh/ssh_host_ed25519_key.pub"
+            )
+        )
         computer.ask()
         if computer.look() is not KeyState.KNOWN:
             raise DeviceFailed(f"{host.name}: not agreed, so nothing was trusted")
-    print(f"{host.name}: its SSH host key is known", flush=True)
+    print(translate(f"{host.name}: its SSH host key is known"), flush=True)
     return ExitCode.DONE

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -94,7 +95,7 @@ def run_report_list(arguments: Arguments) -> ExitCode:
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
         print(json.dumps(values, ensure_ascii=False))
     else:
-        print("\n".join([*map(_line, rows), *_changes(since)]))
+        print(translate("\n".join([*map(_line, rows), *_changes(since)])))
     return ExitCode.DONE
 
 
@@ -204,7 +205,7 @@ def run_report_show(arguments: Arguments) -> ExitCode:
     if arguments.flag("json"):
         print(json.dumps({**_checklist_session.as_json(item.document), "errors": []}, ensure_ascii=False))
     else:
-        print("\n".join([lines(item.document), *_checklist_session.pages_in(item.folder)]))
+        print(translate("\n".join([lines(item.document), *_checklist_session.pages_in(item.folder)])))
     return item.document.exit
 
 
@@ -244,7 +245,7 @@ def run_report_verify(arguments: Arguments) -> ExitCode:
     if arguments.flag("json"):
         print(json.dumps({"exit": int(code), "errors": [], "verified": rows}, ensure_ascii=False))
     else:
-        print("\n".join(line for row in rows for line in _lines(row)))
+        print(translate("\n".join(line for row in rows for line in _lines(row))))
     return code
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -70,12 +71,12 @@ def _confirm(declaration: Declaration, *, as_json: bool) -> ExitCode:
     if as_json:
         _print_json_counts(ExitCode.DONE, declaration.root, errors=[], checked=counts, revision=declaration.revision)
         return ExitCode.DONE
-    print(f"{declaration.root}: no errors")
+    print(translate(f"{declaration.root}: no errors"))
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     if declaration.pilot.example_values:
         rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
-        print(f"It still holds example values: only rehearsals use it ({rehearsal}).")
+        print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
     return ExitCode.DONE
 
 
@@ -157,19 +158,23 @@ def _print(declaration: Declaration, views: Sequence[ProfileView], written: Mapp
     first, release = views[0], views[0].release
     brings = f"Cyclone DDS {release.cyclone.version}"
     brings += f" and Fast DDS {release.fast_dds}" if release.fast_dds is not None else ""
-    print(f"{first.host}: {release.name} with {brings}, domain {first.domain}, at {first.address}")
-    print(f"  peers, without multicast: {', '.join(f'{name} {address}' for name, address in first.peers)}")
-    print(f"  gone after {first.lease_s} s of silence; {first.participants} processes of a computer are found")
+    print(translate(f"{first.host}: {release.name} with {brings}, domain {first.domain}, at {first.address}"))
+    print(translate(f"  peers, without multicast: {', '.join(f'{name} {address}' for name, address in first.peers)}"))
+    print(
+        translate(f"  gone after {first.lease_s} s of silence; {first.participants} processes of a computer are found")
+    )
     for view in views:
         print(
-            f"  {view.bearer:<10} announced every {view.tuning.announce_s:>2} s"
-            f" (reckoned: {view.announced_mb_a_day:.0f} MB a day for each process),"
-            f" datagrams of {view.tuning.message_bytes} bytes at most"
+            translate(
+                f"  {view.bearer:<10} announced every {view.tuning.announce_s:>2} s"
+                f" (reckoned: {view.announced_mb_a_day:.0f} MB a day for each process),"
+                f" datagrams of {view.tuning.message_bytes} bytes at most"
+            )
         )
     for name, changed in written.items():
-        print(f"  {'written' if changed else 'already so':<10} {name}")
+        print(translate(f"  {'written' if changed else 'already so':<10} {name}"))
     if declaration.pilot.example_values:
-        print("The inventory still holds example values.")
+        print(translate("The inventory still holds example values."))
 
 
 def _show(files: Mapping[str, str]) -> None:

@@ -30,6 +30,7 @@ from atlantis_netcfg.cli._arguments import (
     Flag,
     Word,
 )
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -86,7 +87,7 @@ def run_drift(arguments: Arguments) -> ExitCode:
         report = _report(opened, opened.perform(Mode.DRIFT).devices)
     if file is not None:
         _write(file, junit(report))
-    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else report.as_text().rstrip())
+    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text().rstrip()))
     return report.exit
 
 
@@ -237,7 +238,7 @@ def run_verify(arguments: Arguments) -> ExitCode:
             verified = _verified(opened, verifying)
         # What an emulated device does is no news to anybody.
         result = verified if opened.rehearsed else written(verified, opened.state)
-    print(json.dumps(result.as_json(), ensure_ascii=False) if opened.as_json else result.as_text())
+    print(json.dumps(result.as_json(), ensure_ascii=False) if opened.as_json else translate(result.as_text()))
     return result.exit
 
 
@@ -355,9 +356,12 @@ def _tell(opened: CommandSession, state: Confirmed) -> None:
         return
     run = opened.store.run(opened.site, state.run) if not opened.rehearsed else None
     when = f"{state.at:%Y-%m-%d %H:%M} UTC"
-    print(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}", flush=True)
+    print(translate(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
     if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
-        print(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now", flush=True)
+        print(
+            translate(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now"),
+            flush=True,
+        )
 
 
 UPGRADE = CommandSpec(
@@ -440,16 +444,18 @@ def _show(opened: CommandSession, prepared: PreparedUpgrade) -> None:
     if opened.as_json:
         return
     seen, upgrade = prepared.seen.installed, prepared.upgrade
-    print(f"{prepared.job.name}: {printable.line(seen.board)}, RouterOS {seen.version} -> {upgrade.version}")
+    print(translate(f"{prepared.job.name}: {printable.line(seen.board)}, RouterOS {seen.version} -> {upgrade.version}"))
     for package in upgrade.send:
-        print(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
+        print(
+            translate(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
+        )
     dear = ", which is paid by the byte" if prepared.bearer.metered else ""
     cost = f"{upgrade.size / 1e6:.1f} MB over {prepared.bearer.name}{dear}: about {prepared.seconds:.0f} s"
-    print(f"  {cost}; then a reboot")
+    print(translate(f"  {cost}; then a reboot"))
     if prepared.bearer.metered:
-        print(f"  {prepared.cost.words}")
+        print(translate(f"  {prepared.cost.words}"))
     for note in upgrade.notes:
-        print(f"  note: {note}")
+        print(translate(f"  note: {note}"))
 
 
 def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) -> Request:
@@ -474,9 +480,9 @@ def _close(opened: CommandSession, upgraded: Upgraded) -> ExitCode:
     if opened.as_json:
         print(json.dumps(upgraded.as_json(), ensure_ascii=False))
         return upgraded.exit
-    print(f"  {upgraded.device:<18} {printable.below(upgraded.message, 21)}")
+    print(f"  {upgraded.device:<18} {printable.below(translate(upgraded.message), 21)}")
     for line in filter(None, (upgraded.hint, *(f"note: {note}" for note in upgraded.notes))):
-        print(f"  {'':<18} {printable.below(line, 21)}")
+        print(f"  {'':<18} {printable.below(translate(line), 21)}")
     if upgraded.run:
-        print(f"  recorded as {upgraded.run}")
+        print(translate(f"  recorded as {upgraded.run}"))
     return upgraded.exit

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec
 from atlantis_netcfg.cli._commands import load
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -24,7 +25,7 @@ def run_help(_arguments: Arguments) -> ExitCode:
     """Print the commands and the exit codes."""
     from atlantis_netcfg.cli._commands import COMMANDS
 
-    print(overview(COMMANDS))
+    print(translate(overview(COMMANDS)))
     return ExitCode.DONE
 
 

@@ -20,6 +20,7 @@ from atlantis_netcfg.cli._arguments import (
     Flag,
     Word,
 )
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from atlantis_netcfg.bearers import BearerFinding
@@ -67,7 +68,7 @@ def run_links(arguments: Arguments) -> ExitCode:
         if opened.rehearsal is not None:
             _configure_links(opened)
         report = _report(opened, _look(opened))
-    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else report.as_text())
+    print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text()))
     return report.exit
 
 
@@ -178,7 +179,7 @@ def run_prove(arguments: Arguments) -> ExitCode:
     else:
         would = "would have " if opened.rehearsed else ""
         costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]
-        print("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)]))
+        print(translate("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)])))
     return proof.exit
 
 
@@ -263,7 +264,7 @@ def _pay(opened: CommandSession, expected: tuple[Preview, ...]) -> None:
     words = [item.words for item in expected]
     if opened.rehearsed:
         if words and not opened.as_json:
-            print(f"a real proof asks first: {'; '.join(words)}")
+            print(translate(f"a real proof asks first: {'; '.join(words)}"))
         return
     for item in expected:
         if item.over_cap:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -135,7 +136,8 @@ def _typed(card: Card) -> str:
             hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
         )
     try:
-        return input(printable.lines(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: "))
+        question = f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: "
+        return input(printable.lines(translate(question)))
     except EOFError:
         return ""
 
@@ -164,18 +166,24 @@ def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_
         print(json.dumps({**document, **kept}, ensure_ascii=False))
         return ExitCode.DONE
     for note in ready.notes:
-        print(f"note: {note}")
+        print(translate(f"note: {note}"))
     if "file" in kept:
-        print(f"{kept['file']}: the image of {order.host.name}, {kept['size'] / 1e6:.0f} MB; no card was touched")
+        print(
+            translate(
+                f"{kept['file']}: the image of {order.host.name}, {kept['size'] / 1e6:.0f} MB; no card was touched"
+            )
+        )
         return ExitCode.DONE
     written = kept["written"]
     print(
-        f"{order.host.name}: written and read back in {written['seconds']:.0f} s:"
-        f" {written['data'] / 1e6:.0f} MB of data, {written['cleared'] / 1e6:.0f} MB of zeros,"
-        f" {written['skipped'] / 1e6:.0f} MB skipped, {written['compared'] / 1e6:.0f} MB compared"
+        translate(
+            f"{order.host.name}: written and read back in {written['seconds']:.0f} s:"
+            f" {written['data'] / 1e6:.0f} MB of data, {written['cleared'] / 1e6:.0f} MB of zeros,"
+            f" {written['skipped'] / 1e6:.0f} MB skipped, {written['compared'] / 1e6:.0f} MB compared"
+        )
     )
-    print(f"recorded in {kept['receipt']}")
-    print("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one.")
+    print(translate(f"recorded in {kept['receipt']}"))
+    print(translate("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one."))
     return ExitCode.DONE
 
 
@@ -265,7 +273,10 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
         if not as_json:
             kept = size.whole - size.to_fetch
             have = f", {_mb(kept)} of it are here already" if kept else ""
-            print(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch", flush=True)
+            print(
+                translate(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch"),
+                flush=True,
+            )
 
     with progress(quiet=as_json) as notify:
         manifest = made(bundle_request, notify, sized)
@@ -296,14 +307,14 @@ def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
     for name, part in manifest.hosts.items():
         carried = sum(file.size for file in manifest.of(name).values())
         sources = f", {len(part.libraries)} repositories of sources" if part.libraries else ""
-        print(
-            f"{name}: {part.distribution} {part.codename} {part.architecture}, {len(part.packages)} packages{sources},"
-            f" {_mb(carried)} to carry at most"
-        )
+        system = f"{part.distribution} {part.codename} {part.architecture}"
+        print(translate(f"{name}: {system}, {len(part.packages)} packages{sources}, {_mb(carried)} to carry at most"))
     if manifest.image is not None:
-        print(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}")
-    print(f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, made {manifest.made}")
-    print(f"signed by {manifest.key}")
+        print(translate(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}"))
+    print(
+        translate(f"{place}: bundle {manifest.id} of site {manifest.site}, {_mb(manifest.size)}, made {manifest.made}")
+    )
+    print(translate(f"signed by {manifest.key}"))
     return ExitCode.DONE
 
 

@@ -2,19 +2,24 @@
 
 Messages are made, kept and sent in English: JSON, journals, signed checklists and logs hold nothing else, and neither
 exit codes nor what a program reads depend on this module. They are translated where they meet a person, by `translate`,
-which knows whole messages and messages with values in them (`{count} changes`).
+which knows whole messages and messages with values in them (`{count} changes`). No native speaker has read the
+Portuguese texts yet; docs/pt/glossario.md holds their terms.
 """
 
 from __future__ import annotations
 
 import os
 from enum import StrEnum
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from atlantis_netcfg.core.catalogue import Catalogue
 
 
 class Language(StrEnum):
@@ -23,6 +28,10 @@ class Language(StrEnum):
     ENGLISH = "en"
     PORTUGUESE = "pt"
 
+
+CATALOGUES = Path(__file__).parents[1] / "locale"
+"""Where the catalogues lie, as gettext has them; `tools/messages.py` writes them."""
+_FOLDERS = {Language.PORTUGUESE: "pt_PT"}
 
 _chosen = Language.ENGLISH
 
@@ -54,6 +63,21 @@ def named(name: str) -> Language:
     raise UsageError(f"`--lang {name}`: there is no such language here", hint="it takes one of: en, pt")
 
 
+def catalogue_file(language: Language) -> Path:
+    """The file of its messages; English has none."""
+    return CATALOGUES / _FOLDERS[language] / "LC_MESSAGES" / "provision.po"
+
+
+@cache
+def _catalogue(language: Language) -> Catalogue:
+    from atlantis_netcfg.core.catalogue import Catalogue, read  # noqa: PLC0415 - English needs none
+
+    return Catalogue(read(catalogue_file(language)))
+
+
 def translate(text: str) -> str:
-    """A message in the language of the person; what the catalogue lacks stays in English."""
-    return text
+    """A message in the language of the person; what the catalogue lacks stays in English.
+
+    Also several messages, one a line, or with `; ` or `: ` between them. Values in them stay as they are.
+    """
+    return text if _chosen is Language.ENGLISH else _catalogue(_chosen).translate(text)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, Flag, Word
 from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -106,7 +107,7 @@ def waiting(arguments: Arguments) -> Callable[[str], None]:
 
     def tell_person(words: str) -> None:
         if not arguments.flag(JSON.name):
-            print(words, file=sys.stderr, flush=True)
+            print(translate(words), file=sys.stderr, flush=True)
 
     return tell_person
 
@@ -129,7 +130,7 @@ def tell(
         print(json.dumps({"exit": int(code), "errors": rows, **values}, ensure_ascii=False))
         return code
     for line in lines:
-        print(printable.line(_output.as_typed(line, typed)))
+        print(printable.line(translate(_output.as_typed(line, typed))))
     sys.stdout.flush()
     _output.tell(errors)
     return code

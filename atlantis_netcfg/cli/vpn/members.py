@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -240,7 +241,7 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
             seen = max(
                 (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
             )
-            print(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}", flush=True)
+            print(translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}"), flush=True)
     agreed("Cut them off now, for good" if len(members) > 1 else f"Cut {members[0].name} off now, for good")
 
 
@@ -355,7 +356,7 @@ def close(
 
     if not arguments.flag("json"):
         for line in (line for entry in handed for line in _lines(declaration, entry)):
-            print(line, flush=True)
+            print(translate(line), flush=True)
     deployed = _deployed(arguments, server, authority)
     values = {"members": [_row(item) for item in handed], **deployed.as_json()}
     return _common.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)

@@ -15,6 +15,7 @@ from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTOR
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
+from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -96,9 +97,9 @@ def _installed(opened: CommandSession) -> ExitCode:
         print(json.dumps({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}, ensure_ascii=False))
         return found.exit
     _show(opened, found)
-    print(f"{found.device}: {printable.below(found.message, 4)}")
+    print(f"{found.device}: {printable.below(translate(found.message), 4)}")
     for line in filter(None, [found.hint, f"recorded as {found.run}" if found.run else None]):
-        print(f"  {printable.below(line, 4)}")
+        print(f"  {printable.below(translate(line), 4)}")
     return found.exit
 
 
@@ -109,7 +110,7 @@ def _error(found: InstalledIdentity) -> dict[str, str | None]:
 def _show(opened: CommandSession, found: InstalledIdentity) -> None:
     if not opened.as_json:
         for line in (*found.changes, *(f"note: {note}" for note in found.notes)):
-            print(f"  {printable.below(line, 4)}", flush=True)
+            print(f"  {printable.below(translate(line), 4)}", flush=True)
 
 
 VPN_SYNC = CommandSpec(

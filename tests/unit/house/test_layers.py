@@ -42,7 +42,8 @@ def _modules(node: ast.AST) -> list[str]:
 
 
 def test_every_part_has_its_place() -> None:
-    parts = {path.stem for path in PACKAGE.iterdir() if path.is_dir() or path.suffix == ".py"}
+    folders = {path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.rglob("*.py"))}  # not data alone
+    parts = folders | {path.stem for path in PACKAGE.glob("*.py")}
     assert {part for part in parts if not part.startswith("__")} == layers().keys()
 
 

@@ -1,0 +1,187 @@
+"""How a message that is already made is found in the catalogue, and what is never lost or changed in it."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.catalogue import Catalogue, read
+from atlantis_netcfg.core.language import Language
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+MESSAGES = {
+    "nothing was changed": "nada foi alterado",
+    "no such device": "esse equipamento não existe",
+    "not reached": "não alcançado",
+    "`provision runs` lists what is there": "`provision runs` lista o que há",
+    "{number} change": "{number} alteração",
+    "{number} changes": "{number} alterações",
+    "{number} changes of {rows} rows": "{number} alterações em {rows} linhas",
+    "{name}: {reason} was lost": "{name}: perdeu-se {reason}",
+    "stopped by {how}; {kept}": "interrompido por {how}; {kept}",
+    "{device} answers on {port} of {site}": "em {site}, {device} responde na porta {port}",
+    "of {box}": "de {box}",
+    "type `{command}` to go on": "para continuar, escreva `{command}`",
+    "to bring them there, type:  provision site={site}": "para as levar até lá, escreva:  provision site={site}",
+    "it goes on with `provision resume site={site}`": "prossegue com `provision resume site={site}`",
+    "what {{}} is": "o que é {{}}",
+    "the link": "a ligação",
+    "{name}: the device has refused it: {answer}": "{name}: o equipamento recusou: {answer}",
+    "done": "concluído",
+}
+
+
+@pytest.fixture
+def catalogue() -> Catalogue:
+    return Catalogue(MESSAGES)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("nothing was changed", "nada foi alterado"),
+        ("  nothing was changed ", "  nada foi alterado "),
+        ("done", "concluído"),
+        ("what {} is", "o que é {}"),
+        ("1 change", "1 alteração"),
+        ("3 changes", "3 alterações"),
+        ("3 changes of 12 rows", "3 alterações em 12 linhas"),
+        ("nothing was changed\n  3 changes\n\n", "nada foi alterado\n  3 alterações\n\n"),
+        ("nothing was changed; 3 changes", "nada foi alterado; 3 alterações"),
+        ("nothing was changed (3 changes)", "nada foi alterado (3 alterações)"),
+        ("nothing was changed, 3 changes", "nada foi alterado, 3 alterações"),
+        ("coastal-cpe: nothing was changed", "coastal-cpe: nada foi alterado"),
+        ("coastal-cpe: the link was lost", "coastal-cpe: perdeu-se a ligação"),
+        ("cpe answers on 8729 of coastal", "em coastal, cpe responde na porta 8729"),
+    ],
+)
+def test_a_message_is_found(catalogue: Catalogue, text: str, expected: str) -> None:
+    assert catalogue.translate(text) == expected
+
+
+def test_a_value_that_is_a_message_is_translated(catalogue: Catalogue) -> None:
+    text = "stopped by Ctrl-C; nothing was changed"
+    assert catalogue.translate(text) == "interrompido por Ctrl-C; nada foi alterado"
+
+
+def test_a_value_that_is_a_message_in_a_message_in_a_message_is_translated(catalogue: Catalogue) -> None:
+    text = "stopped by SIGTERM; coastal-cpe: the link was lost"
+    assert catalogue.translate(text) == "interrompido por SIGTERM; coastal-cpe: perdeu-se a ligação"
+
+
+@pytest.mark.parametrize("name", ["done", "link", "{number}", "ç", "a`b", "\\1", "ether1"])
+def test_a_word_in_a_message_is_never_translated(catalogue: Catalogue, name: str) -> None:
+    assert catalogue.translate(f"stopped by {name}; not reached") == f"interrompido por {name}; não alcançado"
+
+
+def test_what_stands_between_backquotes_is_never_translated(catalogue: Catalogue) -> None:
+    text = "type `nothing was changed` to go on"
+    assert catalogue.translate(text) == "para continuar, escreva `nothing was changed`"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "\n",
+        "an unknown text",
+        "unknown: text; and more, of it (really)",
+        "failure: already have device with such name",
+        "what {} was",
+        "all of the rest",
+        "of what nobody knows",
+        "2024-01-01 12:00:00, +++ of 3",
+    ],
+)
+def test_what_is_unknown_stays(catalogue: Catalogue, text: str) -> None:
+    assert catalogue.translate(text) == text
+
+
+def test_words_of_a_device_pass_through(catalogue: Catalogue) -> None:
+    text = "coastal-cpe: the device has refused it: failure: no such item (4)"
+    assert catalogue.translate(text) == "coastal-cpe: o equipamento recusou: failure: no such item (4)"
+
+
+def test_few_words_about_what_is_unknown_are_another_message(catalogue: Catalogue) -> None:
+    text = "cpe: some of what a device says was lost"
+    assert catalogue.translate(text) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "`provision runs inventory=/srv/pilot` lists what is there",
+            "`provision runs inventory=/srv/pilot` lista o que há",
+        ),
+        (
+            "to bring them there, type:  provision site=scc inventory='/a b' --rehearse",
+            "para as levar até lá, escreva:  provision site=scc inventory='/a b' --rehearse",
+        ),
+        ("it goes on with `provision resume site=scc`", "prossegue com `provision resume site=scc`"),
+        (
+            "it goes on with `provision resume site=scc inventory=x --rehearse`",
+            "prossegue com `provision resume site=scc inventory=x --rehearse`",
+        ),
+    ],
+)
+def test_a_command_in_a_hint_may_have_been_filled_in(catalogue: Catalogue, text: str, expected: str) -> None:
+    assert catalogue.translate(text) == expected
+
+
+def test_cells_of_a_table_stay_below_each_other(catalogue: Catalogue) -> None:
+    text = "  cpe      not reached       10.0.0.1\n  router   another text      10.0.0.2"
+    expected = "  cpe      não alcançado     10.0.0.1\n  router   another text      10.0.0.2"
+    assert catalogue.translate(text) == expected
+
+
+def test_the_message_with_most_letters_of_its_own_wins() -> None:
+    either = {"{a} was lost": "perdeu-se {a}", "the link to {a} was lost": "perdeu-se a ligação a {a}"}
+    for messages in (either, dict(reversed(either.items()))):
+        assert Catalogue(messages).translate("the link to cpe was lost") == "perdeu-se a ligação a cpe"
+
+
+def test_a_thousand_lines_take_less_than_a_second() -> None:
+    messages = {f"{{name}} has {word} in {{place}}": f"{{place}}: {word} {{name}}" for word in map(str, range(3000))}
+    catalogue = Catalogue(messages)
+    started = time.perf_counter()
+    lines = [catalogue.translate(f"cpe{number} has {number} in site{number}") for number in range(1000)]
+    assert lines[7] == "site7: 7 cpe7"
+    assert time.perf_counter() - started < 1
+
+
+def test_a_catalogue_is_read_as_gettext_writes_it(tmp_path: Path) -> None:
+    file = tmp_path / "provision.po"
+    file.write_text(
+        'msgid ""\nmsgstr ""\n"Language: pt_PT\\n"\n\n'
+        '#: a.py\n#, python-brace-format\nmsgid "a \\"{b}\\""\nmsgstr "um \\"{b}\\""\n\n'
+        'msgid ""\n"of two "\n"lines"\nmsgstr ""\n"de duas "\n"linhas\\\\n"\n\n'
+        'msgid "no translation"\nmsgstr ""\n\n'
+        '#, fuzzy\nmsgid "a guess"\nmsgstr "um palpite"\n\n'
+        '#~ msgid "gone"\n#~ msgstr "foi-se"\n'
+    )
+    assert read(file) == {'a "{b}"': 'um "{b}"', "of two lines": "de duas linhas\\n"}
+
+
+@pytest.fixture
+def _portuguese() -> Iterator[None]:
+    before = language.current()
+    language.use(Language.PORTUGUESE)
+    yield
+    language.use(before)
+
+
+def test_english_is_left_alone() -> None:
+    assert language.current() is Language.ENGLISH
+    assert language.translate("nothing was changed") == "nothing was changed"
+
+
+@pytest.mark.usefixtures("_portuguese")
+def test_what_the_catalogue_lacks_stays_in_english() -> None:
+    assert language.translate("  quite unknown words here") == "  quite unknown words here"

@@ -1,0 +1,430 @@
+#!/usr/bin/env python3
+"""Writes every message that reaches a person into the catalogues (atlantis_netcfg/locale/*/LC_MESSAGES/provision.po).
+
+    tools/messages.py            add what is new, keep translations, put aside what is gone
+    tools/messages.py --missing  list what has no translation, change nothing
+
+Messages stand in the source as plain English, and this program finds them there by what they are: text of two words
+and more, or text in a place where only messages stand (`print`, `hint=`, a help text). `f"{count} changes"` becomes
+`{count} changes`. OUT names the parts and the places whose text is no message, each with its reason. Translations of
+what is gone stay at the end of the file (`#~`), and come back when the message does.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from datetime import UTC, datetime
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from babel.messages.catalog import Catalog, Message
+from babel.messages.pofile import read_po, write_po
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = "atlantis_netcfg"
+PORTUGUESE = ROOT / PACKAGE / "locale" / "pt_PT" / "LC_MESSAGES" / "provision.po"
+
+IN = (
+    "cli",
+    "report",
+    "checklist",
+    "operations",
+    "journal",
+    "bearers",
+    "bootstrap",
+    "core",
+    "routeros",
+    "vpn/enrolment_package",
+    "declaration/loading.py",
+)
+"""What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them."""
+
+OUT: Mapping[str, str] = {
+    "bearers/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
+    "bearers/lte/rutos_read.py": "keys and answers of a router's JSON",
+    "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
+    "checklist/probes/registry.py": "the closed list of programs",
+    "checklist/runner/simulated": "what emulated computers print",
+    "cli/vpn/__init__.py": "it holds nothing",
+    "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
+    "operations/vault.py": "texts of Ansible's own",
+    "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
+    "core/eventlog.py": "lines of a log",
+    "routeros/api": "the wire",
+    "routeros/assumptions.py": "what engineers have to test on a real device; no command prints it",
+    "routeros/menus": "RouterOS's own language",
+    "routeros/commands.py": "RouterOS's own language",
+    "routeros/_items.py": "RouterOS's own language",
+    "routeros/apply/_inverse.py": "RouterOS's own language",
+    "routeros/apply/_scripts.py": "RouterOS's own language",
+}
+"""Parts of IN whose text is no message, or reaches nobody as one."""
+
+
+def _set(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+NOT_MESSAGES = _set("""
+    compile getattr setattr hasattr startswith endswith removeprefix removesuffix partition rpartition
+    split rsplit strip lstrip rstrip replace get pop encode decode open search fullmatch finditer
+    findall sub strftime strptime import_module TypeVar NewType which fromisoformat glob AssertionError
+    RuntimeError TypeError NotImplementedError count index find Query Ask Program getLogger debug
+    write_text environ setdefault joinpath with_suffix with_name StringConstraints
+    """)
+"""Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
+SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
+"""Functions whose texts are messages even where they are a single word."""
+SHOWN_NAMES = frozenset({"Stage", "_TITLES", "_EVIDENCE"})
+"""Classes and tables whose texts are messages even where they are a single word."""
+SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
+NOT_KEYWORDS = _set("""
+    encoding errors newline mode pattern flags suffix prefix example name takes
+    """)
+
+_TWO_WORDS = re.compile(r"[A-Za-z}`)][,;:.!?)`]* [A-Za-z{`(]")
+_HEADING = re.compile(r"^[A-Z][a-z]+:$")
+_LETTERS = re.compile(r"[A-Za-z]{2,}")
+_FOREIGN = re.compile(
+    r"^/|^:|^\$|^-{1,2}[a-z]|^#|^\.id|^<|^\*|^[A-Za-z_]+=\S*$|^AT\+"
+    r"|^ssh |^python3? |^import |^def |^[a-z-]+ --[a-z]"
+    r"|\(\?|\\[dws]|\[\^|^%"
+    r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
+)
+"""Commands of devices and programs, patterns, and values alone."""
+_VARIANTS = 12
+_TEMPLATE_TEXT = re.compile(
+    r"""(?:\bt|\btranslate|\b_)\(\s*(?P<quote>["'])(?P<text>.*?)(?P=quote)\s*[,)]"""
+    r"""|(?P<q2>["'])(?P<filtered>[^"'{}]*)(?P=q2)\s*\|\s*(?:translate|t)\b"""
+)
+"""In a template: what is handed to `translate`, as a call or as a filter."""
+
+
+def in_scope(root: Path = ROOT) -> list[Path]:
+    """The files that hold messages, in the order of their names."""
+    package = root / PACKAGE
+    found = [path for path in package.rglob("*") if path.suffix in {".py", ".j2"}]
+    return sorted(path for path in found if _chosen(path.relative_to(package).as_posix()))
+
+
+def _chosen(name: str) -> bool:
+    def under(parts: Iterable[str]) -> bool:
+        return any(name == part or name.startswith(f"{part}/") for part in parts)
+
+    return under(IN) and not under(OUT)
+
+
+def messages(root: Path = ROOT) -> dict[str, list[str]]:
+    """Each message with the files that hold it, in the order of the source."""
+    found: dict[str, list[str]] = {}
+    for path in in_scope(root):
+        name = path.relative_to(root).as_posix()
+        for text in of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2"):
+            files = found.setdefault(text, [])
+            if name not in files:
+                files.append(name)
+    return found
+
+
+def of_source(source: str, *, template: bool = False) -> Iterator[str]:
+    """The messages of one file."""
+    if template:
+        for item in _TEMPLATE_TEXT.finditer(source):
+            yield from _lines([item["text"] or item["filtered"] or ""], sure=True)
+        return
+    reader = _Reader()
+    reader.visit(ast.parse(source))
+    yield from dict.fromkeys(reader.found)
+
+
+class _Reader(ast.NodeVisitor):
+    """Goes through a module, and knows of each text where it stands."""
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+        self._sure = False
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        """Go past docstrings."""
+        if not isinstance(node.value, ast.Constant):
+            self.generic_visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        """Leave annotations and decorators alone."""
+        for part in [*node.args.defaults, *(item for item in node.args.kw_defaults if item), *node.body]:
+            self.visit(part)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> None:
+        """Know whether texts here are messages."""
+        for part in node.body:
+            self._named(part, node.name)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        """Know whether texts here are messages."""
+        target = node.targets[0]
+        if isinstance(target, ast.Name) and target.id in SHOWN_NAMES and isinstance(node.value, ast.Dict):
+            for value in node.value.values:
+                self._inside(value, sure=True)
+        else:
+            self.visit(node.value)
+
+    def _named(self, node: ast.stmt, name: str) -> None:
+        if name in SHOWN_NAMES and isinstance(node, ast.Assign):
+            self._inside(node.value, sure=True)
+        else:
+            self.visit(node)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """Leave the annotation alone."""
+        if node.value is not None:
+            self.visit(node.value)
+
+    def visit_Compare(self, node: ast.Compare) -> None:
+        """What is compared is data."""
+
+    def visit_Subscript(self, node: ast.Subscript) -> None:
+        """Go past keys and types."""
+        self.visit(node.value)
+
+    def visit_MatchValue(self, node: ast.MatchValue) -> None:
+        """What is compared is data."""
+
+    def visit_Dict(self, node: ast.Dict) -> None:
+        """Go past keys."""
+        for value in node.values:
+            self.visit(value)
+
+    def visit_Call(self, node: ast.Call) -> None:
+        """Know whether texts here are messages."""
+        name = _last_name(node.func)
+        if isinstance(node.func, ast.Attribute):
+            self.visit(node.func.value)
+        if name in NOT_MESSAGES or (name == "match" and node.args):
+            for argument in node.args:
+                if not isinstance(argument, ast.Constant | ast.JoinedStr):
+                    self.visit(argument)
+            return
+        shown = name in SHOWN
+        for place, argument in enumerate(node.args):
+            self._inside(argument, sure=shown and not (name in {"Word", "Flag", "CommandSpec", "Event"} and place == 0))
+        for keyword in node.keywords:
+            if keyword.arg not in NOT_KEYWORDS:
+                self._inside(keyword.value, sure=keyword.arg in SHOWN_KEYWORDS)
+
+    def _inside(self, node: ast.expr, *, sure: bool) -> None:
+        direct = isinstance(node, ast.Constant | ast.JoinedStr | ast.IfExp | ast.BoolOp | ast.BinOp)
+        before, self._sure = self._sure, sure and direct
+        self.visit(node)
+        self._sure = before
+
+    def visit_Constant(self, node: ast.Constant) -> None:
+        """A text without values."""
+        self._take(node)
+
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
+        """A text with values; messages may stand in the values as well."""
+        self._take(node)
+        for part in node.values:
+            if isinstance(part, ast.FormattedValue):
+                before, self._sure = self._sure, False
+                self.visit(part.value)
+                self._sure = before
+
+    def visit_BinOp(self, node: ast.BinOp) -> None:
+        """Texts that are joined by `+`."""
+        pieces = list(_flat(node))
+        if isinstance(node.op, ast.Add) and any(isinstance(piece, ast.Constant | ast.JoinedStr) for piece in pieces):
+            self._take(node)
+            for piece in pieces:
+                if not isinstance(piece, ast.Constant):
+                    self.visit(piece)
+        else:
+            self.generic_visit(node)
+
+    def _take(self, node: ast.expr) -> None:
+        texts = [text for text in _variants(node) if text]
+        self.found.extend(_lines(texts, sure=self._sure))
+
+
+def _flat(node: ast.expr) -> Iterator[ast.expr]:
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        yield from _flat(node.left)
+        yield from _flat(node.right)
+    else:
+        yield node
+
+
+_Piece = str | tuple[str]
+"""Text, or the name of a value."""
+
+
+def _variants(node: ast.expr) -> list[str]:
+    """The msgids that a text may be: one for each choice between constants in it."""
+    found = []
+    for pieces in _choices(node)[:_VARIANTS]:
+        names: dict[str, int] = {}
+        text = ""
+        for piece in pieces:
+            if isinstance(piece, str):
+                text += _escaped(piece)
+                continue
+            number = names[piece[0]] = names.get(piece[0], 0) + 1
+            text += "{" + piece[0] + (str(number) if number > 1 else "") + "}"
+        found.append(text)
+    return found
+
+
+def _escaped(text: str) -> str:
+    """Literal text as a format string; `{name}` in it is filled in later, so it is a value as well."""
+    pieces = re.split(r"(\{[a-z_]+\})", text)
+    return "".join(
+        piece if place % 2 else piece.replace("{", "{{").replace("}", "}}") for place, piece in enumerate(pieces)
+    )
+
+
+def _choices(node: ast.expr) -> list[list[_Piece]]:
+    if isinstance(node, ast.Constant):
+        return [[node.value]] if isinstance(node.value, str) else [[("value",)]]
+    if isinstance(node, ast.JoinedStr):
+        return _product([_choices(part) for part in node.values])
+    if isinstance(node, ast.FormattedValue):
+        plain = _is_choice(node.value) or _is_text(node.value)  # `{'':<18}` is layout
+        return _choices(node.value) if plain else [[(_name(node.value),)]]
+    if isinstance(node, ast.IfExp) and _is_choice(node):
+        return [*_choices(node.body), *_choices(node.orelse)]
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return _product([_choices(part) for part in _flat(node)])
+    return [[(_name(node),)]]
+
+
+def _product(parts: list[list[list[_Piece]]]) -> list[list[_Piece]]:
+    total = 1
+    for part in parts:
+        total *= len(part)
+    if total > _VARIANTS:
+        parts = [part if len(part) == 1 else [[("value",)]] for part in parts]
+    return [[piece for choice in chosen for piece in choice] for chosen in product(*parts)]
+
+
+def _is_choice(node: ast.expr) -> bool:
+    """Whether it is one of several constant texts."""
+    if isinstance(node, ast.IfExp):
+        return all(_is_choice(branch) or _is_text(branch) for branch in (node.body, node.orelse))
+    return False
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
+
+
+_THROUGH = _set("len str sorted int float round abs repr join list next min max sum line below visible")
+"""Functions that are named by what they are given."""
+_OF_TEXT = _set("removeprefix removesuffix strip rstrip lstrip replace lower upper isoformat")
+
+
+def _name(node: ast.expr) -> str:
+    """The last identifier of an expression, for a translator who has to know what stands there."""
+    inner = _inner(node)
+    if inner is not None:
+        return _name(inner)
+    if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, str):
+        return node.slice.value
+    return _last_name(node.func if isinstance(node, ast.Call) else node) or "value"
+
+
+def _inner(node: ast.expr) -> ast.expr | None:
+    """The part of an expression that it is named after."""
+    match node:
+        case ast.Call(func=function, args=[inner, *_]) if _last_name(function) in _THROUGH:
+            pass
+        case ast.Call(func=ast.Attribute(value=inner, attr=name)) if name in _OF_TEXT:
+            pass
+        case ast.Subscript(value=inner, slice=key) if not (isinstance(key, ast.Constant) and _identifier(key.value)):
+            pass
+        case ast.BinOp(left=left, right=right):
+            inner = right if isinstance(left, ast.Constant) else left
+        case ast.BoolOp(values=[inner, *_]) | ast.GeneratorExp(elt=inner) | ast.ListComp(elt=inner):
+            pass
+        case _:
+            return None
+    return inner
+
+
+def _identifier(value: object) -> bool:
+    return isinstance(value, str) and value.isidentifier()
+
+
+def _last_name(node: ast.expr) -> str:
+    if isinstance(node, ast.Name):
+        return node.id.strip("_") or "value"
+    return node.attr.strip("_") if isinstance(node, ast.Attribute) else ""
+
+
+def _lines(texts: Iterable[str], *, sure: bool) -> Iterator[str]:
+    """The msgids of these texts: their lines, without the blanks around them."""
+    for text in texts:
+        for line in text.split("\n"):
+            msgid = line.strip()
+            bare = re.sub(r"(?<!\{)\{[a-z_A-Z0-9]*\}|`[^`]*`", "", msgid)
+            if not _LETTERS.search(bare) or _FOREIGN.search(msgid):
+                continue
+            if sure or _HEADING.search(msgid) or (_TWO_WORDS.search(msgid) and re.search(r"[a-z]{2}", bare)):
+                yield msgid
+
+
+def read(path: Path) -> dict[str, str]:
+    """Msgid to translation, of what is gone as well; a fuzzy one does not count."""
+    if not path.exists():
+        return {}
+    with path.open("rb") as file:
+        catalogue = read_po(file)
+    entries: list[Message] = [*catalogue, *catalogue.obsolete.values()]
+    return {str(item.id): str(item.string) for item in entries if item.id and item.string and not item.fuzzy}
+
+
+def write(path: Path, found: Mapping[str, list[str]], translations: Mapping[str, str]) -> None:
+    """Write the catalogue in the order of the source, and behind it what is gone."""
+    catalogue = Catalog(
+        locale="pt_PT",
+        project="atlantis-netcfg",
+        version="1",
+        copyright_holder="the authors of atlantis-netcfg",
+        msgid_bugs_address="the issues of this repository",
+        last_translator="no native speaker has read it yet",
+        language_team="European Portuguese",
+        header_comment="# European Portuguese. No native speaker has read it yet; terms: docs/pt/glossario.md.",
+        fuzzy=False,
+        creation_date=datetime(2025, 1, 1, tzinfo=UTC),
+        revision_date=datetime(2025, 1, 1, tzinfo=UTC),
+    )
+    for msgid, files in found.items():
+        flags = {"python-brace-format"} if "{" in msgid or "}" in msgid else set()
+        catalogue.add(msgid, translations.get(msgid, ""), [(name, 0) for name in files], flags)
+    for msgid, translation in sorted(translations.items()):
+        if msgid not in found:
+            catalogue.obsolete[msgid] = Message(msgid, translation)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("wb") as file:
+        write_po(file, catalogue, width=0, include_lineno=False)
+
+
+def main() -> int:
+    """Bring the catalogue up to date, or say what it lacks."""
+    found, translations = messages(), read(PORTUGUESE)
+    missing = [msgid for msgid in found if msgid not in translations]
+    if "--missing" in sys.argv[1:]:
+        print("\n".join(missing))
+        return 1 if missing else 0
+    write(PORTUGUESE, found, translations)
+    print(f"{len(found)} messages, {len(missing)} without a translation: {PORTUGUESE.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
