@@ -183,7 +183,8 @@ class RunReport:
             yield from self._bill(result)
             for item in self.passes:
                 if item.device == name:
-                    yield f"  {'':<18} second run over {item.bearer}: {_left(item)}{_cost(item.result)}"
+                    words = translate(f"second run over {item.bearer}")
+                    yield f"  {'':<18} {words}: {_left(item)}{_cost(item.result)}"
                     yield from self._bill(item.result)
             yield from (_note("note", note) for note in result["notes"])
             yield from (_note("drift", drift["message"]) for drift in result["drift"])
