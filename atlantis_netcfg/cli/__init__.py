@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli._commands import COMMANDS, choose, load
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Printer
+from atlantis_netcfg.core.printable import ASCII, Printer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -175,12 +175,20 @@ def _open_streams() -> None:
             continue
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+            if _shows_ascii_only(stream):
+                stream.reconfigure(encoding="ascii", errors=ASCII)
         if number == 0:
             continue
         if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _PatientStream):
             buffered = io.BufferedWriter(_PatientStream(number, "w", closefd=False))
-            stream = io.TextIOWrapper(buffered, stream.encoding, "replace", line_buffering=stream.line_buffering)
+            how = (stream.encoding, stream.errors)
+            stream = io.TextIOWrapper(buffered, *how, line_buffering=stream.line_buffering)
         setattr(sys, name, Printer(stream))
+
+
+def _shows_ascii_only(stream: io.TextIOWrapper) -> bool:
+    """A terminal of somebody who has said that it knows no other letters (`LC_ALL=C`); files and pipes stay UTF-8."""
+    return os.environ.get("LC_ALL") in {"C", "POSIX"} and stream.isatty()
 
 
 def _number_of(stream: object) -> int | None:

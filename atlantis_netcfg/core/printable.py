@@ -6,8 +6,10 @@ another way. The form `\u001b` is that of JSON as well, so that one filter serve
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -84,6 +86,24 @@ class Printer:
         return getattr(self.stream, name)
 
 
+ASCII = "atlantis-ascii"
+"""Handler of errors of a stream that shows ASCII alone: the letter without its accent, its like, else `?`."""
+_NEAREST = {"…": "...", "–": "-", "—": "-", "’": "'", "‘": "'", "“": '"', "”": '"', "«": '"', "»": '"', "→": "->"}  # noqa: RUF001 - as people type them
+
+
+def _to_ascii(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    pieces = []
+    for letter in error.object[error.start : error.end]:
+        base = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
+        pieces.append(_NEAREST.get(letter) or base or "?")
+    return "".join(pieces), error.end
+
+
+codecs.register_error(ASCII, _to_ascii)
+
+
 class Style(Enum):
     """What a colour says; it never says it alone: a word or a symbol stands beside it. The value is the SGR code."""
 
@@ -131,14 +151,21 @@ def wrapped(row: Row, width: int, indent: int) -> list[Row]:
     for piece in pieces:
         text = piece if isinstance(piece, str) else piece.text
         for word in re.findall(r"\n *|[^\s]+|[^\S\n]+", text):
-            if word.startswith("\n") or (used + len(word) > width and used > indent and not word.isspace()):
+            if word.startswith("\n") or (used + len(word) > width and used > indent):
                 found.append([" " * indent])
                 used = indent
-                if word.startswith("\n"):
+                if word.isspace():
                     continue
             found[-1].append(word if isinstance(piece, str) else Styled(word, piece.style))
             used += len(word)
-    return [tuple(line) for line in found]
+    return [_without_blanks(line) for line in found]
+
+
+def _without_blanks(pieces: list[str | Styled]) -> Row:
+    """A line that ends with its last word: blanks in the last column would make a line of their own."""
+    while len(pieces) > 1 and not plain((pieces[-1],)).strip():
+        pieces.pop()
+    return tuple(pieces)
 
 
 def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bool:  # noqa: ANN401 - any text stream

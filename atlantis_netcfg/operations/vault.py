@@ -12,6 +12,7 @@ from __future__ import annotations
 import atexit
 import hashlib
 import json
+import locale
 import os
 import sys
 from contextlib import ExitStack, suppress
@@ -35,12 +36,27 @@ _LARGE = 50_000
 """Bytes of a collection's metadata that are worth keeping as read; those of Ansible's own collection are 400,000."""
 
 
+def _speak_utf8() -> None:
+    """Let Ansible start in a locale without UTF-8 as well (`LC_ALL=C`): else it ends the process itself.
+
+    Python reads and writes UTF-8 there by itself; programs that we start inherit it.
+    """
+    try:
+        locale.setlocale(locale.LC_ALL, "")
+        encoding = locale.getlocale()[1] or ""
+    except locale.Error:
+        encoding = ""
+    if encoding.lower() not in {"utf-8", "utf8"}:
+        os.environ["LC_ALL"] = "C.UTF-8"
+
+
 @cache
 def import_ansible() -> None:
     """Import Ansible's settings with ours, once a process; what we start later does not inherit them.
 
     The folder for its temporary files goes when the process ends.
     """
+    _speak_utf8()
     stack = ExitStack()
     atexit.register(stack.close)
     ours = {

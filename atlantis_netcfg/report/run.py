@@ -140,7 +140,8 @@ class RunReport:
 
     def rows(self, width: int = 0) -> list[Row]:
         """The closing lines: the devices, wrapped at `width` columns if that is not 0, and the summary."""
-        devices = [part for row in self._device_rows() for part in printable.wrapped(row, width, _COLUMN)]
+        column = _NARROW_COLUMN if 0 < width < _ROOMY else _COLUMN
+        devices = [part for row in self._device_rows(column) for part in printable.wrapped(row, width, column)]
         return [*devices, *self.summary().rows_for_screen(min(width or printable.NARROW, printable.NARROW))]
 
     def summary(self) -> Summary:
@@ -173,37 +174,39 @@ class RunReport:
                 return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
         return result
 
-    def _device_rows(self) -> Iterable[Row]:
+    def _device_rows(self, column: int) -> Iterable[Row]:
+        below, start = " " * column, f"<{column - 3}"
         for name, result in self.devices.items():
-            words = printable.below(translate(result["message"]), _COLUMN)
+            words = printable.below(translate(result["message"]), column)
             style = _STYLES.get(ending(result), Style.BAD)
-            yield (f"  {name:<18} ", Styled(words, style), _cost(result))
+            yield (f"  {name:{start}} ", Styled(words, style), _cost(result))
             if result["hint"]:
-                yield f"  {'':<18} {printable.below(translate(result['hint']), _COLUMN)}"
-            yield from self._bill(result)
+                yield f"{below}{printable.below(translate(result['hint']), column)}"
+            yield from self._bill(result, below)
             for item in self.passes:
                 if item.device == name:
                     words = translate(f"second run over {item.bearer}")
-                    yield f"  {'':<18} {words}: {_left(item)}{_cost(item.result)}"
-                    yield from self._bill(item.result)
-            yield from (_note("note", note) for note in result["notes"])
-            yield from (_note("drift", drift["message"]) for drift in result["drift"])
+                    yield f"{below}{words}: {_left(item)}{_cost(item.result)}"
+                    yield from self._bill(item.result, below)
+            yield from (_note("note", note, column) for note in result["notes"])
+            yield from (_note("drift", drift["message"], column) for drift in result["drift"])
         yield from (
-            (f"  {name:<18} ", Styled(translate(f"not rehearsed: {why}"), Style.WARNING))
+            (f"  {name:{start}} ", Styled(translate(f"not rehearsed: {why}"), Style.WARNING))
             for name, why in self.left_out.items()
         )
         for name, kind in self.not_handled.items():
             words = translate(f"not handled yet ({kind.replace('_', ' ')})")
-            yield (f"  {name:<18} ", Styled(words, Style.WARNING))
+            yield (f"  {name:{start}} ", Styled(words, Style.WARNING))
         if self.rehearsed and self.verbose:
             yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
 
-    def _bill(self, result: Mapping[str, Any]) -> Iterable[Row]:
-        return (f"  {'':<18} {translate(line)}" for line in cost_lines(result, rehearsed=self.rehearsed))
+    def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[Row]:
+        return (f"{below}{translate(line)}" for line in cost_lines(result, rehearsed=self.rehearsed))
 
 
-_COLUMN = 21
-"""Where what is told of a device begins."""
+_COLUMN, _NARROW_COLUMN = 21, 4
+"""Where what is told of a device begins; the second on a terminal that is less than `_ROOMY` columns wide."""
+_ROOMY = 60
 _STYLES = {
     DeviceEnd.CHANGED: Style.GOOD,
     DeviceEnd.UNCHANGED: Style.GOOD,
@@ -214,10 +217,10 @@ _STYLES = {
 }
 
 
-def _note(label: str, message: str) -> Row:
-    words = printable.below(translate(message), _COLUMN)
+def _note(label: str, message: str, column: int) -> Row:
+    words = printable.below(translate(message), column)
     style = Style.WARNING if message.startswith("WARN: ") else None
-    return (f"  {'':<18} {translate(label)}: ", Styled(words, style) if style is not None else words)
+    return (f"{'':<{column}}{translate(label)}: ", Styled(words, style) if style is not None else words)
 
 
 def _without_plan(result: Mapping[str, Any]) -> bool:

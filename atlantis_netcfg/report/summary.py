@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _AGAIN = "remove the cause, then type the same command again"
 """What to do where whoever failed had no better advice."""
+_STOPPED = "type the same command again to go on"
 WIDTH = 80
 """Columns that the last lines take at most: those of the narrowest usual terminal."""
 _LABEL = 10
@@ -90,8 +91,8 @@ _BAD = {
     DeviceEnd.ROLLED_BACK: ("ROLLED BACK", "{device} is as it was before", "{count} devices are as they were before"),
     DeviceEnd.NOT_REACHED: (
         "NOT REACHED",
-        "{device} did not answer, and was not changed",
-        "{count} devices did not answer, and were not changed",
+        "no session with {device}, which was not changed",
+        "no session with {count} devices, which were not changed",
     ),
     DeviceEnd.UNKNOWN: (
         "UNKNOWN",
@@ -159,7 +160,7 @@ class Summary:
         if self.limits:
             lines += _labelled("limits", translate(_limits(self.limits)), width)
         if self.next_command:
-            lines += _labelled("next", self.next_command, width)
+            lines.append(_command(self.next_command))
         if self.record:
             lines += _labelled("record", self.record, width)
         return lines
@@ -259,8 +260,8 @@ class Summary:
         if name:
             result = self.results[name]
             yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, _REASON_LINES)
-            hint = result["hint"] or _AGAIN
-            yield from _labelled("do", translate(hint), width, _REASON_LINES)
+            hint = result["hint"] or (_STOPPED if self.stopped_by else _AGAIN)
+            yield from _advice(translate(hint), width)
         elif self.warned:
             first = self.warned[0]
             words = translate(warnings(self.results[first])[0])
@@ -305,8 +306,33 @@ def _labelled(label: str, text: str, width: int, most: int = 0) -> Iterator[Row]
     if most and len(lines) > most:
         lines = [*lines[: most - 1], _cut(lines[most - 1], room)]
     for place, line in enumerate(lines):
-        shown = translate(label) if place == 0 else ""
-        yield (Styled(f"{shown:<{_LABEL - 1}} ", Style.QUIET), line)
+        yield _label("" if place else label), line
+
+
+def _command(typed: str) -> Row:
+    """What to type next, on one line however long it is: a command with a line end in it cannot be copied."""
+    return _label("next"), typed
+
+
+def _label(label: str) -> Styled:
+    return Styled(f"{translate(label) if label else '':<{_LABEL - 1}} ", Style.QUIET)
+
+
+_COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
+
+
+def _advice(hint: str, width: int) -> Iterator[Row]:
+    """What to do; a command in it that would be cut off stands on a line of its own, so that it can be typed."""
+    text = re.sub(r"\s+", " ", hint).strip()
+    command = _COMMAND.search(text)
+    whole = sum(1 for _ in _labelled("do", text, width)) <= _REASON_LINES
+    if whole or command is None:
+        yield from _labelled("do", text, width, _REASON_LINES)
+        return
+    before = text[: command.start()].rstrip(" ,;:`")
+    if before:
+        yield from _labelled("do", f"{before}:", width, _REASON_LINES)
+    yield _command(command[1])
 
 
 def _cut(line: str, room: int) -> str:

@@ -14,6 +14,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import DeviceObserved, Planned
 from atlantis_netcfg.routeros._types import Verb, is_bare
+from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._change import change, missing, safe_mode_first
 from atlantis_netcfg.routeros.apply._contact import Contact, fitted
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
@@ -167,7 +168,8 @@ async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
         return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
     except NetcfgError as failure:
         if mode in _READING:
-            return work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
+            result = work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
+            return replace(result, reached=not isinstance(failure, Unreachable))
         return await settle(work, failure)
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:

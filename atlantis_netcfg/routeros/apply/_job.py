@@ -228,6 +228,8 @@ class DeviceResult:
     """The first and the last look at the byte counters of the job's ports, as far as it came."""
     busy: str = ""
     """Who is at work on the device besides this run, or what is left of them; empty: nobody was seen."""
+    reached: bool = True
+    """Whether a session with it came about, or nobody tried."""
     left_open: bool = False
     """The device may still hold safe mode or a job of this run, though nothing was changed."""
     fault: BaseException | None = field(default=None, compare=False)
@@ -237,7 +239,7 @@ class DeviceResult:
         """The result as JSON-able data."""
         return {
             "status": self.status.value,
-            "reached": not self.sessions or self.facts is not None or self.received > 0,
+            "reached": self.reached,
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import ActionsConfirmed, NoJournal, Unrolled
 from atlantis_netcfg.routeros._types import Observed, Verb
-from atlantis_netcfg.routeros.api import Refused, SessionLost
+from atlantis_netcfg.routeros.api import Refused, SessionLost, Unreachable
 from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionChoice, safe_mode_of
@@ -38,7 +38,7 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
         free = await let_go(work) and await _stood_down(work)
         hint = reason.hint if free else _stale(work)
         result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
-        return replace(result, left_open=not free)
+        return replace(result, left_open=not free, reached=not isinstance(reason, Unreachable))
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.journal import NoJournal, Released
+from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply import Channel, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
@@ -229,9 +230,9 @@ class _WayBack:
     def _untouched(self, end: End) -> DeviceResult:
         if not end.actions:
             return end.unchanged()
-        return end.result(
-            Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=getattr(self.reason, "hint", None)
-        )
+        hint = getattr(self.reason, "hint", None)
+        result = end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
+        return replace(result, reached=not isinstance(self.reason, Unreachable))
 
     def _unknown(self, end: End) -> DeviceResult:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached

@@ -107,6 +107,12 @@ def run(
     return subprocess.CompletedProcess(["provision", *arguments], status, *printed)
 
 
+def start(arguments: Sequence[str], env: Mapping[str, str], terminal: int, folder: Path) -> Process:
+    """Start a command line in a folder; its standard streams are all a terminal."""
+    request = _Request("atlantis_netcfg.cli", list(arguments), dict(env), folder=str(folder))
+    return _start(request, terminal, terminal, terminal)
+
+
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:
     """Start the twins of `spec`, as `emulator.routeros.spawn` does; they end when their standard input does."""
     file, log = state_dir / "site.json", state_dir / "twins.log"

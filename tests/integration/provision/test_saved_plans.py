@@ -1,0 +1,154 @@
+"""A plan that is saved and carried out later: that plan and no other, or nothing."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+import preforked
+import pytest
+from quay import ROUTER, Quay, quay
+from terminal import terminal
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+@pytest.fixture
+def plan(at: Quay, tmp_path: Path) -> Path:
+    file = tmp_path / "coastal.plan"
+    done = at.provision("site=coastal", "--plan", "--save", str(file), code=2)
+    assert f"next      provision apply file={file}" in done.stdout
+    return file
+
+
+def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, plan: Path) -> None:
+    assert plan.stat().st_mode & 0o777 == 0o600
+    assert "+ add address=10.64.1.1/24" in json.loads(plan.read_text())["text"]
+    told = at.json("apply", f"file={plan}", "--yes", code=0)
+    assert told["devices"][ROUTER]["status"] == "changed"
+    assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+
+
+def test_it_is_refused_when_the_device_has_moved_on(at: Quay, plan: Path) -> None:
+    at.do("console", words=["/system/identity/set", "=name=somebody-was-here"])
+    before = at.export()
+    done = at.provision("apply", f"file={plan}", "--yes", code=4)
+    assert f"what would be done on {ROUTER} is no longer what the saved plan says" in done.stderr
+    assert at.export() == before
+
+
+def test_it_is_refused_once_it_was_carried_out(at: Quay, plan: Path) -> None:
+    at.provision("apply", f"file={plan}", "--yes", code=0)
+    after = at.export()
+    done = at.provision("apply", f"file={plan}", "--yes", code=4)
+    assert "is no longer what the saved plan says" in done.stderr
+    assert at.export() == after
+
+
+def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -> None:
+    before = at.export()
+    file = at.inventory / "group_vars" / "all" / "pilot.yml"
+    file.write_text(file.read_text() + "\n# a word\n")
+    done = at.provision("apply", f"file={plan}", "--yes", code=3)
+    assert "the declaration has changed since the plan" in done.stderr
+    again = re.search(r"`provision (site=coastal --plan --save \S+)`", " ".join(done.stderr.split()))
+    assert again is not None
+    assert at.export() == before
+    at.provision(*again[1].split(), code=2)
+    at.provision("apply", f"file={plan}", "--yes", code=0)
+
+
+def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay, plan: Path) -> None:
+    before = at.export()
+    assert "--yes" in at.provision("apply", f"file={plan}", code=3).stderr
+    assert at.export() == before
+    assert "not agreed, so nothing was changed" in at.typed("apply", f"file={plan}", answer="no", code=4)
+    assert at.export() == before
+    assert "[OK] DONE" in at.typed("apply", f"file={plan}", answer="yes", code=0)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[]", '{"format": "atlantis-plan-1"}', '{"format": "atlantis-plan-2", "site": "coastal"}', "\xff"],
+)
+def test_what_is_no_saved_plan_is_refused_and_not_written_over(at: Quay, tmp_path: Path, text: str) -> None:
+    file = tmp_path / "x"
+    file.write_text(text, encoding="latin-1")
+    assert "is not a saved plan" in at.provision("apply", f"file={file}", code=3).stderr
+    done = at.provision("site=coastal", "--plan", "--save", str(file), code=3)
+    assert "it is not a saved plan" in done.stderr
+    assert file.read_text(encoding="latin-1") == text
+
+
+def test_an_edited_plan_is_not_carried_out(at: Quay, plan: Path) -> None:
+    before = at.export()
+    kept = json.loads(plan.read_text())
+    for edit in (
+        {"plans": {ROUTER: "0" * 64}},
+        {"plans": {}},
+        {"plans": {ROUTER: 1}},
+        {"rehearsed": "no"},
+        {"only": None},
+    ):
+        plan.write_text(json.dumps({**kept, **edit}))
+        assert at.provision(
+            "apply", f"file={plan}", "--yes", code=3 if "plans" not in edit or 1 in edit["plans"].values() else 4
+        ).stderr
+    assert at.export() == before
+
+
+def test_a_plan_in_which_a_device_is_missing_is_not_kept(at: Quay, tmp_path: Path) -> None:
+    at.door.port = 0
+    done = at.provision("site=coastal", "--plan", "--save", str(tmp_path / "x"), code=4)
+    assert not (tmp_path / "x").exists()
+    assert "provision apply" not in done.stdout
+
+
+def test_flags_of_a_plan_need_a_plan(at: Quay, tmp_path: Path) -> None:
+    before = at.export()
+    assert "add `--plan`" in at.provision("site=coastal", "--save", str(tmp_path / "x"), "--yes", code=3).stderr
+    assert "add `--plan`" in at.provision("site=coastal", "--summary", "--yes", code=3).stderr
+    done = at.provision("site=coastal", "--plan", "--save", str(tmp_path / "no" / "x"), code=3)
+    assert "there is no folder" in done.stderr
+    assert at.export() == before
+
+
+def test_a_summary_has_the_cost_without_the_rows(at: Quay) -> None:
+    done = at.provision("site=coastal", "--plan", "--summary", code=2)
+    assert "179 changes over lan" in done.stdout
+    assert "+ add" not in done.stdout
+    assert "plan      149 rows to add, 30 to change, 0 to remove" in done.stdout
+
+
+def test_a_long_plan_goes_through_a_pager_on_a_terminal(at: Quay) -> None:
+    for pager, pages in (("less", True), ("cat", False), ("no-such-pager-anywhere", False)):
+        environment = {**at.environment(), "TERM": "xterm", "PAGER": pager}
+        with terminal() as seen:
+            seen.press("q" if pages else "")
+            words = ["site=coastal", f"only={ROUTER}", f"inventory={at.inventory}", "--plan"]
+            assert preforked.start(words, environment, seen.descriptor, at.inventory.parent).wait(60) == 2
+        text = "\n".join(seen.lines)
+        assert "[~] PLANNED: 1 device would change" in text
+        assert ("/ip firewall filter" in text) is not pages, pager  # a person has left at the first page
+        assert "/system clock" in text
+        assert b"\x1b[32;1m+ set name=coastal-router" in seen.raw
+
+
+def test_a_rehearsed_plan_is_carried_out_in_a_rehearsal_alone(at: Quay, tmp_path: Path) -> None:
+    file, before = tmp_path / "x", at.export()
+    at.provision("site=coastal", "--plan", "--rehearse", "--save", str(file), code=2)
+    done = at.provision("apply", f"file={file}", code=0)
+    assert "[OK] REHEARSED: emulated devices were changed as declared, and read back" in done.stdout
+    assert "next      provision check site=coastal" in done.stdout
+    assert at.export() == before
