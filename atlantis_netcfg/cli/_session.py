@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shlex
@@ -248,8 +249,8 @@ class CommandSession:
     def change(self, *, ask: bool, saved: Mapping[str, str] | None = None) -> RunReport:
         """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out.
 
-        `saved`: device name to the hash of a plan that was saved. What is to be done now has to be the same. Raises
-        PlanOutdated.
+        `saved`: device name to the `planned_state` of a plan that was saved. What is to be done now has to be the
+        same. Raises PlanOutdated.
         """
         if not ask and saved is None:
             report = self.perform(Mode.APPLY)
@@ -259,7 +260,7 @@ class CommandSession:
         planned = self.plan()
         plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
         if saved is not None:
-            _refuse_outdated(planned, plans, saved)
+            _refuse_outdated(planned, saved)
         if worst(self._plannable(planned)) is not ExitCode.CHANGES:
             return planned
         if not ask:
@@ -374,7 +375,14 @@ class PlanOutdated(DeviceFailed):
     """A saved plan is not what would be done now: the devices have moved on, and none was changed."""
 
 
-def _refuse_outdated(planned: RunReport, plans: Mapping[str, str], saved: Mapping[str, str]) -> None:
+def planned_state(result: Mapping[str, Any]) -> str:
+    """A device's plan together with what was found there: the old values of rows count, as a person saw them."""
+    seen = hashlib.sha256(str(result["diff"]).encode()).hexdigest()
+    return f"{result['plan_hash']}:{seen}"
+
+
+def _refuse_outdated(planned: RunReport, saved: Mapping[str, str]) -> None:
+    plans = {name: planned_state(row) for name, row in planned.devices.items()}
     silent = [name for name, row in planned.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
     other = [name for name in dict.fromkeys((*saved, *plans)) if saved.get(name) != plans.get(name)]
     moved = [name for name in other if name not in silent]

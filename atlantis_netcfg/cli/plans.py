@@ -105,6 +105,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
     import shlex
 
     from atlantis_netcfg.cli._output import carried
+    from atlantis_netcfg.cli._session import planned_state
     from atlantis_netcfg.core.paths import write_private
 
     if report.exit is not ExitCode.CHANGES:
@@ -118,7 +119,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
         "offline": str(opened.offline) if opened.offline is not None else None,
         "rehearsed": opened.rehearsed,
         "revision": opened.declaration.revision,
-        "plans": {name: str(result["plan_hash"]) for name, result in report.devices.items()},
+        "plans": {name: planned_state(result) for name, result in report.devices.items()},
         "text": report.plan_as_text(),
     }
     try:

@@ -62,7 +62,7 @@ def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -
     file.write_text(file.read_text() + "\n# a word\n")
     done = at.provision("apply", f"file={plan}", "--yes", code=3)
     assert "the declaration has changed since the plan" in done.stderr
-    again = re.search(r"`provision (site=coastal --plan --save \S+)`", " ".join(done.stderr.split()))
+    again = re.search(r"`provision (site=coastal --plan --save [^`]+)`", " ".join(done.stderr.split()))
     assert again is not None
     assert at.export() == before
     at.provision(*again[1].split(), code=2)
