@@ -34,6 +34,8 @@ DOCTOR = CommandSpec(
 _WIDTH = 80
 _WORD = 4
 """Columns of a verdict; INCONCLUSIVE is longer."""
+_LABEL = 5
+"""Columns of `do:` and `type:`."""
 _NAME = 19
 """Columns of an item's name; a longer one has a line of its own."""
 
@@ -43,10 +45,14 @@ def run_doctor(arguments: Arguments) -> ExitCode:
     import json
     from pathlib import Path
 
-    from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths, printable
-    from atlantis_netcfg.operations.doctor import examine
 
+    try:
+        from atlantis_netcfg.cli._passphrase import vault_of
+        from atlantis_netcfg.operations.doctor import examine
+    except ImportError as error:
+        _refuse_drift(error)
+        raise
     named = arguments.optional("inventory")
     diagnosis = examine(
         Path(named) if named else paths.checkout() / "inventory",
@@ -59,6 +65,18 @@ def run_doctor(arguments: Arguments) -> ExitCode:
     else:
         printable.show(_rows(diagnosis, arguments), sys.stdout)
     return diagnosis.exit
+
+
+def _refuse_drift(error: ImportError) -> None:
+    """Raise UsageError where a package that this command itself needs is missing from `.venv`, or is another one."""
+    from atlantis_netcfg.core import packages, paths
+    from atlantis_netcfg.core.errors import UsageError
+
+    if wrong := packages.drift_of(paths.checkout()):
+        raise UsageError(
+            f"the packages in .venv are not as pinned: {packages.listed(wrong)}",
+            hint=f"type `{packages.RESTORE}` in {paths.checkout()}; the next start brings them back, from the index",
+        ) from error
 
 
 def _rows(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
@@ -96,10 +114,12 @@ def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
         yield "  ", _verdict(item), f" {name:<{_NAME}} {first}"
     for line in more:
         yield f"{'':<{column}}{line}"
-    for line in _wrapped(translate(item.hint), column) if item.hint else ():
-        yield f"{'':<{column}}{line}"
+    word = translate("do:")
+    for line in _wrapped(translate(item.hint), 7 + _LABEL + 1) if item.hint else ():
+        yield f"{'':<7}{word:<{_LABEL}} {line}"
+        word = ""
     for command in _typed(item.commands, arguments):
-        yield f"{'':<7}{translate('type:')} {command}"
+        yield f"{'':<7}{translate('type:'):<{_LABEL}} {command}"
 
 
 def _wrapped(text: str, column: int) -> list[str]:

@@ -11,12 +11,10 @@ import platform
 import re
 import shutil
 from dataclasses import dataclass
-from importlib import metadata
 from typing import TYPE_CHECKING
 
-from packaging.markers import Marker
-
 from atlantis_netcfg.bundle import manifest
+from atlantis_netcfg.core import packages
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.image import ext4
@@ -30,8 +28,6 @@ _NEEDED = (3, 11)
 """As `requires-python` of pyproject.toml has it (a test holds the two together)."""
 _TRIED = {"debian": (12,), "ubuntu": (24, 4)}
 """The oldest release of each system that the first-run page names."""
-_SHOWN = 3
-"""Packages that are named; the others are counted."""
 
 
 def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
@@ -50,38 +46,17 @@ def judge_python(version: str) -> DoctorItem:
     return _item("Python", Verdict.PASS, version)
 
 
-def pinned_packages(lock_file: str) -> dict[str, str]:
-    """Name and version of each package that this computer gets by a lock file, as `requirements/run.txt` is written."""
-    lines = re.findall(r"^([A-Za-z0-9][^\s=]*)==([^\s;\\]+)[ \t]*(?:;([^\\\n]+))?", lock_file, re.MULTILINE)
-    return {name: version for name, version, marker in lines if not marker.strip() or Marker(marker).evaluate()}
-
-
-def installed_version(name: str) -> str | None:
-    """The version in this environment; None where the package is missing."""
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return None
-
-
 def judge_packages(pins: Mapping[str, str], installed: Callable[[str], str | None]) -> DoctorItem:
     """Whether `.venv` is as it was made: somebody may have installed or removed something in it since."""
-    found = {name: installed(name) for name in pins}
-    wrong = [
-        f"{name} is missing" if found[name] is None else f"{name} is {found[name]}, pinned is {version}"
-        for name, version in pins.items()
-        if found[name] != version
-    ]
-    core = found.get("ansible-core")
+    wrong = packages.drift(pins, installed)
     if not wrong:
-        return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {core}")
-    more = f"; and {len(wrong) - _SHOWN} more" if len(wrong) > _SHOWN else ""
+        return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {pins.get('ansible-core')}")
     return _item(
         "packages",
         Verdict.FAIL,
-        f"{'; '.join(wrong[:_SHOWN])}{more}",
+        packages.listed(wrong),
         "the next start brings them back, from the package index, after:",
-        ["rm .venv/run.stamp"],
+        [packages.RESTORE],
     )
 
 
@@ -125,13 +100,13 @@ def judge_programs(need: ProgramNeed, found: Callable[[str], bool]) -> DoctorIte
     missing = [program for program in need.packages if not found(program)]
     if not missing:
         return _item(need.name, Verdict.PASS, ", ".join(need.packages))
-    packages = " ".join(dict.fromkeys(need.packages[program] for program in missing))
+    debian = " ".join(dict.fromkeys(need.packages[program] for program in missing))
     only = "needed for" if need.needed else "only for"
     return _item(
         need.name,
         Verdict.FAIL if need.needed else Verdict.SKIP,
         f"missing: {', '.join(missing)}; {only} {need.purpose}",
-        commands=[f"sudo apt install {packages}"],
+        commands=[f"sudo apt install {debian}"],
     )
 
 
@@ -148,12 +123,12 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
     if not root:
         return _item(name, Verdict.SKIP, "routers only; gateways are rehearsed as root, with `sudo`")
     if missing:
-        packages = " ".join(missing)
+        debian = " ".join(missing)
         return _item(
             name,
             Verdict.SKIP,
-            f"routers only; for gateways are missing: {packages}",
-            commands=[f"sudo apt install {packages}"],
+            f"routers only; for gateways are missing: {debian}",
+            commands=[f"sudo apt install {debian}"],
         )
     return _item(name, Verdict.PASS, "routers and gateways: what real systems need is installed")
 
@@ -161,9 +136,9 @@ def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorI
 def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
     """Look at this computer; `root` is the checkout."""
     yield judge_python(platform.python_version())
-    lock = root / "requirements" / "run.txt"
+    lock = root / packages.LOCK
     if lock.is_file():
-        yield judge_packages(pinned_packages(lock.read_text(encoding="utf-8")), installed_version)
+        yield judge_packages(packages.pinned_packages(lock.read_text(encoding="utf-8")), packages.installed_version)
     else:
         yield _item("packages", Verdict.SKIP, "no requirements/run.txt beside the program: it was installed otherwise")
     yield judge_system(_os_release())

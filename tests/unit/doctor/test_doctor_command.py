@@ -91,7 +91,7 @@ def test_the_worst_item_ends_it(capsys: pytest.CaptureFixture[str], monkeypatch:
         "  WARN default route       it was measured\n"
         "       type: sudo ip route del default\n"
         "  FAIL address             it was measured\n"
-        "                           do this\n"
+        "       do:   do this\n"
         "       type: sudo ip address add 192.0.2.7/24 dev eth0\n"
         "\n"
         "FAIL: 1 FAIL, 1 WARN, 1 PASS\n"

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from laptop_network import lines
 
+from atlantis_netcfg.core import packages
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.declaration import Declaration, load
@@ -46,9 +47,9 @@ ruamel.yaml==0.18.1 ; sys_platform == "linux" \\
 
 
 def test_pins_are_those_of_this_computer() -> None:
-    assert software.pinned_packages(LOCK) == {"ansible-core": "2.19.14", "ruamel.yaml": "0.18.1"}
+    assert packages.pinned_packages(LOCK) == {"ansible-core": "2.19.14", "ruamel.yaml": "0.18.1"}
     shipped = (checkout() / "requirements" / "run.txt").read_text(encoding="utf-8")
-    assert len(software.pinned_packages(shipped)) > 30
+    assert len(packages.pinned_packages(shipped)) > 30
 
 
 @pytest.mark.parametrize(
@@ -76,7 +77,7 @@ def test_pins_are_those_of_this_computer() -> None:
         ),
     ],
 )
-def test_packages(installed: dict[str, str], expected: list[str]) -> None:
+def test_the_packages(installed: dict[str, str], expected: list[str]) -> None:
     pins = {"ansible-core": "2.19.14", "b": "1", "c": "1", "d": "1"}
     assert lines(software.judge_packages(pins, installed.get)) == expected
 
