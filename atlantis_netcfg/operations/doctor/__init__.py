@@ -9,6 +9,8 @@ router of the site that was named, by one TLS connection without a login.
 
 from __future__ import annotations
 
+import os
+import pwd
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,31 +44,23 @@ if TYPE_CHECKING:
 __all__ = ["Diagnosis", "DoctorItem", "DoctorSection", "examine"]
 
 
-def examine(
-    inventory: Path,
-    site: str | None,
-    *,
-    via: str | None = None,
-    decrypt: Callable[[str], str],
-    authority: Path | None = None,
-) -> Diagnosis:
+def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Callable[[str], str]) -> Diagnosis:
     """Look at everything. Raises NothingMatched and UsageError for a word that means nothing here.
 
-    `decrypt` opens a value of the inventory's vault, and may ask for its password. `authority`: folder of the VPN's
-    authority; None: the usual one.
+    `decrypt` opens a value of the inventory's vault, and may ask for its password.
     """
     declaration, invalid = _declaration(inventory)
     hosts = _hosts(declaration, site)
     state, homeless = _state()
     read = read_runs(Store(state) if state is not None else None, site)
-    folder = authority or (state / "vpn" if state is not None else None)
+    authority = state / "vpn" if state is not None else None
     items = [*software_items(paths.checkout(), computers=any(map(is_computer, hosts)))]
-    items += clock_items(paths.checkout(), read.runs, folder)
+    items += clock_items(paths.checkout(), read.runs, authority)
     items += _way_items(declaration, site, via, state)
     items += [invalid] if invalid is not None else []
     if declaration is not None and state is not None:
         items += key_items(declaration, hosts, decrypt, Store(state).pins, _home())
-    items += [authority_item(folder)] if folder is not None else []
+    items += [authority_item(authority)] if authority is not None else []
     items += [homeless] if homeless is not None else []
     items += folder_items(state, paths.checkout(), read) if state is not None else ()
     return Diagnosis(tuple(items), site, _follows(declaration, site))
@@ -101,9 +95,10 @@ def _state() -> tuple[Path | None, DoctorItem | None]:
 
 
 def _home() -> Path:
+    """The home on record, where OpenSSH looks for keys, whatever `$HOME` says."""
     try:
-        return Path.home()
-    except RuntimeError:  # no home on record: then no key is in it
+        return Path(pwd.getpwuid(os.geteuid()).pw_dir)
+    except KeyError:  # then no key is in it
         return Path("/nonexistent")
 
 

@@ -185,9 +185,10 @@ def agent_keys() -> str:
     return _printed(["ssh-add", "-L"]) if os.environ.get("SSH_AUTH_SOCK") else ""
 
 
-def in_known_hosts(name: str) -> bool:
+def in_known_hosts(name: str, home: Path) -> bool:
     """Whether OpenSSH knows a host key under the name of the host."""
-    return any(_printed(["ssh-keygen", "-F", name, *where]) for where in ((), ("-f", "/etc/ssh/ssh_known_hosts")))
+    files = (home / ".ssh" / "known_hosts", home / ".ssh" / "known_hosts2", Path("/etc/ssh/ssh_known_hosts"))
+    return any(_printed(["ssh-keygen", "-F", name, "-f", str(file)]) for file in files if file.is_file())
 
 
 def known_devices_item(
@@ -255,4 +256,4 @@ def key_items(
                 yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
             else:
                 yield keys_item(host.name, host.device.image.ssh_keys, keys)
-    yield known_devices_item(declaration, hosts, pins, in_known_hosts)
+    yield known_devices_item(declaration, hosts, pins, lambda name: in_known_hosts(name, home))

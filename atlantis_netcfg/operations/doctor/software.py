@@ -90,6 +90,7 @@ def program_needs(*, computers: bool) -> tuple[ProgramNeed, ...]:
         ProgramNeed("network tools", {"ip": "iproute2"}, "looking at this laptop's network", needed=True),
         ProgramNeed("OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN's server", needed=computers),
         ProgramNeed("ping", {"ping": "iputils-ping"}, "items of the checklist that are asked from this laptop"),
+        ProgramNeed("for the VPN", {"openvpn": "openvpn"}, "reaching the sites through the VPN from this laptop"),
         ProgramNeed("for card images", ext4.PROGRAMS, "the images of a gateway's card"),
         ProgramNeed("for bundles", manifest.MAKERS, "bundles for gateways without internet"),
     )

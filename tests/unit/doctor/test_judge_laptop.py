@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import tomllib
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -10,6 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ed25519
+from cryptography.x509.oid import NameOID
 from laptop_network import lines
 
 from atlantis_netcfg.core import packages
@@ -213,6 +218,27 @@ def test_the_clock_is_compared_with_the_latest_run(tmp_path: Path) -> None:
     assert (item.verdict, "is before the latest run" in item.measured) == ("FAIL", True)
 
 
+def test_the_clock_is_compared_with_the_newest_commit(tmp_path: Path) -> None:
+    assert clock._commit(tmp_path) is None
+    who = ["-c", "user.name=a", "-c", "user.email=a@example.org", "-c", "commit.gpgsign=false"]
+    for words in (["init", "-q"], [*who, "commit", "-q", "--allow-empty", "-m", "x"]):
+        when = {"GIT_COMMITTER_DATE": "2031-02-03T04:05:06Z", "GIT_CONFIG_GLOBAL": "/dev/null"}
+        subprocess.run(["git", "-C", str(tmp_path), *words], check=True, env={**os.environ, **when})
+    assert clock._commit(tmp_path) == datetime(2031, 2, 3, 4, 5, 6, tzinfo=UTC)
+
+
+def test_the_clock_is_compared_with_the_authority(tmp_path: Path) -> None:
+    key = ed25519.Ed25519PrivateKey.generate()
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "CA")])
+    begins, ends = datetime(2027, 1, 1, tzinfo=UTC), datetime(2037, 1, 1, tzinfo=UTC)
+    made = x509.CertificateBuilder(name, name, key.public_key(), 1, begins, ends).sign(key, None)
+    (tmp_path / "ca.crt").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    assert clock._authority_dates(tmp_path) == (begins, ends)
+    (tmp_path / "ca.crt").write_text("damaged")
+    assert clock._authority_dates(tmp_path) == (None, None)
+    assert clock._authority_dates(None) == (None, None)
+
+
 # --- keys ---------------------------------------------------------------------------------------------------------
 
 FIRST = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
@@ -263,6 +289,16 @@ def test_a_public_half_alone_opens_nothing(home: Path) -> None:
         "FAIL SSH key for gw: none of its 1 declared keys is in ~/.ssh, or in the agent",
         "  work on a laptop that has one, or add yours to `ssh_keys` in host_vars/gw.yml",
     ]
+
+
+def test_known_hosts_are_those_of_openssh(home: Path) -> None:
+    assert not keys.in_known_hosts("coastal-gateway", home)
+    file = home / ".ssh" / "known_hosts"
+    file.write_text(f"coastal-gateway {FIRST}\n")
+    subprocess.run(["ssh-keygen", "-q", "-H", "-f", str(file)], check=True, capture_output=True)
+    assert "coastal" not in file.read_text()
+    assert keys.in_known_hosts("coastal-gateway", home)
+    assert not keys.in_known_hosts("te4sea-gateway", home)
 
 
 def test_password_files_are_those_of_ansible(home: Path) -> None:
