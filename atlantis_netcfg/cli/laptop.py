@@ -80,10 +80,12 @@ def _refuse_drift(error: ImportError) -> None:
 
 
 def _rows(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
+    from atlantis_netcfg import __version__
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.core.printable import Style, Styled
     from atlantis_netcfg.operations.doctor import DoctorSection
 
+    yield translate(f"provision {__version__} looks at this laptop and changes nothing")
     for section in DoctorSection:
         if items := [item for item in diagnosis.items if item.section is section]:
             yield Styled(translate(section.value), Style.TITLE)

@@ -56,14 +56,13 @@ def room_needs(state: Path, cache: Path) -> tuple[RoomNeed, ...]:
 def judge_room(need: RoomNeed, free: int) -> DoctorItem:
     """Whether that is enough."""
     shown = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
-    measured = f"{shown} free at {need.place}"
     if free < need.fail:
-        return _item(need.name, Verdict.FAIL, f"{measured}, for {need.purpose}", "delete what you need no more")
+        measured = f"{shown} free at {need.place}, for {need.purpose}"
+        return _item(need.name, Verdict.FAIL, measured, "delete what you need no more")
     if free < need.warn:
-        return _item(
-            need.name, Verdict.WARN, f"{measured}; {need.warn / 1e9:.1f} GB are good for {need.purpose}", "make room"
-        )
-    return _item(need.name, Verdict.PASS, measured)
+        measured = f"{shown} free at {need.place}; {need.warn / 1e9:.1f} GB are good for {need.purpose}"
+        return _item(need.name, Verdict.WARN, measured, "make room")
+    return _item(need.name, Verdict.PASS, f"{shown} free at {need.place}")
 
 
 def _standing(place: Path) -> Path:

@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import shutil
+import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,11 +22,12 @@ from atlantis_netcfg.image import ext4
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
 _NEEDED = (3, 11)
 """As `requires-python` of pyproject.toml has it (a test holds the two together)."""
+_PATIENCE_S = 5.0
 _TRIED = {"debian": (12,), "ubuntu": (24, 4)}
 """The oldest release of each system that the first-run page names."""
 
@@ -96,19 +98,33 @@ def program_needs(*, computers: bool) -> tuple[ProgramNeed, ...]:
     )
 
 
-def judge_programs(need: ProgramNeed, found: Callable[[str], bool]) -> DoctorItem:
-    """What is missing is a fault only where the site needs it."""
+def judge_programs(need: ProgramNeed, found: Callable[[str], bool], versions: Mapping[str, str]) -> DoctorItem:
+    """What is missing is a fault only where the site needs it; `versions` are those of Debian packages."""
     missing = [program for program in need.packages if not found(program)]
     if not missing:
-        return _item(need.name, Verdict.PASS, ", ".join(need.packages))
-    debian = " ".join(dict.fromkeys(need.packages[program] for program in missing))
-    only = "needed for" if need.needed else "only for"
-    return _item(
-        need.name,
-        Verdict.FAIL if need.needed else Verdict.SKIP,
-        f"missing: {', '.join(missing)}; {only} {need.purpose}",
-        commands=[f"sudo apt install {debian}"],
-    )
+        names = dict.fromkeys(word for package in need.packages.values() for word in package.split())
+        known = [f"{name} {versions[name]}" for name in names if name in versions]
+        return _item(need.name, Verdict.PASS, ", ".join(known or need.packages))
+    commands = [f"sudo apt install {' '.join(dict.fromkeys(need.packages[program] for program in missing))}"]
+    listed = ", ".join(missing)
+    if need.needed:
+        return _item(need.name, Verdict.FAIL, f"missing: {listed}; needed for {need.purpose}", commands=commands)
+    return _item(need.name, Verdict.SKIP, f"missing: {listed}; only for {need.purpose}", commands=commands)
+
+
+def debian_versions(packages: Iterable[str]) -> dict[str, str]:
+    """The versions of Debian packages that are installed; empty where dpkg is not there."""
+    words = ["dpkg-query", "--show", "--showformat=${Package}\t${Version}\n", *packages]
+    if shutil.which(words[0]) is None:
+        return {}
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return {}
+    rows = (line.partition("\t") for line in done.stdout.splitlines())
+    return {name: version for name, _, version in rows if version}
 
 
 def is_installed(program: str) -> bool:
@@ -143,8 +159,12 @@ def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
     else:
         yield _item("packages", Verdict.SKIP, "no requirements/run.txt beside the program: it was installed otherwise")
     yield judge_system(_os_release())
-    for need in program_needs(computers=computers):
-        yield judge_programs(need, is_installed)
+    needs = program_needs(computers=computers)
+    versions = debian_versions(
+        {word for need in needs for package in need.packages.values() for word in package.split()}
+    )
+    for need in needs:
+        yield judge_programs(need, is_installed, versions)
     yield judge_emulation(root=os.geteuid() == 0, missing=lab.missing_packages(), off=lab.OFF in os.environ)
 
 

@@ -115,9 +115,10 @@ def judge_ports(facts: NetworkFacts) -> DoctorItem:
 
 
 def _described(port: LaptopPort) -> str:
-    state = "has a cable" if port.carrier else "sees no cable" if port.up else "is switched off"
-    addresses = ", ".join(map(str, port.addresses))
-    return f"{port.name} {state}" + (f" ({addresses})" if addresses else "")
+    addresses = f" ({', '.join(map(str, port.addresses))})" if port.addresses else ""
+    if not port.up:
+        return f"{port.name} is switched off{addresses}"
+    return f"{port.name} has a cable{addresses}" if port.carrier else f"{port.name} sees no cable{addresses}"
 
 
 def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]:
@@ -238,8 +239,10 @@ def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | Non
     if taken is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", commands=fix)
     if port is None or taken.port != port.name or taken.gateway is not None:
-        expected = "" if port is None or taken.port == port.name else f", and not to {port.name}"
-        return _item("route", Verdict.FAIL, f"{place.address} goes to {_shown(taken)}{expected}", commands=fix)
+        measured = f"{place.address} goes to {_shown(taken)}"
+        if port is not None and taken.port != port.name:
+            measured = f"{place.address} goes to {_shown(taken)}, and not to {port.name}"
+        return _item("route", Verdict.FAIL, measured, commands=fix)
     return _admitted(place, taken, fix)
 
 

@@ -11,6 +11,7 @@ import pytest
 from hints_said import advised
 from laptop_network import Plug, network
 
+from atlantis_netcfg import __version__
 from atlantis_netcfg.cli import laptop, main
 from atlantis_netcfg.cli._arguments import parse
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
@@ -46,7 +47,9 @@ def shown(
 ) -> str:
     monkeypatch.setattr(doctor, "examine", lambda *_, **__: Diagnosis(items, "coastal", follows))
     main(["doctor", "site=coastal"])
-    return capsys.readouterr().out
+    first, _, rest = capsys.readouterr().out.partition("\n")
+    assert first == f"provision {__version__} looks at this laptop and changes nothing"
+    return rest
 
 
 def item(verdict: Verdict, name: str = "address", **more: object) -> DoctorItem:

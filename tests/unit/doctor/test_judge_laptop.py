@@ -110,19 +110,25 @@ def test_the_system(release: str, expected: str) -> None:
 
 def test_a_program_that_is_missing_is_a_fault_where_the_site_needs_it() -> None:
     needs = {need.name: need for need in software.program_needs(computers=True)}
-    ssh = needs["OpenSSH"]
-    assert lines(software.judge_programs(ssh, lambda _: True)) == ["PASS OpenSSH: ssh"]
-    assert lines(software.judge_programs(ssh, lambda _: False)) == [
+    ssh, versions = needs["OpenSSH"], {"openssh-client": "1:9.2p1-2", "other": "1"}
+    assert lines(software.judge_programs(ssh, lambda _: True, versions)) == ["PASS OpenSSH: openssh-client 1:9.2p1-2"]
+    assert lines(software.judge_programs(ssh, lambda _: True, {})) == ["PASS OpenSSH: ssh"]
+    assert lines(software.judge_programs(ssh, lambda _: False, {})) == [
         "FAIL OpenSSH: missing: ssh; needed for gateways and the VPN's server",
         "  sudo apt install openssh-client",
     ]
-    assert lines(software.judge_programs(replace(ssh, needed=False), lambda _: False)) == [
+    assert lines(software.judge_programs(replace(ssh, needed=False), lambda _: False, {})) == [
         "SKIP OpenSSH: missing: ssh; only for gateways and the VPN's server",
         "  sudo apt install openssh-client",
     ]
-    images = software.judge_programs(needs["for card images"], lambda program: program == "mcopy")
+    images = software.judge_programs(needs["for card images"], lambda program: program == "mcopy", {})
     assert images.commands == ("sudo apt install e2fsprogs",)
-    assert not {need.needed for need in software.program_needs(computers=False) if need.name == "OpenSSH"} & {True}
+    (optional,) = [need for need in software.program_needs(computers=False) if need.name == "OpenSSH"]
+    assert not optional.needed
+
+
+def test_versions_are_those_of_debian() -> None:
+    assert software.debian_versions(["dpkg", "no-such-package"]).keys() == {"dpkg"}
 
 
 @pytest.mark.parametrize(
