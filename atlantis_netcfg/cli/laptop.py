@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 
 DOCTOR = CommandSpec(
     "doctor",
-    "look at this laptop: software, clock, network, keys, disk; what to type",
+    "look at this laptop, and say what it lacks for a site",
     words=(Word("site", "also the way from here to this site's router", example="coastal"), VIA, INVENTORY),
     flags=(ASK_VAULT_PASS, JSON),
     details=(
-        "Nothing is changed, on this laptop or elsewhere, and no password is sent.\n"
+        "Nothing is changed, on this laptop or elsewhere, and no password is sent; only\n"
+        "what killed commands have left is removed, as every command does.\n"
         "With `site=` the site's router is contacted, where the way to it is right and\n"
         "not paid by the byte: one TLS connection, its certificate is looked at, and\n"
         "nobody logs in. Encrypted values of the inventory are opened once, so that\n"
