@@ -177,7 +177,8 @@ _PACKAGES = {
     "gpgv": "gpgv",
     "ssh": "openssh-client",
 }
-_MAKERS = ("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv")
+MAKERS = {name: _PACKAGES[name] for name in ("apt-get", "apt-config", "dpkg-deb", "git", "gpg", "gpgv")}
+"""What makes a bundle, and the Debian packages that hold these programs."""
 
 
 def program(name: str) -> str:
@@ -190,7 +191,7 @@ def program(name: str) -> str:
 
 def require_programs() -> None:
     """Hold that what makes a bundle is there, before anything is unpacked or fetched. Raises BundleRefused with all."""
-    missing = [name for name in _MAKERS if shutil.which(name) is None]
+    missing = [name for name in MAKERS if shutil.which(name) is None]
     if missing:
         listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
         packages = " ".join(dict.fromkeys(_PACKAGES[name] for name in missing))

@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.runs:site",
     "apply": "atlantis_netcfg.cli.plans:apply",
     "validate": "atlantis_netcfg.cli.declaration:validate",
+    "doctor": "atlantis_netcfg.cli.laptop:doctor",
     "adopt": "atlantis_netcfg.cli.adopt:adopt",
     "trust": "atlantis_netcfg.cli.adopt:trust",
     "backup": "atlantis_netcfg.cli.devices:backup",

@@ -28,7 +28,12 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
     `$ATLANTIS_STATE`, else `atlantis` under `$XDG_STATE_HOME` (absolute paths only, as the XDG Base Directory
     Specification has it), else under `~/.local/state`.
     """
-    return private_directory(_chosen(os.environ if environ is None else environ))
+    return private_directory(state_place(environ))
+
+
+def state_place(environ: Mapping[str, str] | None = None) -> Path:
+    """Where the state directory is or would be: nothing is made. UsageError when there is no place for it."""
+    return _chosen(os.environ if environ is None else environ)
 
 
 def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
@@ -36,13 +41,19 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
 
     `atlantis` under `$XDG_CACHE_HOME` (absolute paths only), else under `~/.cache`.
     """
+    place = cache_place(environ)
+    try:
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"no place to keep the cache: {place.parent}: {error.strerror}", hint=_CACHE_HINT) from error
+    return place
+
+
+def cache_place(environ: Mapping[str, str] | None = None) -> Path:
+    """Where the cache is or would be: nothing is made. UsageError when there is no place for it."""
     known = os.environ if environ is None else environ
     cache_home = Path(known.get("XDG_CACHE_HOME", ""))
     home = cache_home if cache_home.is_absolute() else _home(known, "the cache", _CACHE_HINT) / ".cache"
-    try:
-        (home / "atlantis").mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"no place to keep the cache: {home}: {error.strerror}", hint=_CACHE_HINT) from error
     return home / "atlantis"
 
 

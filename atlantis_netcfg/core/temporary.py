@@ -69,6 +69,24 @@ def remove_orphans(*places: Path) -> tuple[Path, ...]:
     return (*folders, *sockets)
 
 
+def remaining() -> tuple[Path, ...]:
+    """Folders of this user that are dead and could not be removed; those of running processes are not among them."""
+    every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir())))
+    return tuple(path for place in every for path in _named(_MARKED, place) if _is_dead(path))
+
+
+def _is_dead(path: Path) -> bool:
+    """Whether a folder is of this user, and nobody has locked it."""
+    with suppress(OSError):
+        lock = os.open(path, _OPEN)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            return os.fstat(lock).st_uid == os.geteuid()
+        finally:
+            os.close(lock)
+    return False
+
+
 def _locked(prefix: str, where: Path) -> tuple[Path, int]:
     """Make and lock it. Somebody who looks for orphans may come in between and take it for one: then once more."""
     while True:

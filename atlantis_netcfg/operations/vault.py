@@ -138,7 +138,7 @@ def _keep_metadata() -> None:
     finder._meta_yml_to_dict = kept  # noqa: SLF001 - as above
 
 
-_PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
+PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 """In place of a file: Ansible's words for an identity whose password is typed."""
 
 
@@ -179,7 +179,7 @@ class Vault:
         for item in filter(None, [*constants.DEFAULT_VAULT_IDENTITY_LIST, constants.DEFAULT_VAULT_PASSWORD_FILE]):
             label, _, file = item.rpartition("@")
             label = label or "default"
-            found.append((label, self._prompt(label) if file in _PROMPTS else _of_file(label, file)))
+            found.append((label, self._prompt(label) if file in PROMPTS else _of_file(label, file)))
         if self._insist or not found:
             found.append(("default", self._prompt("default")))
         return found

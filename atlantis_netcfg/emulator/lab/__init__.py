@@ -14,18 +14,20 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
 """
 
 from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineFailed
-from atlantis_netcfg.emulator.lab.lab import Lab, open_lab, provide, why_not
+from atlantis_netcfg.emulator.lab.lab import OFF, Lab, missing_packages, open_lab, provide, why_not
 from atlantis_netcfg.emulator.lab.relay import RelayTraffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
 
 __all__ = [
     "NOT_REHEARSED",
+    "OFF",
     "Lab",
     "Machine",
     "MachineFailed",
     "RelayTraffic",
     "TreeSpec",
     "build_rootfs",
+    "missing_packages",
     "open_lab",
     "provide",
     "why_not",

@@ -57,7 +57,7 @@ def why_not(environ: Mapping[str, str] | None = None) -> str | None:
     """Why no machine can be run here, in a few words; None where machines run."""
     if why := _unwanted(environ):
         return why
-    packages = _missing()
+    packages = missing_packages()
     return f"missing: apt install {' '.join(packages)}" if packages else _forbidden()
 
 
@@ -66,7 +66,7 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
 
     What cannot be installed `why_not` names afterwards.
     """
-    packages = () if _unwanted(environ) else _missing()
+    packages = () if _unwanted(environ) else missing_packages()
     if not packages or shutil.which("apt-get") is None:
         return
     tell(f"installing {' '.join(packages)}")
@@ -85,7 +85,8 @@ def _unwanted(environ: Mapping[str, str] | None) -> str | None:
     return "not root" if os.geteuid() != 0 else None
 
 
-def _missing() -> tuple[str, ...]:
+def missing_packages() -> tuple[str, ...]:
+    """The Debian packages that machines need and this computer lacks."""
     packages = {package for name, package in _PROGRAMS.items() if shutil.which(name) is None}
     if not _KEYRING.exists():
         packages.add("debian-archive-keyring")

@@ -8,7 +8,7 @@ byte dropped), time-outs by silence, limits on memory, counters of what the wire
 
 from __future__ import annotations
 
-from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of
+from atlantis_netcfg.routeros.api._session import WINDOW, Session, certificate_of, shown_certificate
 from atlantis_netcfg.routeros.api._tls import may_cut_off
 from atlantis_netcfg.routeros.api._values import (
     READING_WINDOW,
@@ -46,4 +46,5 @@ __all__ = [
     "Unreachable",
     "certificate_of",
     "may_cut_off",
+    "shown_certificate",
 ]

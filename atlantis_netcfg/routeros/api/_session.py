@@ -12,7 +12,7 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.routeros.api._tls import TlsTransport, check_pin, cut_off, fingerprint_of
+from atlantis_netcfg.routeros.api._tls import TlsTransport, certificate_bytes, check_pin, cut_off, fingerprint_of
 from atlantis_netcfg.routeros.api._values import (
     Command,
     Endpoint,
@@ -178,9 +178,14 @@ class Session:
 
 async def certificate_of(endpoint: Endpoint) -> str:
     """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises Unreachable."""
+    return hashlib.sha256(await shown_certificate(endpoint)).hexdigest()
+
+
+async def shown_certificate(endpoint: Endpoint) -> bytes:
+    """Connect, and give the certificate that is shown, DER: nothing is sent. Raises Unreachable."""
     wire = await _connect(endpoint, Traffic())
     try:
-        return fingerprint_of(endpoint, wire.transport)
+        return certificate_bytes(endpoint, wire.transport)
     finally:
         wire.abort()
         await wire.closed.wait()

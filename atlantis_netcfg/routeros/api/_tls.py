@@ -159,10 +159,15 @@ def client_context() -> ssl.SSLContext:
 
 def fingerprint_of(endpoint: Endpoint, transport: asyncio.BaseTransport) -> str:
     """Return the SHA-256 of the certificate that the device showed, as RouterOS prints it. Raises Unreachable."""
+    return hashlib.sha256(certificate_bytes(endpoint, transport)).hexdigest()
+
+
+def certificate_bytes(endpoint: Endpoint, transport: asyncio.BaseTransport) -> bytes:
+    """Return the certificate that the device showed, DER. Raises Unreachable."""
     der: bytes | None = transport.get_extra_info("ssl_object").getpeercert(binary_form=True)
     if not der:
         raise Unreachable(f"{endpoint} showed no certificate")
-    return hashlib.sha256(der).hexdigest()
+    return der
 
 
 def check_pin(endpoint: Endpoint, seen: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.paths import checkout, state_dir
+from atlantis_netcfg.core.paths import cache_place, checkout, state_dir, state_place
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,3 +99,9 @@ def test_a_place_or_a_link_to_it_that_root_finds_is_somebody_elses(owner: str, t
         state_dir({"ATLANTIS_STATE": str(link)})
     assert "ATLANTIS_STATE=" in str(caught.value.hint)
     assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_asking_for_the_place_makes_nothing(tmp_path: Path) -> None:
+    assert state_place({"ATLANTIS_STATE": str(tmp_path / "own")}) == tmp_path / "own"
+    assert cache_place({"XDG_CACHE_HOME": str(tmp_path / "cache")}) == tmp_path / "cache" / "atlantis"
+    assert list(tmp_path.iterdir()) == []

@@ -231,3 +231,11 @@ def test_nobody_else_makes_temporary_folders_on_the_technicians_computer() -> No
         if re.search(r"^import tempfile|^from tempfile", path.read_text(), re.MULTILINE)
     }
     assert found == ELSEWHERE
+
+
+def test_what_is_dead_and_could_not_be_removed_is_listed_and_what_lives_is_not(place: Path) -> None:
+    dead = place / MARK
+    with owner(place) as (_, living):
+        dead.mkdir()
+        assert temporary.remaining() == (dead,)
+        assert (dead.is_dir(), living.is_dir()) == (True, True), "looking removes nothing"

@@ -105,4 +105,4 @@ def test_nothing_is_installed_unasked_or_for_others(installed: list[str], monkey
 def test_nothing_is_installed_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ready, "output_of", lambda words: pytest.fail(str(words)))
     provide(pytest.fail, {})
-    assert ready._missing() == ()
+    assert ready.missing_packages() == ()

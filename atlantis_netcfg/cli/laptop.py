@@ -1,0 +1,158 @@
+"""`provision doctor`: whether this laptop is ready for a site; what is not, and what to type."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Word
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.printable import Row, Styled
+    from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem
+
+DOCTOR = CommandSpec(
+    "doctor",
+    "look at this laptop, and say what it lacks for a site",
+    words=(Word("site", "also the way from here to this site's router", example="coastal"), VIA, INVENTORY),
+    flags=(ASK_VAULT_PASS, JSON),
+    details=(
+        "Nothing is changed, on this laptop or elsewhere, and no password is sent; only\n"
+        "what killed commands have left is removed, as every command does.\n"
+        "With `site=` the site's router is contacted, where the way to it is right and\n"
+        "not paid by the byte: one TLS connection, its certificate is looked at, and\n"
+        "nobody logs in. Encrypted values of the inventory are opened once, so that\n"
+        "their password may be asked for; they are never shown.\n"
+        "Exit code 0: nothing is red, 6: something is, or could not be looked at.\n"
+        "A warning alone ends with 0, and the last lines say it."
+    ),
+)
+
+_WIDTH = 80
+_WORD = 4
+"""Columns of a verdict; INCONCLUSIVE is longer."""
+_LABEL = 5
+"""Columns of `do:` and `type:`."""
+_NAME = 19
+"""Columns of an item's name; a longer one has a line of its own."""
+
+
+def run_doctor(arguments: Arguments) -> ExitCode:
+    """Look, and tell."""
+    import json
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths, printable
+
+    try:
+        from atlantis_netcfg.cli._passphrase import vault_of
+        from atlantis_netcfg.operations.doctor import examine
+    except ImportError as error:
+        _refuse_drift(error)
+        raise
+    named = arguments.optional("inventory")
+    diagnosis = examine(
+        Path(named) if named else paths.checkout() / "inventory",
+        arguments.optional("site"),
+        via=arguments.optional("via"),
+        decrypt=vault_of(arguments).decrypt,
+    )
+    if arguments.flag("json"):
+        print(json.dumps(diagnosis.as_json(), ensure_ascii=False))
+    else:
+        printable.show(_rows(diagnosis, arguments), sys.stdout)
+    return diagnosis.exit
+
+
+def _refuse_drift(error: ImportError) -> None:
+    """Raise UsageError where a package that this command itself needs is missing from `.venv`, or is another one."""
+    from atlantis_netcfg.core import packages, paths
+    from atlantis_netcfg.core.errors import UsageError
+
+    if wrong := packages.drift_of(paths.checkout()):
+        raise UsageError(
+            f"the packages in .venv are not as pinned: {packages.listed(wrong)}",
+            hint=f"type `{packages.RESTORE}` in {paths.checkout()}; the next start brings them back, from the index",
+        ) from error
+
+
+def _rows(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
+    from atlantis_netcfg import __version__
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.printable import Style, Styled
+    from atlantis_netcfg.operations.doctor import DoctorSection
+
+    yield translate(f"provision {__version__} looks at this laptop and changes nothing")
+    for section in DoctorSection:
+        if items := [item for item in diagnosis.items if item.section is section]:
+            yield Styled(translate(section.value), Style.TITLE)
+            for item in items:
+                yield from _item_rows(item, arguments)
+    yield ""
+    yield from _end(diagnosis, arguments)
+
+
+def _verdict(item: DoctorItem) -> Styled:
+    from atlantis_netcfg.core.events import Verdict
+    from atlantis_netcfg.core.printable import Style, Styled
+
+    styles = {Verdict.PASS: Style.GOOD, Verdict.SKIP: Style.QUIET, Verdict.WARN: Style.WARNING}
+    return Styled(f"{item.verdict:<{_WORD}}", styles.get(item.verdict, Style.BAD))
+
+
+def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
+    from atlantis_netcfg.core.language import translate
+
+    name = translate(item.name)
+    column = 2 + _WORD + 1 + _NAME + 1
+    first, *more = _wrapped(translate(item.measured), column)
+    if len(name) > _NAME or len(item.verdict) > _WORD:
+        yield "  ", _verdict(item), f" {name}"
+        more = [first, *more]
+    else:
+        yield "  ", _verdict(item), f" {name:<{_NAME}} {first}"
+    for line in more:
+        yield f"{'':<{column}}{line}"
+    word = translate("do:")
+    for line in _wrapped(translate(item.hint), 7 + _LABEL + 1) if item.hint else ():
+        yield f"{'':<7}{word:<{_LABEL}} {line}"
+        word = ""
+    for command in _typed(item.commands, arguments):
+        yield f"{'':<7}{translate('type:'):<{_LABEL}} {command}"
+
+
+def _wrapped(text: str, column: int) -> list[str]:
+    """The lines of a text, behind a column; a path or a name is not broken."""
+    return textwrap.wrap(text, _WIDTH - column, break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def _typed(commands: tuple[str, ...], arguments: Arguments) -> list[str]:
+    """The commands as they can be typed here: ours with what this one was told, and by the name of the launcher."""
+    from atlantis_netcfg.cli._output import as_typed, carried
+
+    words = carried(arguments)
+    return [as_typed(f"`{each}`", words).strip("`") for each in commands]
+
+
+def _end(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
+    """The last lines: verdict, counts, the worst item, what to type."""
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.printable import Style, Styled
+
+    worst = diagnosis.worst_item
+    counts = ", ".join(f"{number} {verdict}" for verdict, number in diagnosis.counts.items())
+    style = _verdict(worst).style if worst is not None else Style.GOOD
+    yield Styled(str(diagnosis.verdict), style), f": {counts}"
+    if worst is not None:
+        yield from _wrapped(f"{translate('worst:')} {translate(worst.name)}: {translate(worst.measured)}", 0)
+        yield from _wrapped(f"{translate('next:')}  {translate(worst.hint)}", 0) if worst.hint else ()
+        for command in _typed(worst.commands, arguments):
+            yield f"{translate('type:')}  {command}"
+    if diagnosis.exit is ExitCode.DONE and diagnosis.follows:
+        word = translate("type:") if worst is None else translate("then:")
+        yield f"{word}  {_typed((diagnosis.follows,), arguments)[0]}"

@@ -1,0 +1,152 @@
+"""What `provision doctor` looks at: this laptop, before it goes to a site.
+
+    diagnosis = examine(inventory, "coastal", via=None, decrypt=vault.decrypt)
+
+Each part (software, clock, network, keys, folders) reads the computer in one function and judges in others, which are
+pure. Nothing is changed, no file is made, and no password is sent anywhere. At most one device is contacted: the
+router of the site that was named, by one TLS connection without a login.
+"""
+
+from __future__ import annotations
+
+import os
+import pwd
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core import paths
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import ALL, InventoryInvalid, choose, load
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.operations.computers._access import is_computer
+from atlantis_netcfg.operations.doctor.clock import clock_items
+from atlantis_netcfg.operations.doctor.folders import folder_items, read_runs
+from atlantis_netcfg.operations.doctor.items import Diagnosis, DoctorItem, DoctorSection
+from atlantis_netcfg.operations.doctor.keys import authority_item, key_items
+from atlantis_netcfg.operations.doctor.network import NetworkUnreadable, read_network
+from atlantis_netcfg.operations.doctor.software import software_items
+from atlantis_netcfg.operations.doctor.way import (
+    RouterPlace,
+    ask_router,
+    judge_ports,
+    judge_router,
+    judge_way,
+    router_places,
+    why_not_contacted,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from atlantis_netcfg.declaration import Declaration, Host
+
+__all__ = ["Diagnosis", "DoctorItem", "DoctorSection", "examine"]
+
+
+def examine(inventory: Path, site: str | None, *, via: str | None, decrypt: Callable[[str], str]) -> Diagnosis:
+    """Look at everything. Raises NothingMatched and UsageError for a word that means nothing here.
+
+    `decrypt` opens a value of the inventory's vault, and may ask for its password.
+    """
+    declaration, invalid = _declaration(inventory)
+    hosts = _hosts(declaration, site)
+    state, homeless = _state()
+    read = read_runs(Store(state) if state is not None else None, site)
+    authority = state / "vpn" if state is not None else None
+    items = [*software_items(paths.checkout(), computers=any(map(is_computer, hosts)))]
+    items += clock_items(paths.checkout(), read.runs, authority)
+    items += _way_items(declaration, site, via, state)
+    items += [invalid] if invalid is not None else []
+    if declaration is not None and state is not None:
+        items += key_items(declaration, hosts, decrypt, Store(state).pins, _home())
+    items += [authority_item(authority)] if authority is not None else []
+    items += [homeless] if homeless is not None else []
+    items += folder_items(state, paths.checkout(), read) if state is not None else ()
+    return Diagnosis(tuple(items), site, _follows(declaration, site))
+
+
+def _declaration(inventory: Path) -> tuple[Declaration | None, DoctorItem | None]:
+    """The declaration, or the item that says that it has errors."""
+    try:
+        return load(inventory), None
+    except InventoryInvalid as error:
+        number = len(error.findings)
+        measured = f"{inventory} has {number} error{'s' if number > 1 else ''}; what follows from it is not looked at"
+        commands = ("provision validate",)
+        return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, measured, "", commands)
+
+
+def _hosts(declaration: Declaration | None, site: str | None) -> tuple[Host, ...]:
+    if declaration is None:
+        return ()
+    if site == ALL:
+        raise UsageError(f"`site={ALL}`: a laptop stands at one site", hint=f"name it: {', '.join(declaration.sites)}")
+    return choose(declaration, ALL if site is None else site)
+
+
+def _state() -> tuple[Path | None, DoctorItem | None]:
+    """Where the records are or would be, or the item that says that there is no place for them."""
+    try:
+        return paths.state_place(), None
+    except UsageError as error:
+        item = DoctorItem(DoctorSection.FOLDERS, "record folder", Verdict.FAIL, str(error), error.hint or "")
+        return None, item
+
+
+def _home() -> Path:
+    """The home on record, where OpenSSH looks for keys, whatever `$HOME` says."""
+    try:
+        return Path(pwd.getpwuid(os.geteuid()).pw_dir)
+    except KeyError:  # then no key is in it
+        return Path("/nonexistent")
+
+
+def _way_items(
+    declaration: Declaration | None, site: str | None, via: str | None, state: Path | None
+) -> Iterator[DoctorItem]:
+    try:
+        if declaration is None or site is None:
+            yield judge_ports(read_network(None))
+            return
+        for place in router_places(declaration, site, via, _pinned(state)):
+            yield from _towards(place)
+    except NetworkUnreadable as trouble:
+        yield DoctorItem(DoctorSection.WAY, "network", Verdict.INCONCLUSIVE, str(trouble))
+
+
+def _pinned(state: Path | None) -> Callable[[str], str | None]:
+    """The certificate that this computer knows of a device; a damaged file of them is an item of its own."""
+
+    def pinned(device: str) -> str | None:
+        try:
+            return Store(state).pins.get(device) if state is not None else None
+        except NetcfgError:
+            return None
+
+    return pinned
+
+
+def _towards(place: RouterPlace) -> Iterator[DoctorItem]:
+    """The way to a router, and the router itself where the way is right."""
+    if place.example:
+        measured = f"the addresses of {place.site} are examples, which lead to nobody's devices"
+        yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, measured)
+        yield judge_ports(read_network(None))
+        return
+    way = judge_way(place, read_network(place.address))
+    yield from way
+    if (reason := why_not_contacted(place, way)) is not None:
+        yield DoctorItem(DoctorSection.WAY, "router", Verdict.SKIP, reason)
+    else:
+        yield from judge_router(place, ask_router(place))
+
+
+def _follows(declaration: Declaration | None, site: str | None) -> str:
+    """What a person types next where nothing is wrong."""
+    if declaration is None:
+        return ""
+    example = declaration.pilot.example_values
+    if site is None:
+        return f"provision doctor site={next(iter(declaration.sites))}"
+    return f"provision site={site} --rehearse" if example else f"provision site={site} --plan"

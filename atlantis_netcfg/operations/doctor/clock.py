@@ -1,0 +1,132 @@
+"""This laptop's clock: whether it can be right, and whether a time server sets it. It is read, never changed.
+
+A clock that is too early is found out by what this laptop has seen already: the checkout's newest commit, the latest
+start of `.venv`, the latest run, the day from which the VPN's authority holds. One that is too late by less than the
+life of the authority is not noticed here; the router's certificate and the checklist's GPS look at that.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from contextlib import suppress
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.journal import Run
+
+_TOLERANCE = timedelta(minutes=10)
+"""Clocks of other people's computers, on which commits are made, differ by so much."""
+_SET = "sudo timedatectl set-ntp true"
+_PATIENCE_S = 5.0
+
+
+def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: tuple[str, ...] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.CLOCK, name, verdict, measured, hint, commands)
+
+
+def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | None = None) -> DoctorItem:
+    """`earlier`: what happened before now, and when; `ends`: the last day of the VPN's authority."""
+    shown = f"{now:%Y-%m-%d %H:%M} UTC"
+    if not earlier:
+        return _item("time", Verdict.WARN, f"{shown}: there is nothing here to compare it with")
+    what, latest = max(earlier.items(), key=lambda each: each[1])
+    if now + _TOLERANCE < latest:
+        return _item(
+            "time", Verdict.FAIL, f"{shown} is before {what} ({latest:%Y-%m-%d %H:%M} UTC)", "set it:", (_SET,)
+        )
+    if ends is not None and now > ends:
+        return _item(
+            "time",
+            Verdict.FAIL,
+            f"{shown} is after the end of the VPN's authority ({ends:%Y-%m-%d})",
+            "set the clock; if it is right, make a new authority",
+        )
+    return _item("time", Verdict.PASS, f"{shown}, after {what} ({latest:%Y-%m-%d})")
+
+
+def judge_synchronised(printed: str | None) -> DoctorItem:
+    """What `timedatectl show` prints; None where it is not there or cannot be asked."""
+    known = dict(line.partition("=")[::2] for line in (printed or "").splitlines())
+    state = known.get("NTPSynchronized")
+    if state == "yes":
+        return _item("time server", Verdict.PASS, "the clock is set by a time server")
+    if state == "no":
+        off = known.get("NTP") == "no"
+        return _item(
+            "time server",
+            Verdict.WARN,
+            "no time server sets the clock" if off else "no time server has answered since the start",
+            "" if off else "connect to the internet once, or compare with a watch",
+            (_SET,) if off else (),
+        )
+    return _item("time server", Verdict.WARN, "not known: timedatectl tells nothing here", "compare with a watch")
+
+
+def clock_items(checkout: Path, runs: Sequence[Run], authority: Path | None) -> Iterator[DoctorItem]:
+    """Look at this computer's clock."""
+    begins, ends = _authority_dates(authority)
+    seen = {
+        "the newest commit of this checkout": _commit(checkout),
+        "the last set-up of .venv": _modified(checkout / ".venv" / "run.stamp"),
+        "the latest run": _latest_run(runs),
+        "the VPN's authority was made": begins,
+    }
+    yield judge_time(datetime.now(UTC), {what: when for what, when in seen.items() if when is not None}, ends)
+    yield judge_synchronised(_printed(["timedatectl", "show"]))
+
+
+def _printed(words: list[str]) -> str | None:
+    if shutil.which(words[0]) is None:
+        return None
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout if done.returncode == 0 else None
+
+
+def _commit(checkout: Path) -> datetime | None:
+    """When the newest commit was made; None for a checkout that is none, or that git does not read for this user."""
+    if not (checkout / ".git").exists():
+        return None
+    printed = (_printed(["git", "-C", str(checkout), "log", "-1", "--format=%ct"]) or "").strip()
+    return datetime.fromtimestamp(int(printed), UTC) if printed.isdecimal() else None
+
+
+def _modified(file: Path) -> datetime | None:
+    try:
+        return datetime.fromtimestamp(file.stat().st_mtime, UTC)
+    except OSError:
+        return None
+
+
+def _latest_run(runs: Sequence[Run]) -> datetime | None:
+    """When the latest run of this computer began, as its name tells."""
+    starts = []
+    for run in runs:
+        with suppress(ValueError):
+            starts.append(datetime.strptime(run.id.partition("-")[0], "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC))
+    return max(starts, default=None)
+
+
+def _authority_dates(authority: Path | None) -> tuple[datetime | None, datetime | None]:
+    """The first and the last day of the authority's certificate."""
+    from cryptography import x509  # noqa: PLC0415 - few laptops have an authority
+
+    if authority is None or not (file := authority / "ca.crt").is_file():
+        return None, None
+    try:
+        read = x509.load_pem_x509_certificate(file.read_bytes())
+    except (OSError, ValueError):  # the item about the authority tells it
+        return None, None
+    return read.not_valid_before_utc, read.not_valid_after_utc

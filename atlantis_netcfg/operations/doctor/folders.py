@@ -1,0 +1,183 @@
+"""Disk and folders: room, permissions, what killed commands have left, runs that are open.
+
+Room is what the file system gives to this user. How much a command needs depends on the site: the limits below are
+rules of thumb, and a command that needs more says so itself.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core import paths, temporary
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.journal import Run, Store
+
+_MB = 1_000_000
+_OTHERS = 0o077
+_OTHERS_WRITE = 0o022
+
+
+def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.FOLDERS, name, verdict, measured, hint, tuple(commands))
+
+
+@dataclass(frozen=True, slots=True)
+class RoomNeed:
+    """How much room a place should have, in bytes."""
+
+    name: str
+    place: Path
+    fail: int
+    """With less, commands fail."""
+    warn: int
+    purpose: str
+
+
+def room_needs(state: Path, cache: Path) -> tuple[RoomNeed, ...]:
+    """The places that commands fill."""
+    return (
+        RoomNeed("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
+        RoomNeed("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
+        RoomNeed("room for images", temporary.roomy(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"),
+    )
+
+
+def judge_room(need: RoomNeed, free: int) -> DoctorItem:
+    """Whether that is enough."""
+    shown = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
+    if free < need.fail:
+        measured = f"{shown} free at {need.place}, for {need.purpose}"
+        return _item(need.name, Verdict.FAIL, measured, "delete what you need no more")
+    if free < need.warn:
+        measured = f"{shown} free at {need.place}; {need.warn / 1e9:.1f} GB are good for {need.purpose}"
+        return _item(need.name, Verdict.WARN, measured, "make room")
+    return _item(need.name, Verdict.PASS, f"{shown} free at {need.place}")
+
+
+def _standing(place: Path) -> Path:
+    """The place, or what is there of the folders above it."""
+    return next((each for each in (place, *place.parents) if each.exists()), Path("/"))
+
+
+def state_item(place: Path) -> DoctorItem:
+    """The folder of journals and certificates: ours, closed to others, or to be made at the first run."""
+    name = "record folder"
+    if not place.exists():
+        above = _standing(place)
+        if not os.access(above, os.W_OK | os.X_OK):
+            return _item(
+                name,
+                Verdict.FAIL,
+                f"{place} cannot be made: {above} cannot be written by you",
+                "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command",
+            )
+        return _item(name, Verdict.SKIP, f"{place} is made by the first run")
+    try:
+        paths.hold_own(place, "name a folder of your own: ATLANTIS_STATE=/some/folder, before the command")
+    except UsageError as error:
+        return _item(name, Verdict.FAIL, str(error), error.hint or "")
+    if place.stat().st_mode & _OTHERS:
+        return _item(
+            name, Verdict.WARN, f"{place} can be read by others", commands=[f"chmod 700 {shlex.quote(str(place))}"]
+        )
+    if not os.access(place, os.W_OK | os.X_OK):
+        return _item(
+            name, Verdict.FAIL, f"{place} cannot be written", commands=[f"chmod 700 {shlex.quote(str(place))}"]
+        )
+    return _item(name, Verdict.PASS, f"{place}, closed to others")
+
+
+def checkout_item(root: Path) -> DoctorItem:
+    """Who can change the program: everybody's laptop obeys it."""
+    name = "checkout"
+    open_to_all = [each for each in (root, root / ".venv") if each.is_dir() and each.stat().st_mode & _OTHERS_WRITE]
+    if open_to_all:
+        listed = " ".join(shlex.quote(str(each)) for each in open_to_all)
+        return _item(
+            name,
+            Verdict.WARN,
+            f"others can write to {listed}, and so change what you run",
+            commands=[f"chmod go-w {listed}"],
+        )
+    if not os.access(root, os.W_OK):
+        return _item(name, Verdict.PASS, f"{root}; its owner updates it, you cannot write to it")
+    return _item(name, Verdict.PASS, f"{root}, writable by you")
+
+
+def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
+    """Temporary folders of killed commands that no command could remove; the others are gone when this begins."""
+    if dead:
+        listed = ", ".join(map(str, dead))
+        words = " ".join(shlex.quote(str(each)) for each in dead)
+        return _item(
+            "leftovers",
+            Verdict.WARN,
+            f"left by commands that were killed, and could not be removed: {listed}",
+            "if something is mounted in it (`findmnt`), unmount that first; then:",
+            [f"sudo rm -r --one-file-system {words}"],
+        )
+    return _item("leftovers", Verdict.PASS, "none of killed commands")
+
+
+def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
+    """Runs that have left the outcome on a device open."""
+    if not runs:
+        return _item("open runs", Verdict.PASS, "none")
+    first = runs[0]
+    more = f" (and {len(runs) - 1} more)" if len(runs) > 1 else ""
+    devices = ", ".join(sorted(first.unsettled))
+    return _item(
+        "open runs",
+        Verdict.WARN,
+        f"{first.id} has left {devices} open{more}",
+        "go on when the link is there:",
+        [first.next_command],
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RunsRead:
+    """The runs of this computer."""
+
+    runs: tuple[Run, ...]
+    unfinished: tuple[Run, ...]
+    trouble: NetcfgError | None = None
+    """Why they could not be read."""
+
+
+def read_runs(store: Store | None, site: str | None) -> RunsRead:
+    """Read the journals, of one site or of all; nothing is made where there are none."""
+    if store is None:
+        return RunsRead((), ())
+    try:
+        sites = [each for each in store.sites() if site in (None, each)]
+        return RunsRead(
+            tuple(run for each in sites for run in store.runs(each)),
+            tuple(run for each in sites for run in store.unfinished(each)),
+        )
+    except NetcfgError as error:
+        return RunsRead((), (), error)
+
+
+def folder_items(state: Path, root: Path, read: RunsRead) -> Iterator[DoctorItem]:
+    """Look at the disk of this computer."""
+    for need in room_needs(state, paths.cache_place()):
+        yield judge_room(need, shutil.disk_usage(_standing(need.place)).free)
+    yield state_item(state)
+    yield checkout_item(root)
+    yield leftovers_item(temporary.remaining())
+    if read.trouble is not None:
+        yield _item("open runs", Verdict.FAIL, str(read.trouble), read.trouble.hint or "")
+    else:
+        yield unfinished_item(read.unfinished)

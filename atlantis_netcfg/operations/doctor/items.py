@@ -1,0 +1,100 @@
+"""What `provision doctor` has looked at: items with a verdict each, and what follows from all of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.events import Verdict, worst
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class DoctorSection(StrEnum):
+    """The parts of the list, in its order."""
+
+    SOFTWARE = "Software"
+    CLOCK = "Clock"
+    WAY = "Way to the site"
+    KEYS = "Keys and passwords"
+    FOLDERS = "Disk and folders"
+
+
+_RED = (Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE)
+"""What does not hold, and what could not be observed: neither is green."""
+
+
+@dataclass(frozen=True, slots=True)
+class DoctorItem:
+    """One thing that was looked at."""
+
+    section: DoctorSection
+    name: str
+    verdict: Verdict
+    measured: str
+    """What was seen, in words; never a secret."""
+    hint: str = ""
+    """What to do, in words."""
+    commands: tuple[str, ...] = ()
+    """What to type, each as it stands: in a shell, or behind `./`."""
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "section": self.section.name.lower(),
+            "name": self.name,
+            "verdict": str(self.verdict),
+            "measured": self.measured,
+            "hint": self.hint,
+            "commands": list(self.commands),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """All items of one call."""
+
+    items: tuple[DoctorItem, ...]
+    site: str | None = None
+    follows: str = ""
+    """The command to type where nothing is red."""
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of all."""
+        return worst(item.verdict for item in self.items)
+
+    @property
+    def exit(self) -> ExitCode:
+        """Red, nothing looked at, or fine; a warning alone is fine."""
+        if self.verdict in _RED:
+            return ExitCode.CHECKS_FAILED
+        return ExitCode.NOTHING if self.verdict is Verdict.SKIP else ExitCode.DONE
+
+    @property
+    def worst_item(self) -> DoctorItem | None:
+        """The first item of the worst verdict, if somebody has to look at it."""
+        if self.verdict in (Verdict.PASS, Verdict.SKIP):
+            return None
+        return next(item for item in self.items if item.verdict is self.verdict)
+
+    @property
+    def counts(self) -> Mapping[Verdict, int]:
+        """How many items have each verdict, the worst first; verdicts that nothing has are left out."""
+        found = Counter(item.verdict for item in self.items)
+        return {verdict: found[verdict] for verdict in reversed(Verdict) if found[verdict]}
+
+    def as_json(self) -> dict[str, Any]:
+        """For programs."""
+        return {
+            "exit": int(self.exit),
+            "errors": [],
+            "site": self.site,
+            "verdict": str(self.verdict),
+            "counts": {str(verdict): number for verdict, number in self.counts.items()},
+            "items": [item.as_json() for item in self.items],
+        }

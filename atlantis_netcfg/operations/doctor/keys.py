@@ -1,0 +1,259 @@
+"""Keys and passwords that are there or missing: vault, example values, SSH keys, known devices, the VPN's authority.
+
+Nothing secret is shown: a secret is opened to see that it opens. Of SSH keys the public halves are compared: those
+beside the private ones in `~/.ssh`, those that `~/.ssh/config` names, and those of the agent. A key that only a
+smart card or another program offers is not seen.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import InventoryInvalid, load
+from atlantis_netcfg.declaration.model import Gateway, LteRouter, VpnServer
+from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.trust import has_identity
+from atlantis_netcfg.operations.vault import PROMPTS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.journal import Pins
+
+_PATIENCE_S = 5.0
+_OTHERS = 0o077
+"""Permission bits of everybody but the owner."""
+
+
+def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.KEYS, name, verdict, measured, hint, tuple(commands))
+
+
+def examples_item(declaration: Declaration) -> DoctorItem:
+    """Whether anything but a rehearsal can use the declaration."""
+    if declaration.pilot.example_values:
+        return _item(
+            "example values",
+            Verdict.WARN,
+            "still in force: rehearsals work, and every real run is refused",
+            "replace them, then set `example_values: false` in group_vars/all/pilot.yml",
+        )
+    return _item("example values", Verdict.PASS, "none is left")
+
+
+def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
+    """Open every encrypted value of a valid inventory once. `decrypt` may ask for the password."""
+    opened = 0
+
+    def counted(text: str) -> str:
+        nonlocal opened
+        secret = decrypt(text)
+        opened += 1
+        return secret
+
+    try:
+        load(inventory, decrypt=counted)
+    except InventoryInvalid as error:
+        first = error.findings[0]
+        place = f"{first.file}:{first.line}"
+        return _item("vault", Verdict.FAIL, f"{place}: {first.message}", first.hint)
+    except UsageError as error:
+        return _item("vault", Verdict.INCONCLUSIVE, str(error), (error.hint or "").partition("\n")[0])
+    if not opened:
+        return _item("vault", Verdict.PASS, "no value of the inventory is encrypted, so no password is needed")
+    return _item("vault", Verdict.PASS, f"the password opens all {opened} encrypted values")
+
+
+def password_files(environ: Mapping[str, str]) -> tuple[Path, ...]:
+    """The files with passwords of the vault that the environment names, as Ansible reads it."""
+    named = [each.rpartition("@")[2] for each in environ.get("ANSIBLE_VAULT_IDENTITY_LIST", "").split(",")]
+    files = [*named, environ.get("ANSIBLE_VAULT_PASSWORD_FILE", "")]
+    return tuple(Path(file.strip()).expanduser() for file in files if file.strip() and file.strip() not in PROMPTS)
+
+
+def password_file_item(file: Path, inventory: Path) -> DoctorItem:
+    """Whether others can read it, or whoever gets the inventory gets it too."""
+    name = "password file"
+    try:
+        mode = file.stat().st_mode
+    except OSError as error:
+        return _item(name, Verdict.FAIL, f"{file} cannot be read: {error.strerror}", "name another file")
+    if mode & _OTHERS and not mode & 0o100:  # a program that prints the password holds none
+        return _item(
+            name, Verdict.FAIL, f"{file} can be read by others", commands=[f"chmod 600 {shlex.quote(str(file))}"]
+        )
+    if file.resolve().is_relative_to(inventory.resolve()):
+        return _item(name, Verdict.WARN, f"{file} lies in the inventory: whoever gets one gets both", "move it away")
+    return _item(name, Verdict.PASS, f"{file} is readable by you alone")
+
+
+@dataclass(frozen=True, slots=True)
+class LaptopKey:
+    """An SSH key of this laptop."""
+
+    public: str
+    """Its type and its base64."""
+    file: Path | None
+    """The private half; None: the agent holds it."""
+
+
+def laptop_keys(home: Path, agent: str = "") -> tuple[LaptopKey, ...]:
+    """The keys that OpenSSH would offer; `agent` is what `ssh-add -L` prints."""
+    folder = home / ".ssh"
+    files = [path for path in sorted(folder.glob("*.pub")) if path.with_suffix("").is_file()]
+    files += [path for path in _named_in_config(folder / "config", home) if path.is_file() and path not in files]
+    found = [LaptopKey(public, path.with_suffix("")) for path in files if (public := _public(_text(path)))]
+    return (*found, *(LaptopKey(public, None) for line in agent.splitlines() if (public := _public(line))))
+
+
+def _named_in_config(config: Path, home: Path) -> Iterator[Path]:
+    for name in re.findall(r"^\s*IdentityFile[ \t=]+(\S+)", _text(config), re.MULTILINE | re.IGNORECASE):
+        named = name.strip('"').replace("%d", str(home))
+        yield Path(f"{home}{named[1:]}.pub" if named.startswith("~/") else f"{named}.pub")
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
+
+
+def _public(line: str) -> str:
+    words = line.split()
+    return f"{words[0]} {words[1]}" if len(words) > 1 and words[1].startswith("AAAA") else ""
+
+
+def keys_item(host: str, declared: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
+    """Whether this laptop has a private key that the host's declared ones let in."""
+    name = f"SSH key for {host}"
+    allowed = {_public(line) for line in declared}
+    fitting = [key for key in keys if key.public in allowed]
+    if not fitting:
+        return _item(
+            name,
+            Verdict.FAIL,
+            f"none of its {len(allowed)} declared keys is in ~/.ssh, or in the agent",
+            f"work on a laptop that has one, or add yours to `ssh_keys` in host_vars/{host}.yml",
+        )
+    in_agent = next((key for key in fitting if key.file is None), None)
+    key = in_agent or fitting[0]
+    if key.file is None:
+        return _item(name, Verdict.PASS, "the agent holds a declared key")
+    if key.file.stat().st_mode & _OTHERS:
+        return _item(
+            name,
+            Verdict.FAIL,
+            f"{key.file} can be read by others: OpenSSH refuses such a key",
+            commands=[f"chmod 600 {shlex.quote(str(key.file))}"],
+        )
+    return _item(name, Verdict.PASS, f"{key.file}")
+
+
+def _printed(words: Sequence[str]) -> str:
+    """What a program of OpenSSH prints; nothing where it is not there, or fails."""
+    if shutil.which(words[0]) is None:
+        return ""
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_PATIENCE_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    return done.stdout if done.returncode == 0 else ""
+
+
+def agent_keys() -> str:
+    """The public keys of the agent, if one runs."""
+    return _printed(["ssh-add", "-L"]) if os.environ.get("SSH_AUTH_SOCK") else ""
+
+
+def in_known_hosts(name: str, home: Path) -> bool:
+    """Whether OpenSSH knows a host key under the name of the host."""
+    files = (home / ".ssh" / "known_hosts", home / ".ssh" / "known_hosts2", Path("/etc/ssh/ssh_known_hosts"))
+    return any(_printed(["ssh-keygen", "-F", name, "-f", str(file)]) for file in files if file.is_file())
+
+
+def known_devices_item(
+    declaration: Declaration, hosts: Sequence[Host], pins: Pins, is_known: Callable[[str], bool]
+) -> DoctorItem:
+    """Whether the devices can be told from impostors, by what is declared or kept on this computer."""
+    name = "known devices"
+    if declaration.pilot.example_values:
+        return _item(name, Verdict.SKIP, "the declared devices are examples")
+    every = [host for host in hosts if has_identity(host)]
+    try:
+        unknown = [host for host in every if not _is_known(declaration, host, pins, is_known)]
+    except NetcfgError as error:
+        return _item(name, Verdict.FAIL, str(error), error.hint or "")
+    if not every:
+        return _item(name, Verdict.SKIP, "no device is logged in to")
+    if not unknown:
+        return _item(name, Verdict.PASS, f"all {len(every)}: certificate or host key is declared, or kept here")
+    names = ", ".join(host.name for host in unknown)
+    return _item(
+        name,
+        Verdict.WARN,
+        f"{len(unknown)} of {len(every)} not known here, and refused so far: {names}",
+        "at the site, on a terminal; a router from its carton is met by `adopt` instead:",
+        [f"provision trust site={unknown[0].site}"],
+    )
+
+
+def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callable[[str], bool]) -> bool:
+    if handled(host):
+        return bool(managed(declaration, host).access.fingerprint or pins.get(host.name))
+    if isinstance(host.device, LteRouter):
+        declared = host.device.access.fingerprint if host.device.access is not None else None
+        return bool(declared or pins.get(host.name))
+    assert isinstance(host.device, Gateway | VpnServer)  # noqa: S101 - `has_identity` has said so
+    return host.device.ssh.host_key is not None or is_known(host.name)
+
+
+def authority_item(folder: Path) -> DoctorItem:
+    """The VPN's authority, where this laptop has it: reading takes no lock and no passphrase."""
+    from atlantis_netcfg.vpn.authority.authority import Authority  # noqa: PLC0415 - few laptops have an authority
+
+    name = "VPN authority"
+    if not Authority.exists(folder):
+        return _item(name, Verdict.SKIP, "not on this laptop: only who lets partners in needs it")
+    problems = Authority(folder).check()
+    if not problems:
+        return _item(name, Verdict.PASS, f"{folder}: nothing to do")
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return _item(name, Verdict.WARN, f"{problems[0]}{more}")
+
+
+def key_items(
+    declaration: Declaration, hosts: Sequence[Host], decrypt: Callable[[str], str], pins: Pins, home: Path
+) -> Iterator[DoctorItem]:
+    """Look at the keys and passwords that these hosts need."""
+    yield examples_item(declaration)
+    yield secrets_item(declaration.root, decrypt)
+    for file in password_files(os.environ):
+        yield password_file_item(file, declaration.root)
+    keys = laptop_keys(home, agent_keys())
+    for host in hosts:
+        if isinstance(host.device, Gateway) and host.device.image is not None and host.device.image.ssh_keys:
+            if declaration.pilot.example_values:
+                yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
+            else:
+                yield keys_item(host.name, host.device.image.ssh_keys, keys)
+    yield known_devices_item(declaration, hosts, pins, lambda name: in_known_hosts(name, home))

@@ -1,0 +1,225 @@
+"""This laptop's network as the kernel has it: ports, addresses, routes. Nothing is changed, nobody is contacted.
+
+`ip -json` (iproute2) and /sys are read, and reduced to `NetworkFacts`; `facts_of` does that, and is pure.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Interface
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+
+_PATIENCE_S = 5.0
+"""For a program that only asks the kernel."""
+_STAND_INS = frozenset({"veth", "dummy", "vlan", "bond", "team", "macvlan"})
+"""Kinds of interfaces that may stand for a card, where there is no card: in containers, in tests."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaptopPort:
+    """A network interface of this laptop."""
+
+    name: str
+    up: bool
+    carrier: bool
+    wired: bool
+    """A card, or what stands for one."""
+    card: bool
+    wireless: bool
+    speed_mbps: int | None
+    addresses: tuple[IPv4Interface, ...]
+    managed: bool = False
+    """NetworkManager would take away what is set by hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class KernelRoute:
+    """A row of the routing table, or the answer to `ip route get`."""
+
+    target: str
+    port: str
+    gateway: str | None
+    source: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkFacts:
+    """What the kernel says, towards one address."""
+
+    ports: tuple[LaptopPort, ...]
+    taken: KernelRoute | None
+    """By which a packet to the address goes; None: there is no route."""
+    matching: tuple[KernelRoute, ...]
+    """Rows of the main table that the address falls into, the default ones included."""
+    defaults: tuple[KernelRoute, ...]
+
+    def port(self, name: str) -> LaptopPort | None:
+        """The port of that name."""
+        return next((port for port in self.ports if port.name == name), None)
+
+
+class NetworkUnreadable(Exception):
+    """What the kernel says could not be read; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class CardFacts:
+    """What /sys says of an interface."""
+
+    wireless: bool = False
+    speed_mbps: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class IpPrints:
+    """What `ip -json` has printed."""
+
+    links: str
+    addresses: str
+    defaults: str
+    taken: str = "[]"
+    matching: str = "[]"
+
+
+def facts_of(prints: IpPrints, cards: Mapping[str, CardFacts], managed_ports: frozenset[str]) -> NetworkFacts:
+    """Reduce what was printed. Raises NetworkUnreadable."""
+    try:
+        addresses = {row["ifname"]: tuple(_addresses(row)) for row in _rows(prints.addresses)}
+        ports = tuple(_port(row, addresses.get(row["ifname"], ()), cards, managed_ports) for row in _rows(prints.links))
+        taken = [_route(row) for row in _rows(prints.taken)]
+        return NetworkFacts(
+            ports=ports,
+            taken=taken[0] if taken else None,
+            matching=tuple(map(_route, _rows(prints.matching))),
+            defaults=tuple(map(_route, _rows(prints.defaults))),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise NetworkUnreadable("`ip -json` has printed what is not understood here") from error
+
+
+def _rows(text: str) -> list[dict[str, Any]]:
+    found = json.loads(text or "[]")
+    if not isinstance(found, list):
+        raise TypeError(text)
+    return [row for row in found if row]
+
+
+def _addresses(row: Mapping[str, Any]) -> Iterator[IPv4Interface]:
+    for entry in row.get("addr_info", ()):
+        if entry.get("family") == "inet":
+            yield IPv4Interface(f"{entry['local']}/{entry['prefixlen']}")
+
+
+def _port(
+    row: Mapping[str, Any],
+    addresses: tuple[IPv4Interface, ...],
+    cards: Mapping[str, CardFacts],
+    managed_ports: frozenset[str],
+) -> LaptopPort:
+    name, kind = str(row["ifname"]), row.get("linkinfo", {}).get("info_kind")
+    card = cards.get(name, CardFacts())
+    usable = row.get("link_type") == "ether" and not card.wireless and "master" not in row
+    return LaptopPort(
+        name=name,
+        up="UP" in row["flags"],
+        carrier="LOWER_UP" in row["flags"],
+        wired=usable and (kind is None or kind in _STAND_INS),
+        card=usable and kind is None,
+        wireless=card.wireless,
+        speed_mbps=card.speed_mbps,
+        addresses=addresses,
+        managed=name in managed_ports,
+    )
+
+
+def _route(row: Mapping[str, Any]) -> KernelRoute:
+    return KernelRoute(str(row.get("dst", "")), str(row["dev"]), row.get("gateway"), row.get("prefsrc"))
+
+
+def read_network(address: IPv4Address | None) -> NetworkFacts:
+    """Ask the kernel. Raises NetworkUnreadable."""
+    if shutil.which("ip") is None:
+        raise NetworkUnreadable("`ip` is not installed on this laptop")
+    towards = {} if address is None else {"taken": _taken(address), "matching": _ip("route", "show", "match", address)}
+    prints = IpPrints(
+        links=_ip("link", "show", details=True),
+        addresses=_ip("address", "show"),
+        defaults=_ip("route", "show", "default"),
+        **towards,
+    )
+    return facts_of(prints, _cards(), _managed_ports())
+
+
+def _run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(  # noqa: S603 - our own words
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_PATIENCE_S,
+            check=False,
+            env={**os.environ, "LC_ALL": "C"},
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NetworkUnreadable(f"`{words[0]}` did not answer: {error}") from error
+
+
+def _ip(*words: object, details: bool = False) -> str:
+    family = ("-details",) if details else ("-4",)
+    done = _run(["ip", "-json", *family, *map(str, words)])
+    if done.returncode:
+        raise NetworkUnreadable(f"`ip {words[0]}` failed: {done.stderr.strip()}")
+    return done.stdout
+
+
+def _taken(address: IPv4Address) -> str:
+    """What a packet to the address takes; the kernel refuses where nothing leads there, which is an answer."""
+    done = _run(["ip", "-json", "-4", "route", "get", str(address)])
+    if done.returncode and "RTNETLINK answers" not in done.stderr:
+        raise NetworkUnreadable(f"`ip route get` failed: {done.stderr.strip()}")
+    return "[]" if done.returncode else done.stdout
+
+
+def _cards() -> dict[str, CardFacts]:
+    found = {}
+    with suppress(OSError):
+        for folder in Path("/sys/class/net").iterdir():
+            found[folder.name] = CardFacts((folder / "phy80211").exists(), _speed(folder / "speed"))
+    return found
+
+
+def _speed(file: Path) -> int | None:
+    """In Mbit/s; None where the kernel knows none: no cable, or no card."""
+    try:
+        speed = int(file.read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return None
+    return speed if speed > 0 else None
+
+
+def _managed_ports() -> frozenset[str]:
+    """The interfaces that NetworkManager looks after."""
+    if shutil.which("nmcli") is None:
+        return frozenset()
+    with suppress(NetworkUnreadable):
+        printed = _run(["nmcli", "--terse", "--fields", "DEVICE,STATE", "device"]).stdout
+        return managed_of(printed)
+    return frozenset()
+
+
+def managed_of(printed: str) -> frozenset[str]:
+    """The interfaces that NetworkManager looks after, from `nmcli --terse --fields DEVICE,STATE device`."""
+    rows = (line.rpartition(":") for line in printed.splitlines())
+    return frozenset(name for name, _, state in rows if name and not state.startswith("unmanaged"))

@@ -1,0 +1,175 @@
+"""Names and versions of what is needed: Python, the pinned packages, the system and its programs.
+
+A package counts as right when its metadata in `.venv` names the pinned version; that its files are unchanged is not
+looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bundle import manifest
+from atlantis_netcfg.core import packages
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.emulator import lab
+from atlantis_netcfg.image import ext4
+from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+_NEEDED = (3, 11)
+"""As `requires-python` of pyproject.toml has it (a test holds the two together)."""
+_PATIENCE_S = 5.0
+_TRIED = {"debian": (12,), "ubuntu": (24, 4)}
+"""The oldest release of each system that the first-run page names."""
+
+
+def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.SOFTWARE, name, verdict, measured, hint, tuple(commands))
+
+
+def judge_python(version: str) -> DoctorItem:
+    """Whether this Python is new enough."""
+    if tuple(map(int, re.findall(r"\d+", version)[:2])) < _NEEDED:
+        return _item(
+            "Python",
+            Verdict.FAIL,
+            f"{version}; {'.'.join(map(str, _NEEDED))} or newer is needed",
+            commands=["sudo apt-get install -y python3-venv"],
+        )
+    return _item("Python", Verdict.PASS, version)
+
+
+def judge_packages(pins: Mapping[str, str], installed: Callable[[str], str | None]) -> DoctorItem:
+    """Whether `.venv` is as it was made: somebody may have installed or removed something in it since."""
+    wrong = packages.drift(pins, installed)
+    if not wrong:
+        return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {pins.get('ansible-core')}")
+    return _item(
+        "packages",
+        Verdict.FAIL,
+        packages.listed(wrong),
+        "the next start brings them back, from the package index, after:",
+        [packages.RESTORE],
+    )
+
+
+def judge_system(os_release: str) -> DoctorItem:
+    """Which system this is: the toolkit is tried on Debian and Ubuntu alone."""
+    known = dict(re.findall(r'^([A-Z_]+)="?([^"\n]*)"?$', os_release, re.MULTILINE))
+    title, name = known.get("PRETTY_NAME", "unknown"), known.get("ID", "")
+    version = tuple(map(int, re.findall(r"\d+", known.get("VERSION_ID", ""))))
+    if name not in _TRIED or not version:
+        return _item("system", Verdict.WARN, f"{title}: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones")
+    if version < _TRIED[name]:
+        return _item("system", Verdict.WARN, f"{title}: older than what this version was tried on")
+    return _item("system", Verdict.PASS, title)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramNeed:
+    """Programs of the system, and who needs them."""
+
+    name: str
+    packages: Mapping[str, str]
+    """Program to Debian package."""
+    purpose: str
+    needed: bool = False
+    """Without them the site cannot be worked on; else only the purpose fails."""
+
+
+def program_needs(*, computers: bool) -> tuple[ProgramNeed, ...]:
+    """All of them; `computers`: gateways or a VPN server are declared, to which OpenSSH leads."""
+    return (
+        ProgramNeed("network tools", {"ip": "iproute2"}, "looking at this laptop's network", needed=True),
+        ProgramNeed("OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN's server", needed=computers),
+        ProgramNeed("ping", {"ping": "iputils-ping"}, "items of the checklist that are asked from this laptop"),
+        ProgramNeed("for the VPN", {"openvpn": "openvpn"}, "reaching the sites through the VPN from this laptop"),
+        ProgramNeed("for card images", ext4.PROGRAMS, "the images of a gateway's card"),
+        ProgramNeed("for bundles", manifest.MAKERS, "bundles for gateways without internet"),
+    )
+
+
+def judge_programs(need: ProgramNeed, found: Callable[[str], bool], versions: Mapping[str, str]) -> DoctorItem:
+    """What is missing is a fault only where the site needs it; `versions` are those of Debian packages."""
+    missing = [program for program in need.packages if not found(program)]
+    if not missing:
+        names = dict.fromkeys(word for package in need.packages.values() for word in package.split())
+        known = [f"{name} {versions[name]}" for name in names if name in versions]
+        return _item(need.name, Verdict.PASS, ", ".join(known or need.packages))
+    commands = [f"sudo apt install {' '.join(dict.fromkeys(need.packages[program] for program in missing))}"]
+    listed = ", ".join(missing)
+    if need.needed:
+        return _item(need.name, Verdict.FAIL, f"missing: {listed}; needed for {need.purpose}", commands=commands)
+    return _item(need.name, Verdict.SKIP, f"missing: {listed}; only for {need.purpose}", commands=commands)
+
+
+def debian_versions(packages: Iterable[str]) -> dict[str, str]:
+    """The versions of Debian packages that are installed; empty where dpkg is not there."""
+    words = ["dpkg-query", "--show", "--showformat=${Package}\t${Version}\n", *packages]
+    if shutil.which(words[0]) is None:
+        return {}
+    try:
+        done = subprocess.run(  # noqa: S603 - our own words
+            words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return {}
+    rows = (line.partition("\t") for line in done.stdout.splitlines())
+    return {name: version for name, _, version in rows if version}
+
+
+def is_installed(program: str) -> bool:
+    """Whether a program is there; Debian keeps some out of the way of ordinary users."""
+    return shutil.which(program) is not None or shutil.which(program, path="/usr/sbin:/sbin") is not None
+
+
+def judge_emulation(*, root: bool, missing: Sequence[str], off: bool) -> DoctorItem:
+    """What rehearsals emulate here; whether the kernel lets real systems run is found out by the rehearsal itself."""
+    name = "rehearsals"
+    if off:
+        return _item(name, Verdict.SKIP, f"routers only: {lab.OFF} is set")
+    if not root:
+        return _item(name, Verdict.SKIP, "routers only; gateways are rehearsed as root, with `sudo`")
+    if missing:
+        debian = " ".join(missing)
+        return _item(
+            name,
+            Verdict.SKIP,
+            f"routers only; for gateways are missing: {debian}",
+            commands=[f"sudo apt install {debian}"],
+        )
+    return _item(name, Verdict.PASS, "routers and gateways: what real systems need is installed")
+
+
+def software_items(root: Path, *, computers: bool) -> Iterator[DoctorItem]:
+    """Look at this computer; `root` is the checkout."""
+    yield judge_python(platform.python_version())
+    lock = root / packages.LOCK
+    if lock.is_file():
+        yield judge_packages(packages.pinned_packages(lock.read_text(encoding="utf-8")), packages.installed_version)
+    else:
+        yield _item("packages", Verdict.SKIP, "no requirements/run.txt beside the program: it was installed otherwise")
+    yield judge_system(_os_release())
+    needs = program_needs(computers=computers)
+    versions = debian_versions(
+        {word for need in needs for package in need.packages.values() for word in package.split()}
+    )
+    for need in needs:
+        yield judge_programs(need, is_installed, versions)
+    yield judge_emulation(root=os.geteuid() == 0, missing=lab.missing_packages(), off=lab.OFF in os.environ)
+
+
+def _os_release() -> str:
+    try:
+        return "\n".join(f'{name}="{value}"' for name, value in platform.freedesktop_os_release().items())
+    except OSError:
+        return ""

@@ -1,0 +1,49 @@
+"""`provision doctor` and the password of the vault: missing, wrong, typed; none is shown or kept, and no secret."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import _VAULT_PASSWORD, _inventory
+from test_vault_run import QUESTION, _left_nowhere, typed
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize(
+    ("keyboard", "flags", "verdict", "measured"),
+    [
+        (
+            None,
+            ("--json",),
+            "INCONCLUSIVE",
+            "secrets of the inventory are encrypted, and there is no password for them",
+        ),
+        ("not this", ("--json", "--ask-vault-pass"), "FAIL", "this secret cannot be decrypted, nor "),
+        (_VAULT_PASSWORD.decode(), ("--json", "--ask-vault-pass"), "PASS", "the password opens all "),
+    ],
+    ids=["missing", "wrong", "right"],
+)
+def test_the_password(
+    tmp_path: Path, keyboard: str | None, flags: tuple[str, ...], verdict: str, measured: str
+) -> None:
+    done = typed(_inventory(tmp_path), ("doctor", *flags), keyboard)
+    document = json.loads(done.stdout)
+    (item,) = [item for item in document["items"] if item["name"] == "vault"]
+    assert item["verdict"] == verdict
+    assert measured in item["measured"]
+    assert document["exit"] == done.returncode == 6, "the gateways' SSH keys are nobody's here"
+    _left_nowhere(tmp_path, done)
+    assert "a-real-" not in done.stdout + done.stderr
+
+
+def test_on_a_terminal_it_is_asked_for_once(tmp_path: Path) -> None:
+    done = typed(_inventory(tmp_path), ("doctor",), _VAULT_PASSWORD.decode())
+    assert "  PASS vault               the password opens all " in done.stdout
+    assert done.stderr.count(QUESTION.decode()) == 1
+    _left_nowhere(tmp_path, done)

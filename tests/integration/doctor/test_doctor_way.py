@@ -1,0 +1,175 @@
+"""`provision doctor site=…` on a real network: what it says of each state, and that what it advises helps."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+from laptop_stand import MINE, LaptopStand, laptop
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.namespace, pytest.mark.slow]
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[LaptopStand]:
+    with laptop(tmp_path) as stand:
+        yield stand
+
+
+def verdicts(at: LaptopStand) -> dict[str, str]:
+    return {name: item["verdict"] for name, item in at.look().items()}
+
+
+def test_the_address_is_missing_and_what_is_advised_gives_it(at: LaptopStand) -> None:
+    at.cable("eth0")
+    found = at.look()
+    assert found["port"]["verdict"] == "PASS"
+    assert found["address"]["verdict"] == "FAIL"
+    assert found["route"] | {"commands": []} == {
+        "section": "way",
+        "name": "route",
+        "verdict": "FAIL",
+        "measured": "no route to 10.64.101.1",
+        "hint": "",
+        "commands": [],
+    }
+    assert found["router"] | {"section": ""} == {
+        "section": "",
+        "name": "router",
+        "verdict": "SKIP",
+        "measured": "not contacted: the way to it is not right yet",
+        "hint": "",
+        "commands": [],
+    }
+    at.serve("eth0")
+    at.obey(found["address"])
+    after = at.look()
+    assert after["address"]["measured"] == "10.64.101.10/24 on eth0"
+    assert after["route"]["measured"] == "10.64.101.1 goes to eth0, from 10.64.101.10"
+    assert after["router"]["verdict"] == "WARN"
+    assert after["router"]["commands"] == ["provision trust site=coastal"]
+
+
+def test_the_router_hears_one_handshake_and_no_word(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    digest = at.serve("eth0")
+    file = at.inventory / "host_vars" / "coastal-router.yml"
+    file.write_text(file.read_text().replace("access: {", f"access: {{fingerprint: {digest}, "))
+    found = at.look()
+    assert found["router"]["measured"] == "coastal-router answers, with the known certificate; nobody logged in"
+    assert found["dates"]["verdict"] == "PASS"
+    assert at.heard() == ["said b''"]
+
+
+def test_another_certificate_is_noticed(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    at.serve("eth0")
+    file = at.inventory / "host_vars" / "coastal-router.yml"
+    file.write_text(file.read_text().replace("access: {", f"access: {{fingerprint: {'ab' * 32}, "))
+    assert at.look()["router"]["verdict"] == "FAIL"
+
+
+def test_nobody_is_contacted_over_a_link_that_is_paid_by_the_byte(at: LaptopStand) -> None:
+    at.cable("eth0", address="10.80.0.5/24")
+    at.ip("route", "add", "10.64.0.0/16", "dev", "eth0")
+    at.serve("eth0")
+    found = at.look("via=satellite")
+    assert found["route"]["verdict"] == "PASS"
+    assert found["router"]["measured"] == "not contacted: satellite is paid by the byte"
+    assert at.heard() == []
+
+
+def test_nobody_answers(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    found = at.look()
+    assert found["route"]["verdict"] == "PASS"
+    assert found["router"]["verdict"] == "FAIL"
+
+
+def test_a_port_that_is_off_is_switched_on(at: LaptopStand) -> None:
+    at.cable("eth0", up=False)
+    found = at.look()
+    assert found["port"]["measured"] == "eth0 is switched off"
+    at.obey(found["port"])
+    assert at.look()["port"]["verdict"] == "PASS"
+
+
+def test_no_cable(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    at.unplug("eth0")
+    found = at.look()
+    assert found["port"]["verdict"] == "FAIL"
+    assert found["port"]["measured"] == "eth0 is on and sees no cable (no carrier)"
+    assert found["address"]["verdict"] == "PASS"
+    assert found["router"]["verdict"] == "SKIP"
+
+
+def test_no_port(at: LaptopStand) -> None:
+    assert at.look()["port"]["measured"] == "this laptop has no Ethernet port"
+
+
+@pytest.mark.parametrize("address", ["192.168.88.5/24", "10.64.101.1/24", "10.64.101.10/32", "10.64.101.55/24"])
+def test_a_wrong_address_and_what_is_advised_puts_it_right(at: LaptopStand, address: str) -> None:
+    at.cable("eth0", address=address)
+    found = at.look()
+    assert found["address"]["verdict"] != "PASS"
+    at.obey(found["address"])
+    assert {name: verdict for name, verdict in verdicts(at).items() if name in ("address", "route")} == {
+        "address": "PASS",
+        "route": "PASS",
+    }
+
+
+def test_two_ports_in_one_network_and_the_route_that_is_advised(at: LaptopStand) -> None:
+    at.cable("wlan9", address="10.64.101.77/24")
+    at.cable("eth0", address=MINE)
+    found = at.look()
+    assert found["route"]["measured"] == "10.64.101.1 goes to wlan9, and not to eth0"
+    assert found["other ports"]["verdict"] == "WARN"
+    at.obey(found["route"])
+    assert verdicts(at)["route"] == "PASS"
+    at.obey(found["other ports"])
+    assert verdicts(at)["other ports"] == "PASS"
+
+
+def test_a_narrower_route_elsewhere(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    at.cable("tun9")
+    at.ip("route", "add", "10.64.101.0/25", "dev", "tun9")
+    found = at.look()
+    assert found["route"]["measured"] == "10.64.101.1 goes to tun9, and not to eth0"
+    assert found["other ports"]["measured"] == "10.64.101.0/25 goes to tun9: in the router's network too"
+    at.obey(found["other ports"])
+    assert verdicts(at)["route"] == "PASS"
+
+
+def test_the_default_route_over_the_site(at: LaptopStand) -> None:
+    at.cable("eth0", address=MINE)
+    at.ip("route", "add", "default", "via", "10.64.101.1", "dev", "eth0")
+    found = at.look()
+    assert found["default route"]["verdict"] == "WARN"
+    at.obey(found["default route"])
+    assert verdicts(at)["default route"] == "PASS"
+
+
+def test_two_cables(at: LaptopStand) -> None:
+    at.cable("eth0")
+    at.cable("eth1")
+    assert at.look()["port"]["verdict"] == "WARN"
+
+
+def test_the_screen(at: LaptopStand) -> None:
+    """The last lines alone say what is wrong and what to type; nothing is wider than a terminal."""
+    at.cable("eth0")
+    done = at.provision("doctor", "site=coastal")
+    assert done.returncode == 6, done.stdout
+    assert [line for line in done.stdout.splitlines() if len(line) > 80 and str(at.folder) not in line] == []
+    text = re.sub(r"\d+ (?=[A-Z])", "N ", done.stdout)
+    assert "  FAIL address             no port has an address in 10.64.101.0/24, the" in text
+    assert "       type: sudo ip address add 10.64.101.10/24 dev eth0\n" in text
+    assert re.search(r"^FAIL: N FAIL, ", text, re.MULTILINE)

@@ -1,0 +1,66 @@
+"""What `provision doctor` advises towards a real router leads on: it is typed as it was printed."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hints_said import advised
+from quay import ROUTER, Quay, quay
+
+from atlantis_netcfg.journal import Store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        (opened.inventory.parent / "vault-password").chmod(0o600)
+        yield opened
+
+
+def items(at: Quay, code: int) -> dict[str, dict[str, Any]]:
+    """The router's address is this computer's own there: it is looked at as from far away."""
+    done = at.provision("doctor", "site=coastal", "via=wifi-ptp", "--json", code=code)
+    return {item["name"]: item for item in json.loads(done.stdout)["items"]}
+
+
+def lines(at: Quay, code: int) -> list[list[str]]:
+    """All commands of ours that are advised on the screen, the last one last."""
+    printed = at.provision("doctor", "site=coastal", "via=wifi-ptp", code=code).stdout
+    return [words for line in printed.splitlines() for words in advised(line)]
+
+
+def test_an_unknown_router_is_agreed_to_by_what_is_advised(at: Quay) -> None:
+    Store(at.state).pins.change(ROUTER, None)
+    found = items(at, 6)
+    assert found["router"]["verdict"] == "WARN"
+    assert found["router"]["commands"] == found["known devices"]["commands"]
+    assert ROUTER in found["known devices"]["measured"]
+    words = next(words for words in lines(at, 6) if words[0] == "trust")
+    at.typed(*words, f"only={ROUTER}", answer="yes", code=0)
+    after = items(at, 6)
+    assert after["router"]["verdict"] == "PASS"
+    assert ROUTER not in after["known devices"]["measured"]
+
+
+def test_a_plan_is_made_next(at: Quay) -> None:
+    """The keys of the gateway are nobody's here: without them nothing is red."""
+    file = at.inventory / "host_vars" / "coastal-gateway.yml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text[: text.index("  image:")], encoding="utf-8")
+    words = lines(at, 0)[-1]
+    assert words[:2] == ["site=coastal", "--plan"]
+    at.provision(*words, code=2)
+
+
+def test_the_passwords_open_and_are_not_shown(at: Quay) -> None:
+    done = at.provision("doctor", "site=coastal", "via=wifi-ptp", code=6)
+    assert "a-real-" not in done.stdout
+    assert items(at, 6)["vault"]["measured"].startswith("the password opens all ")

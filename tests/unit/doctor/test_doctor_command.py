@@ -1,0 +1,245 @@
+"""`provision doctor`: its screen, its exit codes, and that what it advises can be typed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+from hints_said import advised
+from laptop_network import Plug, network
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.cli import laptop, main
+from atlantis_netcfg.cli._arguments import parse
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.operations import doctor
+from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem, DoctorSection
+from atlantis_netcfg.operations.doctor.network import NetworkUnreadable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+WELL = DoctorItem(DoctorSection.CLOCK, "time", Verdict.PASS, "right")
+
+
+@pytest.fixture(autouse=True)
+def quiet_laptop(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The network of whoever runs the tests is not looked at, nor the versions of what is installed there."""
+    monkeypatch.setattr(doctor, "read_network", lambda _address: network(Plug("eth0")))
+    monkeypatch.setattr(doctor, "software_items", lambda *_, **__: iter(()))
+
+
+def typed(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
+    ended = main(["doctor", *words])
+    printed = capsys.readouterr()
+    assert ended == code, printed.out + printed.err
+    return printed.out + printed.err
+
+
+def shown(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *items: DoctorItem, follows: str = ""
+) -> str:
+    monkeypatch.setattr(doctor, "examine", lambda *_, **__: Diagnosis(items, "coastal", follows))
+    main(["doctor", "site=coastal"])
+    first, _, rest = capsys.readouterr().out.partition("\n")
+    assert first == f"provision {__version__} looks at this laptop and changes nothing"
+    return rest
+
+
+def item(verdict: Verdict, name: str = "address", **more: object) -> DoctorItem:
+    return DoctorItem(DoctorSection.WAY, name, verdict, "it was measured", **more)  # type: ignore[arg-type] # names of fields
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "code"),
+    [
+        ((Verdict.PASS, Verdict.SKIP), ExitCode.DONE),
+        ((Verdict.PASS, Verdict.WARN), ExitCode.DONE),
+        ((Verdict.WARN, Verdict.FAIL), ExitCode.CHECKS_FAILED),
+        ((Verdict.PASS, Verdict.INCONCLUSIVE), ExitCode.CHECKS_FAILED),
+        ((Verdict.PASS, Verdict.ERROR), ExitCode.CHECKS_FAILED),
+        ((Verdict.SKIP,), ExitCode.NOTHING),
+        ((), ExitCode.NOTHING),
+    ],
+)
+def test_how_it_ends(verdicts: tuple[Verdict, ...], code: ExitCode) -> None:
+    assert Diagnosis(tuple(map(item, verdicts))).exit is code
+
+
+def test_all_well_and_what_follows(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    assert shown(capsys, monkeypatch, WELL, item(Verdict.SKIP), follows="provision site=coastal --plan") == (
+        "Clock\n"
+        "  PASS time                right\n"
+        "Way to the site\n"
+        "  SKIP address             it was measured\n"
+        "\n"
+        "PASS: 1 PASS, 1 SKIP\n"
+        "type:  provision site=coastal --plan\n"
+    )
+
+
+def test_the_worst_item_ends_it(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    warned = item(Verdict.WARN, "default route", commands=("sudo ip route del default",))
+    failed = item(Verdict.FAIL, hint="do this", commands=("sudo ip address add 192.0.2.7/24 dev eth0",))
+    assert shown(capsys, monkeypatch, warned, failed, WELL, follows="provision site=coastal --plan") == (
+        "Clock\n"
+        "  PASS time                right\n"
+        "Way to the site\n"
+        "  WARN default route       it was measured\n"
+        "       type: sudo ip route del default\n"
+        "  FAIL address             it was measured\n"
+        "       do:   do this\n"
+        "       type: sudo ip address add 192.0.2.7/24 dev eth0\n"
+        "\n"
+        "FAIL: 1 FAIL, 1 WARN, 1 PASS\n"
+        "worst: address: it was measured\n"
+        "next:  do this\n"
+        "type:  sudo ip address add 192.0.2.7/24 dev eth0\n"
+    )
+
+
+def test_a_warning_alone_leads_on(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    printed = shown(capsys, monkeypatch, item(Verdict.WARN, hint="look"), follows="provision site=coastal --plan")
+    assert printed.endswith(
+        "\nWARN: 1 WARN\nworst: address: it was measured\nnext:  look\nthen:  provision site=coastal --plan\n"
+    )
+
+
+def test_a_long_word_or_name_has_a_line_of_its_own(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    long = item(Verdict.PASS, "SSH key for coastal-gateway")
+    assert shown(capsys, monkeypatch, long, item(Verdict.INCONCLUSIVE)).startswith(
+        "Way to the site\n"
+        "  PASS SSH key for coastal-gateway\n"
+        "                           it was measured\n"
+        "  INCONCLUSIVE address\n"
+        "                           it was measured\n"
+    )
+
+
+@pytest.mark.parametrize("site", [(), ("site=coastal",)])
+def test_nothing_is_wider_than_a_terminal(capsys: pytest.CaptureFixture[str], site: tuple[str, ...]) -> None:
+    printed = typed(capsys, *site)
+    assert [line for line in printed.splitlines() if len(line) > 80 and "/" not in line] == []
+    assert printed.count("\n") > 15
+
+
+def test_a_program_gets_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    document = json.loads(typed(capsys, "site=coastal", "--json"))
+    assert (document["exit"], document["errors"], document["site"]) == (0, [], "coastal")
+    assert sum(document["counts"].values()) == len(document["items"]) > 10
+    assert {each["section"] for each in document["items"]} >= {"clock", "way", "keys", "folders"}
+    (way,) = [each for each in document["items"] if each["name"] == "way"]
+    assert way["verdict"] == "SKIP", "example addresses lead to nobody's devices"
+
+
+def test_looking_makes_no_file(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    typed(capsys, "site=coastal")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "expected"),
+    [
+        (("site=costal",), 7, "did you mean `coastal`?"),
+        (("site=all",), 3, "a laptop stands at one site"),
+        (("inventory=/nowhere",), 7, "does not exist"),
+    ],
+)
+def test_a_word_that_means_nothing(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, expected: str
+) -> None:
+    assert expected in typed(capsys, *words, code=code)
+
+
+def test_a_network_that_cannot_be_read_is_not_green(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable(_address: object) -> None:
+        raise NetworkUnreadable("`ip` is not installed on this laptop")
+
+    monkeypatch.setattr(doctor, "read_network", unreadable)
+    printed = typed(capsys, code=6)
+    assert "  INCONCLUSIVE network\n                           `ip` is not installed on this laptop\n" in printed
+
+
+def test_without_a_place_for_records_the_rest_is_looked_at(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("ATLANTIS_STATE")
+    monkeypatch.setenv("HOME", str(tmp_path / "missing"))
+    printed = typed(capsys, code=6)
+    assert "worst: record folder: no place to keep the journal" in printed
+    assert "PASS ports" in printed
+
+
+def last(printed: str) -> list[str]:
+    """The command of the last line, as the words that a person would type after `provision`."""
+    (words,) = advised(printed.splitlines()[-1])
+    return words
+
+
+def test_the_way_to_a_site_is_looked_at_next(capsys: pytest.CaptureFixture[str]) -> None:
+    words = last(typed(capsys))
+    assert words == ["doctor", "site=scc"]
+    typed(capsys, *words[1:])
+
+
+def test_errors_of_the_declaration_are_listed_by_what_is_advised(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    root = shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
+    (root / "host_vars" / "coastal-router.yml").write_text("device: {kind: router}\n")
+    words = last(typed(capsys, f"inventory={root}", code=6))
+    assert words == ["validate", f"inventory={root}"]
+    assert main(words) == 3
+    assert "coastal-router.yml:1" in capsys.readouterr().err
+
+
+class NothingBehindIt(NetcfgError):
+    """It was understood, and there is nothing to work on."""
+
+    exit = ExitCode.NOTHING
+
+    def __init__(self) -> None:
+        super().__init__("nothing was tried")
+
+
+def test_example_values_are_rehearsed_next(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    words = last(typed(capsys, "site=te4sea"))
+    seen: list[object] = []
+
+    def rehearsed(opened: object, _twins: object) -> object:
+        seen.append(opened)
+        raise NothingBehindIt
+
+    monkeypatch.setattr("atlantis_netcfg.cli._rehearse.rehearse", rehearsed)
+    monkeypatch.setattr("atlantis_netcfg.operations.rehearsal.rehearsal", _no_twins)
+    assert main(words) == 7
+    assert len(seen) == 1
+
+
+@contextmanager
+def _no_twins(*_: object) -> Iterator[object]:
+    """In place of the emulated devices."""
+    yield object()
+
+
+def test_what_is_advised_is_told_the_same_inventory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(checkout())
+    arguments = parse(laptop.DOCTOR, ["inventory=the inventory"])
+    assert laptop._typed(("provision trust site=coastal", "sudo ip link set eth0 up"), arguments) == [
+        "provision trust site=coastal 'inventory=the inventory'",
+        "sudo ip link set eth0 up",
+    ]

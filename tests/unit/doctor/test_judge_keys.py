@@ -1,0 +1,276 @@
+"""What is said of a laptop's keys and passwords, its disk and its folders, in each state that can be told apart."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from laptop_network import lines
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.journal import Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.operations.doctor import folders, keys
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# --- keys ---------------------------------------------------------------------------------------------------------
+
+FIRST = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+OTHER = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBvvvvV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    (tmp_path / ".ssh").mkdir()
+    return tmp_path
+
+
+def put(file: Path, public: str, mode: int = 0o600) -> Path:
+    file.write_text("private")
+    file.chmod(mode)
+    file.with_name(f"{file.name}.pub").write_text(f"{public} me\n")
+    return file
+
+
+def test_a_declared_key_is_found_in_its_folder(home: Path) -> None:
+    put(home / ".ssh" / "id_rsa", OTHER)
+    file = put(home / ".ssh" / "id_ed25519", FIRST)
+    found = keys.laptop_keys(home)
+    assert lines(keys.keys_item("gw", [f"{FIRST} technician"], found)) == [f"PASS SSH key for gw: {file}"]
+    file.chmod(0o640)
+    assert lines(keys.keys_item("gw", [FIRST], found)) == [
+        f"FAIL SSH key for gw: {file} can be read by others: OpenSSH refuses such a key",
+        f"  chmod 600 {file}",
+    ]
+
+
+def test_a_declared_key_is_found_where_the_configuration_names_it(home: Path) -> None:
+    (home / "keys").mkdir()
+    file = put(home / "keys" / "work", FIRST)
+    (home / ".ssh" / "config").write_text("Host *\n  IdentityFile ~/keys/work\n  identityfile=/no/where\n")
+    assert keys.keys_item("gw", [FIRST], keys.laptop_keys(home)).measured == str(file)
+
+
+def test_a_declared_key_is_found_in_the_agent(home: Path) -> None:
+    found = keys.laptop_keys(home, f"The agent has no identities.\n{FIRST} card\n")
+    assert lines(keys.keys_item("gw", [FIRST], found)) == ["PASS SSH key for gw: the agent holds a declared key"]
+
+
+def test_a_public_half_alone_opens_nothing(home: Path) -> None:
+    (home / ".ssh" / "id_ed25519.pub").write_text(FIRST)
+    put(home / ".ssh" / "id_rsa", OTHER)
+    assert lines(keys.keys_item("gw", [FIRST], keys.laptop_keys(home))) == [
+        "FAIL SSH key for gw: none of its 1 declared keys is in ~/.ssh, or in the agent",
+        "  work on a laptop that has one, or add yours to `ssh_keys` in host_vars/gw.yml",
+    ]
+
+
+def test_known_hosts_are_those_of_openssh(home: Path) -> None:
+    assert not keys.in_known_hosts("coastal-gateway", home)
+    file = home / ".ssh" / "known_hosts"
+    file.write_text(f"coastal-gateway {FIRST}\n")
+    subprocess.run(["ssh-keygen", "-q", "-H", "-f", str(file)], check=True, capture_output=True)
+    assert "coastal" not in file.read_text()
+    assert keys.in_known_hosts("coastal-gateway", home)
+    assert not keys.in_known_hosts("te4sea-gateway", home)
+
+
+def test_password_files_are_those_of_ansible(home: Path) -> None:
+    named = {
+        "ANSIBLE_VAULT_IDENTITY_LIST": "a@/one, prompt, b@prompt_ask_vault_pass",
+        "ANSIBLE_VAULT_PASSWORD_FILE": "~/x",
+    }
+    assert [str(file) for file in keys.password_files(named)] == ["/one", str(Path("~/x").expanduser())]
+    assert keys.password_files({}) == ()
+    file = home / "password"
+    assert keys.password_file_item(file, home / "inventory").verdict == "FAIL"
+    file.write_text("secret")
+    file.chmod(0o644)
+    assert lines(keys.password_file_item(file, home / "inventory")) == [
+        f"FAIL password file: {file} can be read by others",
+        f"  chmod 600 {file}",
+    ]
+    file.chmod(0o600)
+    assert keys.password_file_item(file, home / "inventory").verdict == "PASS"
+    assert keys.password_file_item(file, home).verdict == "WARN"
+    file.chmod(0o755)
+    assert keys.password_file_item(file, home / "inventory").verdict == "PASS", "a program prints it"
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Declaration:
+    return load(checkout() / "inventory")
+
+
+@pytest.fixture(scope="module")
+def real(shipped: Declaration) -> Declaration:
+    return replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
+
+
+def test_example_values(shipped: Declaration, real: Declaration) -> None:
+    assert keys.examples_item(shipped).verdict == "WARN"
+    assert keys.examples_item(real).verdict == "PASS"
+
+
+DEVICES = "coastal-router, coastal-cpe, coastal-4g, coastal-gateway"
+
+
+def test_known_devices(shipped: Declaration, real: Declaration, tmp_path: Path) -> None:
+    pins, hosts = Store(tmp_path).pins, real.site_hosts("coastal")
+    assert keys.known_devices_item(shipped, hosts, pins, lambda _: True).verdict == "SKIP"
+    assert lines(keys.known_devices_item(real, hosts, pins, lambda _: False)) == [
+        f"WARN known devices: 4 of 4 not known here, and refused so far: {DEVICES}",
+        "  at the site, on a terminal; a router from its carton is met by `adopt` instead:",
+        "  provision trust site=coastal",
+    ]
+    for name in ("coastal-router", "coastal-cpe", "coastal-4g"):
+        pins.change(name, "ab" * 32)
+    assert lines(keys.known_devices_item(real, hosts, pins, lambda name: name == "coastal-gateway")) == [
+        "PASS known devices: all 4: certificate or host key is declared, or kept here"
+    ]
+    (tmp_path / "real" / "pins.json").write_text("damaged")
+    assert keys.known_devices_item(real, hosts, pins, lambda _: True).verdict == "FAIL"
+
+
+def no_password(_text: str) -> str:
+    raise UsageError("there is no password", hint="name a file\nor type it")
+
+
+def test_no_encrypted_value_needs_no_password() -> None:
+    assert lines(keys.secrets_item(checkout() / "inventory", no_password)) == [
+        "PASS vault: no value of the inventory is encrypted, so no password is needed"
+    ]
+
+
+def _wrong(_text: str) -> str:
+    raise ValueError("wrong password")
+
+
+@pytest.mark.parametrize(
+    ("decrypt", "expected"),
+    [
+        (lambda _: "a-real-secret", ["PASS vault: the password opens all 2 encrypted values"]),
+        (no_password, ["INCONCLUSIVE vault: there is no password", "  name a file"]),
+    ],
+)
+def test_encrypted_values(tmp_path: Path, decrypt: Callable[[str], str], expected: list[str]) -> None:
+    assert lines(keys.secrets_item(vaulted(tmp_path), decrypt)) == expected
+
+
+def test_a_wrong_password_is_told_with_the_place_of_the_first_value(tmp_path: Path) -> None:
+    item = keys.secrets_item(vaulted(tmp_path), _wrong)
+    assert item.verdict == "FAIL"
+    assert "host_vars/coastal-router.yml:7: this secret cannot be decrypted, nor 1 more" in item.measured
+    assert item.hint == "check the vault's password: it is not the one of this value"
+
+
+def vaulted(folder: Path) -> Path:
+    """The shipped inventory with two encrypted values."""
+    import shutil  # noqa: PLC0415 - two tests need it
+
+    root = shutil.copytree(checkout() / "inventory", folder / "inventory")
+    file = root / "host_vars" / "coastal-router.yml"
+    text = file.read_text(encoding="utf-8")
+    for name in ("EXAMPLE-provision-coastal", "EXAMPLE-vpn-coastal"):
+        assert name in text
+        text = text.replace(name, '!vault "$ANSIBLE_VAULT;1.1;AES256\\n3336\\n"')
+    file.write_text(text, encoding="utf-8")
+    return root
+
+
+def test_no_authority(tmp_path: Path) -> None:
+    assert keys.authority_item(tmp_path / "vpn").verdict == "SKIP"
+    (tmp_path / "vpn").mkdir()
+    (tmp_path / "vpn" / "ledger.jsonl").write_text("damaged")
+    damaged = keys.authority_item(tmp_path / "vpn")
+    assert damaged.verdict == "WARN"
+
+
+# --- folders ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("free", "expected"),
+    [
+        (9_000_000_000, ["PASS room: 9.0 GB free at /x"]),
+        (400_000_000, ["WARN room: 400 MB free at /x; 0.5 GB are good for records", "  make room"]),
+        (49_000_000, ["FAIL room: 49 MB free at /x, for records", "  delete what you need no more"]),
+    ],
+)
+def test_room(free: int, expected: list[str], tmp_path: Path) -> None:
+    need = folders.RoomNeed("room", tmp_path, 50_000_000, 500_000_000, "records")
+    assert [line.replace(str(tmp_path), "/x") for line in lines(folders.judge_room(need, free))] == expected
+
+
+def test_the_record_folder(tmp_path: Path) -> None:
+    place = tmp_path / "state"
+    assert folders.state_item(place).verdict == "SKIP"
+    assert not place.exists(), "looking makes nothing"
+    place.mkdir(mode=0o700)
+    assert folders.state_item(place).verdict == "PASS"
+    place.chmod(0o755)
+    item = folders.state_item(place)
+    assert (item.verdict, item.commands) == ("WARN", (f"chmod 700 {place}",))
+    assert place.stat().st_mode & 0o777 == 0o755, "looking changes nothing"
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="giving a folder to somebody else needs root")
+def test_a_record_folder_of_somebody_else(tmp_path: Path) -> None:
+    os.chown(tmp_path, 65534, 65534)
+    assert folders.state_item(tmp_path).verdict == "FAIL"
+
+
+def test_a_checkout_that_others_can_change(tmp_path: Path) -> None:
+    (tmp_path / ".venv").mkdir(mode=0o755)
+    tmp_path.chmod(0o755)
+    assert folders.checkout_item(tmp_path).verdict == "PASS"
+    (tmp_path / ".venv").chmod(0o777)
+    item = folders.checkout_item(tmp_path)
+    assert (item.verdict, item.commands) == ("WARN", (f"chmod go-w {tmp_path / '.venv'}",))
+
+
+def test_leftovers(tmp_path: Path) -> None:
+    assert folders.leftovers_item(()).verdict == "PASS"
+    item = folders.leftovers_item((tmp_path,))
+    assert (item.verdict, item.commands) == ("WARN", (f"sudo rm -r --one-file-system {tmp_path}",))
+
+
+STARTED = RunStarted(
+    site="coastal",
+    revision="",
+    tool="",
+    hosts=("coastal-router",),
+    rehearsed=False,
+    command="provision site=coastal inventory=here",
+)
+
+
+def test_open_runs(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished)) == ["PASS open runs: none"]
+    assert list(tmp_path.iterdir()) == [], "looking makes nothing"
+    with store.start(STARTED) as journal:
+        name = journal.run
+    read = folders.read_runs(store, "coastal")
+    assert [run.id for run in read.unfinished] == [name]
+    assert lines(folders.unfinished_item(read.unfinished)) == [
+        f"WARN open runs: {name} has left coastal-router open",
+        "  go on when the link is there:",
+        f"  provision resume site=coastal run={name} inventory=here",
+    ]
+    assert folders.read_runs(store, "scc").unfinished == ()
+
+
+def test_a_run_that_has_ended_is_not_open(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    with store.start(STARTED) as journal:
+        journal.write(Outcome(device="coastal-router", status="changed", exit=0, message=""))
+        journal.write(RunEnded(exit=0))
+    assert folders.read_runs(store, None).unfinished == ()
