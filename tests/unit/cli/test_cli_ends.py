@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -171,6 +172,17 @@ def test_a_plain_log_says_what_it_waits_for() -> None:
     )
 
 
+def test_a_reminder_says_how_long_a_step_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    log, clock = io.StringIO(), iter(range(0, 10_000, 7))
+    monkeypatch.setattr("atlantis_netcfg.cli._output.time.monotonic", lambda: float(next(clock)))
+    with progress(quiet=False, out=log, silence_s=0.01) as notify:
+        notify(Event("quay", Stage.CONNECTING, "to it", limit_s=120))
+        until = time.perf_counter() + 30
+        while "still at work" not in log.getvalue() and time.perf_counter() < until:
+            time.sleep(0.01)
+    assert re.search(r"without news: quay \(connecting, \d+ s of at most 120 s\)", log.getvalue())
+
+
 def test_a_log_that_nobody_reads_stops_no_reminder_and_no_run() -> None:
     class Closed(io.StringIO):
         tries = 0
@@ -195,7 +207,9 @@ def test_a_terminal_shows_the_age_of_a_step(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr("atlantis_netcfg.cli._output.time.monotonic", lambda: float(next(clock)))
     with progress(quiet=False, out=terminal) as notify:
         notify(Event("quay", Stage.CONNECTING, "to it"))
+        notify(Event("mast", Stage.CONNECTING, f"to {'a far place ' * 9}", limit_s=120))
     assert re.search(r"quay +connecting  to it  \(\d+ s\)", terminal.getvalue())
+    assert re.search(r"mast +connecting  to a far place .*…  \(\d+ s of at most 120 s\)", terminal.getvalue())
 
 
 def test_silence_that_this_computer_cannot_make_is_refused_before_a_device_is_asked(

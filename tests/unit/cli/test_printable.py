@@ -19,6 +19,7 @@ from atlantis_netcfg.cli._output import progress
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
 from atlantis_netcfg.core.events import Event, Stage
+from atlantis_netcfg.core.printable import Style, Styled
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli._arguments import Arguments
@@ -111,3 +112,63 @@ def test_progress_shows_a_devices_words(out: type[io.StringIO]) -> None:
     ]
     if out is io.StringIO:
         assert control_characters(text) == []
+
+
+def test_a_line_is_broken_between_words_and_loses_none() -> None:
+    row = ("  coastal-router     ", Styled("applied and verified by a rather long sentence", Style.GOOD), " (1 s)")
+    assert printable.wrapped(row, 0, 21) == [row]
+    for width in range(30, 90):
+        lines = [printable.plain(line) for line in printable.wrapped(row, width, 21)]
+        assert " ".join(" ".join(lines).split()) == " ".join(printable.plain(row).split())
+        assert all(len(line) <= width and line == line.rstrip() for line in lines)
+        assert all(line.startswith(" " * 21) for line in lines[1:])
+    styles = {piece.style for line in printable.wrapped(row, 40, 21) for piece in line if isinstance(piece, Styled)}
+    assert styles == {Style.GOOD}
+
+
+def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:
+    (first, second) = printable.wrapped("see ~/.local/state/atlantis/real/coastal/runs", 20, 2)
+    assert [printable.plain(line) for line in (first, second)] == [
+        "see",
+        "  ~/.local/state/atlantis/real/coastal/runs",
+    ]
+
+
+class Screen(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("environment", "coloured"),
+    [
+        ({"TERM": "xterm"}, True),
+        ({"TERM": "xterm", "NO_COLOR": "1"}, False),
+        ({"TERM": "xterm", "NO_COLOR": ""}, True),
+        ({"TERM": "dumb"}, False),
+        ({}, False),
+    ],
+)
+def test_colours_are_for_terminals_that_show_them(
+    environment: dict[str, str],
+    coloured: bool,  # noqa: FBT001 - a value of the table
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.delenv("TERM", raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    rows: list[printable.Row] = [(Styled("[OK]", Style.GOOD), " done \x1b[31m"), Styled("a\x1b[0m", Style.BAD)]
+    for out, shown in ((Screen(), coloured), (io.StringIO(), False)):
+        printable.show(rows, out)
+        start, end = ("\x1b[32m", "\x1b[0m") if shown else ("", "")
+        bad = "\x1b[31m" if shown else ""
+        assert out.getvalue() == f"{start}[OK]{end} done \\u001b[31m\n{bad}a\\u001b[0m{end}\n"
+
+
+def test_a_stream_of_ascii_gets_the_nearest_letters() -> None:
+    raw = io.BytesIO()
+    with io.TextIOWrapper(raw, "ascii", printable.ASCII) as out:
+        out.write("não é São João … « » — 漢")
+        out.flush()
+        assert raw.getvalue() == b'nao e Sao Joao ... " " - ?'
