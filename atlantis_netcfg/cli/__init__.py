@@ -75,7 +75,7 @@ class _CommandLine:
         if self.typed == ["--version"]:
             self.typed = ["version"]
         if group := self._group():
-            return _print_overview(group)
+            return _print_group(group, self.table)
         name, rest = choose(self.typed, self.table)
         loaded = load(name, self.table)
         self.command = loaded.command
@@ -98,12 +98,11 @@ class _CommandLine:
         chosen, self.typed = _without_language(self.typed)
         language.use(language.of_environment() if chosen is None else language.named(chosen))
 
-    def _group(self) -> dict[str, str]:
-        """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""
+    def _group(self) -> str:
+        """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty."""
         words = [argument for argument in self.typed if argument not in _HELP]
-        if len(words) != 1 or words == self.typed:
-            return {}
-        return {name: module for name, module in self.table.items() if name.startswith(f"{words[0]} ")}
+        alone = len(words) == 1 and words != self.typed
+        return words[0] if alone and any(name.startswith(f"{words[0]} ") for name in self.table) else ""
 
     def _overview(self) -> ExitCode:
         from atlantis_netcfg.cli.help import overview
@@ -125,10 +124,10 @@ def _without_language(typed: Sequence[str]) -> tuple[str | None, list[str]]:
     return chosen, rest
 
 
-def _print_overview(table: Mapping[str, str]) -> ExitCode:
-    from atlantis_netcfg.cli.help import overview
+def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
+    from atlantis_netcfg.cli.help import of_group
 
-    print(overview(table))
+    print(of_group(word, table))
     return ExitCode.DONE
 
 

@@ -28,6 +28,8 @@ from atlantis_netcfg.cli._arguments import (
     Arguments,
     CommandSpec,
     Flag,
+    Group,
+    Values,
     Word,
 )
 
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 DRIFT = CommandSpec(
     "drift",
     "say what differs from the declaration, who owns it and since when, changing nothing",
+    group=Group.FIRST,
     words=(
         Word("site", "the site; all of them if left out", example="coastal"),
         ONLY,
@@ -154,6 +157,7 @@ def _write(path: Path, data: bytes) -> None:
 BACKUP = CommandSpec(
     "backup",
     "save the full state of a site's devices, changing nothing",
+    group=Group.TROUBLE,
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
         ONLY,
@@ -177,8 +181,9 @@ def run_backup(arguments: Arguments) -> ExitCode:
 VERIFY = CommandSpec(
     "verify",
     "show which assumptions about RouterOS hold on a device, with evidence",
+    group=Group.DEVICE,
     words=(
-        Word("device", "the RouterOS device", required=True, example="coastal-router"),
+        Word("device", "the RouterOS device", required=True, example="coastal-router", values=Values.HOST),
         VIA,
         INVENTORY,
     ),
@@ -292,8 +297,9 @@ def _pay(opened: CommandSession, verifying: Verifying) -> None:
 RESTORE = CommandSpec(
     "restore",
     "put the state that a run has read back on a replacement device",
+    group=Group.DEVICE,
     words=(
-        Word("device", "the device that is replaced", required=True, example="coastal-router"),
+        Word("device", "the device that is replaced", required=True, example="coastal-router", values=Values.HOST),
         Word("site", "its site, if you want that checked", example="coastal"),
         Word("to", "the run whose state it gets, as `provision runs` lists it, or `latest`", True, example="latest"),
         VIA,
@@ -363,9 +369,10 @@ def _tell(opened: CommandSession, state: Confirmed) -> None:
 UPGRADE = CommandSpec(
     "upgrade",
     "put given RouterOS packages on one device, reboot it, and read back what runs",
+    group=Group.DEVICE,
     words=(
         Word("site", "the site", required=True, example="coastal"),
-        Word("device", "the device of it", required=True, example="coastal-router"),
+        Word("device", "the device of it", required=True, example="coastal-router", values=Values.HOST),
         Word(
             "packages",
             "the `.npk` files, all of one version",

@@ -27,6 +27,7 @@ from atlantis_netcfg.cli._arguments import (
     Arguments,
     CommandSpec,
     Flag,
+    Group,
     Word,
 )
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 RUNS = CommandSpec(
     "runs",
     "list the runs that changed something or tried to, and what is still open",
+    group=Group.FIRST,
     words=(Word("site", "only the runs of this site", example="coastal"),),
     flags=(
         Flag("rehearsed", "the runs of rehearsals instead of real ones"),
@@ -138,6 +140,7 @@ def _device(name: str, outcome: dict[str, Any]) -> str:
 RESUME = CommandSpec(
     "resume",
     "go on with a run that was interrupted, from what the devices have kept",
+    group=Group.TROUBLE,
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
         Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
@@ -261,6 +264,7 @@ def _tell(opened: CommandSession, broken: Run) -> None:
 ROLLBACK = CommandSpec(
     "rollback",
     "put a site's devices back to what they were before a run",
+    group=Group.TROUBLE,
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
         Word("to", "the run, as `provision runs` lists it: its saved state is put back", required=True, example="RUN"),
@@ -297,6 +301,7 @@ def run_rollback(arguments: Arguments) -> ExitCode:
 SITE = CommandSpec(
     "run",
     "bring a site to its declared state, guarded, and read back what came of it",
+    group=Group.FIRST,
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
         ONLY,
