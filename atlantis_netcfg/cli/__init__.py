@@ -57,6 +57,8 @@ class _CommandLine:
         """Run it, and end in words whatever happens."""
         from atlantis_netcfg.cli import _output
 
+        if self.typed[:1] == ["complete"]:
+            return _print_candidates(self.typed[1:], self.table)
         as_json = "--json" in self.typed
         try:
             self._choose_language()
@@ -129,6 +131,13 @@ def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
 
     print(of_group(word, table))
     return ExitCode.DONE
+
+
+def _print_candidates(typed: Sequence[str], table: Mapping[str, str]) -> ExitCode:
+    """What the completion of a shell asks for at every Tab; it is no command that a person types."""
+    from atlantis_netcfg.cli.shell._suggestions import answer
+
+    return answer(typed, table)
 
 
 def _print_help(command: CommandSpec) -> ExitCode:

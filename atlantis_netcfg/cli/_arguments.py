@@ -129,6 +129,12 @@ REMOVE_FOREIGN = Flag(
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 
+FRAME = (
+    Flag("lang", "the language of what is printed; else that of LANG", takes="en|pt"),
+    Flag("help", "print this text", short="h"),
+)
+"""What every command takes and none declares."""
+
 
 @dataclass(frozen=True, slots=True)
 class CommandSpec:

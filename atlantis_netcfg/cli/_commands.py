@@ -58,6 +58,10 @@ COMMANDS: Mapping[str, str] = {
     "vpn audit": "atlantis_netcfg.cli.vpn.authority:vpn_audit",
     "vpn accept": "atlantis_netcfg.cli.vpn.members:vpn_accept",
     "vpn install": "atlantis_netcfg.cli.vpn.network:vpn_install",
+    "completion bash": "atlantis_netcfg.cli.shell.completion:completion_bash",
+    "completion zsh": "atlantis_netcfg.cli.shell.completion:completion_zsh",
+    "completion fish": "atlantis_netcfg.cli.shell.completion:completion_fish",
+    "man": "atlantis_netcfg.cli.shell.manual:man",
     "version": "atlantis_netcfg.cli.help:version",
     "help": "atlantis_netcfg.cli.help:help",
 }

@@ -301,7 +301,13 @@ RESTORE = CommandSpec(
     words=(
         Word("device", "the device that is replaced", required=True, example="coastal-router", values=Values.HOST),
         Word("site", "its site, if you want that checked", example="coastal"),
-        Word("to", "the run whose state it gets, as `provision runs` lists it, or `latest`", True, example="latest"),
+        Word(
+            "to",
+            "the run whose state it gets, as `provision runs` lists it, or `latest`",
+            required=True,
+            example="latest",
+            values=Values.RUN_OR_LATEST,
+        ),
         VIA,
         INVENTORY,
     ),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Group
+from atlantis_netcfg.cli._arguments import FRAME, JSON, Arguments, CommandSpec, Group
 from atlantis_netcfg.cli._commands import COMMANDS, DEFAULT, load
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -62,7 +62,7 @@ def overview(table: Mapping[str, str]) -> str:
     ]
     commands = [load(name, table).command for name in table]
     column = max(len(command.name) for command in commands)
-    for title, listed in _grouped(commands):
+    for title, listed in grouped(commands):
         lines += ["", f"{translate(title)}:"]
         lines += _columns(((_typed(command), translate(command.summary)) for command in listed), column)
     lines += ["", f"{translate('Exit codes')}:"]
@@ -82,7 +82,7 @@ def _typed(command: CommandSpec) -> str:
     return "site=NAME" if command.name == DEFAULT else command.name
 
 
-def _grouped(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
+def grouped(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
     """The commands by the title of their group, in the order of the groups; none is left out."""
     for group in (*Group, None):
         listed = [command for command in commands if command.group is group]
@@ -99,8 +99,7 @@ def of_command(command: CommandSpec) -> str:
     lines += _wrapped(f"provision {command.name}", [*required, *optional, *flags])
     if command.words:
         lines += ["", f"{translate('Words')}:", *_columns((word.shown, word_text(word)) for word in command.words)]
-    rows = [(flag.shown, translate(flag.help)) for flag in command.flags]
-    rows.append(("-h, --help", translate("print this text")))
+    rows = ((flag.shown, translate(flag.help)) for flag in (*command.flags, *FRAME))
     lines += ["", f"{translate('Flags')}:", *_columns(rows)]
     for paragraph in command.details.strip().splitlines():
         lines += ["", *_paragraph(paragraph)]

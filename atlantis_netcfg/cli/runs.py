@@ -28,6 +28,7 @@ from atlantis_netcfg.cli._arguments import (
     CommandSpec,
     Flag,
     Group,
+    Values,
     Word,
 )
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
@@ -143,7 +144,11 @@ RESUME = CommandSpec(
     group=Group.TROUBLE,
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
-        Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
+        Word(
+            "run",
+            "the run, as `provision runs` lists it; the latest unfinished one if left out",
+            values=Values.RUN,
+        ),
         INVENTORY,
     ),
     flags=(ACCEPT_COST, UNPROTECTED, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE),
@@ -267,7 +272,13 @@ ROLLBACK = CommandSpec(
     group=Group.TROUBLE,
     words=(
         Word("site", "the site of the run", required=True, example="coastal"),
-        Word("to", "the run, as `provision runs` lists it: its saved state is put back", required=True, example="RUN"),
+        Word(
+            "to",
+            "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one",
+            required=True,
+            example="latest",
+            values=Values.RUN_OR_LATEST,
+        ),
         ONLY,
         INVENTORY,
     ),

@@ -28,7 +28,7 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
     `$ATLANTIS_STATE`, else `atlantis` under `$XDG_STATE_HOME` (absolute paths only, as the XDG Base Directory
     Specification has it), else under `~/.local/state`.
     """
-    return private_directory(_chosen(os.environ if environ is None else environ))
+    return private_directory(state_location(os.environ if environ is None else environ))
 
 
 def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
@@ -100,7 +100,8 @@ def hold_own(folder: Path, hint: str) -> None:
             )
 
 
-def _chosen(environ: Mapping[str, str]) -> Path:
+def state_location(environ: Mapping[str, str]) -> Path:
+    """Where the state directory is, or would be made; UsageError when there is no place for it."""
     if local := environ.get("ATLANTIS_STATE"):
         return Path(local).absolute()
     state_home = environ.get("XDG_STATE_HOME", "")

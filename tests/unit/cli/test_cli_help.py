@@ -12,7 +12,7 @@ from pilot_commands import Table, done
 
 from atlantis_netcfg import cli
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli._arguments import Group
+from atlantis_netcfg.cli._arguments import FRAME, Group
 from atlantis_netcfg.cli._commands import COMMANDS, DEFAULT, load
 from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import ExitCode
@@ -81,7 +81,7 @@ def test_help_breaks_no_word_and_leaves_none_out(name: str, capsys: pytest.Captu
         assert f" {word.shown} {word.help}" in said
         assert f"{word.shown}]" in said or word.required
         assert all(choice in said for choice in word.choices)
-    for flag in command.flags:
+    for flag in (*command.flags, *FRAME):
         assert f" {flag.shown} {flag.help}" in said
     assert said.endswith(" ".join(command.details.split()))
 
@@ -125,6 +125,7 @@ Flags:
   --keep DIR     keep the run there
   --json         print one JSON object instead of text, on errors as well
   -v, --verbose  say more about each step
+  --lang en|pt   the language of what is printed; else that of LANG
   -h, --help     print this text
 
 Nothing is changed with --plan.
