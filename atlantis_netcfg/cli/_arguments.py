@@ -346,7 +346,7 @@ class _WordReader:
 
     def _named(self, argument: str, flag: str | None) -> str | None:
         """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
-        from atlantis_netcfg.cli._inventory_names import folder_of, kind_of, names
+        from atlantis_netcfg.cli.shell._inventory_names import folder_of, kind_of, names
 
         folder = folder_of(self._typed)
         known = kind_of(folder, argument)

@@ -41,8 +41,8 @@ COMMANDS: Mapping[str, str] = {
     "report list": "atlantis_netcfg.cli.checklist:report_list",
     "report show": "atlantis_netcfg.cli.checklist:report_show",
     "report verify": "atlantis_netcfg.cli.checklist:report_verify",
-    "resume": "atlantis_netcfg.cli.runs:resume",
-    "rollback": "atlantis_netcfg.cli.runs:rollback",
+    "resume": "atlantis_netcfg.cli.recovery.resume:resume",
+    "rollback": "atlantis_netcfg.cli.recovery.rollback:rollback",
     "restore": "atlantis_netcfg.cli.devices:restore",
     "upgrade": "atlantis_netcfg.cli.devices:upgrade",
     "image": "atlantis_netcfg.cli.media:image",
@@ -121,7 +121,7 @@ def _no_such_command(typed: Sequence[str], places: Sequence[int], table: Mapping
 def _meant_line(typed: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
     """The line that was meant, where its first word is a site, a flag of the default command, or nearly a command."""
     from atlantis_netcfg.cli._arguments import Values
-    from atlantis_netcfg.cli._inventory_names import folder_of, names
+    from atlantis_netcfg.cli.shell._inventory_names import folder_of, names
 
     sites = names(folder_of(typed), Values.SITE)
     word, flags = typed[first], [flag.name for flag in load(DEFAULT, table).command.flags]

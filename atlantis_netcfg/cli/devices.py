@@ -163,17 +163,33 @@ BACKUP = CommandSpec(
         ONLY,
         INVENTORY,
     ),
-    flags=(ACCEPT_COST, ASK_VAULT_PASS, JSON, VERBOSE),
-    details="The saved export hides secrets, as RouterOS does; they are not in the backup.",
+    flags=(
+        Flag(
+            "rehearse",
+            "the same against emulated devices of the site, as they are after `provision adopt`",
+            harmless=True,
+        ),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+        VERBOSE,
+    ),
+    details=(
+        "The saved export hides secrets, as RouterOS does; they are not in the backup.\n"
+        "What a rehearsal saves is kept with the runs of rehearsals, and no real command takes it."
+    ),
 )
 
 
 def run_backup(arguments: Arguments) -> ExitCode:
     """Save an export of each device under a run of its own."""
+    from atlantis_netcfg.cli._rehearse import announce
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
 
-    with session(arguments) as opened:
+    with session(arguments, rehearse=arguments.flag("rehearse")) as opened:
+        if opened.rehearsed:
+            announce(opened)
         report = opened.perform(Mode.BACKUP)
     return opened.close(report)
 
@@ -353,8 +369,9 @@ def run_restore(arguments: Arguments) -> ExitCode:
         if arguments.flag("plan"):
             report = opened.plan()
         elif opened.rehearsal is not None:
-            from atlantis_netcfg.cli._rehearse import rehearse
+            from atlantis_netcfg.cli._rehearse import announce, rehearse
 
+            announce(opened)
             report = rehearse(opened, opened.rehearsal)
         else:
             report = opened.change(ask=not arguments.flag("yes"))

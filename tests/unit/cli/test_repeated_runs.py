@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.cli.runs import _refuse_others, _refuse_settled
+from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.journal import Outcome, Purpose, Run, RunResumed, RunStarted, Store
 
