@@ -16,7 +16,7 @@ from atlantis_netcfg.journal import NoSuchRun, Store
 from atlantis_netcfg.operations.restore import LATEST
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Host
@@ -38,6 +38,17 @@ class StartState:
     """It is as it is: nothing is done to it."""
 
 
+_LISTED = "`provision runs` lists what is there"
+
+
+def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
+    """Those hosts that a run is about, before anything is started. Raises NothingMatched when none is left."""
+    found = tuple(host for host in hosts if host.name in names)
+    if not found:
+        raise NothingMatched("nothing to do for any device of that run", hint=_LISTED)
+    return found
+
+
 def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:
     """Where runs are looked for, in this order."""
     return tuple(Store(state, rehearsed=emulated) for emulated in ((False, True) if rehearsed else (False,)))
@@ -57,10 +68,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, r
         found = next((run for run in newest if any(run.before(device) is not None for device in devices)), None)
         if found is not None:
             return found
-    raise NothingMatched(
-        f"no run of {site} has saved a state of {', '.join(devices)}",
-        hint=f"a run saves it before its first change; `provision runs site={site}` lists the runs",
-    )
+    raise NothingMatched(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LISTED)
 
 
 def _named(places: Sequence[Store], site: str, name: str) -> Run:

@@ -88,6 +88,7 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.operations.saved_states import hosts_of_run
 
     found: list[Run] = []
 
@@ -98,12 +99,7 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
         _refuse_others(broken)
         _refuse_settled(broken)
         found.append(broken)
-        hosts = tuple(host for host in named if host.name in broken.undone)
-        if not hosts:
-            raise NothingMatched(
-                "nothing to do for any device of that run", hint="`provision runs` lists what is there"
-            )
-        return hosts
+        return hosts_of_run(named, broken.undone)
 
     with session(arguments, rehearse=True, chosen=chosen) as opened:
         (broken,) = found

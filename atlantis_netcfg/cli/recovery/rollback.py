@@ -20,7 +20,6 @@ from atlantis_netcfg.cli._arguments import (
     Values,
     Word,
 )
-from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -101,7 +100,7 @@ def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.operations.kinds import handled
-    from atlantis_netcfg.operations.saved_states import saved_run
+    from atlantis_netcfg.operations.saved_states import hosts_of_run, saved_run
 
     site = arguments.word("site")
     only = arguments.many("only")
@@ -109,10 +108,7 @@ def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[
     require_handled(named, only, arguments.command.name)
     names = [host.name for host in named if handled(host)]
     run = saved_run(paths.state_dir(), site, arguments.word("to"), names, rehearsed=arguments.flag("rehearse"))
-    hosts = tuple(host for host in named if host.name in names and run.before(host.name) is not None)
-    if not hosts:
-        raise NothingMatched("nothing to do for any device of that run", hint="`provision runs` lists what is there")
-    return run, hosts
+    return run, hosts_of_run(named, [name for name in names if run.before(name) is not None])
 
 
 def _tell(opened: CommandSession, run: Run) -> None:

@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hints_said import advised
 from quay import PROVISION, ROUTER, Quay, quay
 from test_real_run import await_record, kill_workers
 
@@ -97,7 +98,10 @@ def test_a_start_that_cannot_be_reached_is_no_rehearsal(at: Quay) -> None:
 def test_latest_needs_a_run_that_has_saved_a_state(at: Quay) -> None:
     refused = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=7).stderr
     assert "no run of coastal has saved a state of coastal-router" in refused
+    (listing,) = advised(refused)
+    assert "provision site=NAME" in at.start(listing).stderr
     at.configure()
+    assert "coastal-router changed" in at.start(listing).stdout
     at.configure()
     first, second = at.runs()
     said = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=2).stdout
