@@ -76,6 +76,8 @@ class _CommandLine:
             return self._overview()
         if self.typed == ["--version"]:
             self.typed = ["version"]
+        if self.typed[0] == "help" and len(self.typed) > 1:
+            self.typed = [*self.typed[1:], "--help"]
         if group := self._group():
             return _print_group(group, self.table)
         name, rest = choose(self.typed, self.table)

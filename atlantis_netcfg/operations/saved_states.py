@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.journal import NoSuchRun, Store
+from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.restore import LATEST
 
 if TYPE_CHECKING:
@@ -100,6 +101,13 @@ def before_resuming(state: Path, hosts: Sequence[Host], broken: Run) -> list[Sta
 
 
 def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
+    if not handled(host):
+        return StartState(
+            host.name,
+            "a fresh one: no state of such a device is saved",
+            f"what run {broken.id} has left on {host.name}: a fresh one stands for it",
+            adopted=True,
+        )
     if broken.before(host.name) is not None:
         done = len(broken.confirmed(host.name))
         again = f"; the {done} actions that it had confirmed are done again" if done else ""

@@ -121,7 +121,7 @@ def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
             return opened.plan()
         return rehearse(opened, opened.rehearsal, mode=Mode.RESUME, run=broken.id)
 
-    start = before_resuming(opened.state, opened.asked, broken)
+    start = before_resuming(opened.state, opened.hosts, broken)
     return rehearse_from(opened, start, go_on, f"how run {broken.id} goes on")
 
 

@@ -23,9 +23,9 @@ def _print(shell: str) -> ExitCode:
 
 COMPLETION_BASH = CommandSpec(
     "completion bash",
-    "print a script that completes lines in bash; docs/completion.md says where to put it",
+    "print a script that completes lines in bash",
     group=Group.LAPTOP,
-    details="For this window: `source <(./provision completion bash)`.",
+    details="For this window: `source <(./provision completion bash)`. For every window see docs/completion.md.",
 )
 
 
@@ -36,7 +36,7 @@ def run_completion_bash(_arguments: Arguments) -> ExitCode:
 
 COMPLETION_ZSH = CommandSpec(
     "completion zsh",
-    "the same for zsh",
+    "print a script that completes lines in zsh",
     group=Group.LAPTOP,
     details="For this window: `source <(./provision completion zsh)`, after `compinit`.",
 )
@@ -49,7 +49,7 @@ def run_completion_zsh(_arguments: Arguments) -> ExitCode:
 
 COMPLETION_FISH = CommandSpec(
     "completion fish",
-    "the same for fish",
+    "print a script that completes lines in fish",
     group=Group.LAPTOP,
     details="For this window: `./provision completion fish | source`.",
 )

@@ -108,6 +108,16 @@ def test_the_help_of_a_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
     assert table.runs == []
 
 
+@pytest.mark.parametrize("name", ["drift", "vpn", "vpn onboard"])
+def test_help_of_something_is_its_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said_by(capsys, ["help", *name.split()]) == said_by(capsys, [*name.split(), "--help"])
+
+
+def test_help_of_a_word_that_is_none_says_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["help", "drfit"]) == ExitCode.USAGE
+    assert "did you mean `provision drift`?" in capsys.readouterr().err
+
+
 HELP_OF_RUN = """\
 provision run: change a site
 

@@ -144,6 +144,15 @@ def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, de
     assert "as after its adoption" in start.words
 
 
+def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Declaration) -> None:
+    broken = laptop.run(saves="a")
+    gateway, router = before_resuming(
+        laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
+    )
+    assert (gateway.adopted, router.adopted) == (True, False)
+    assert gateway.gap == f"what run {broken.id} has left on coastal-gateway: a fresh one stands for it"
+
+
 def test_hosts_of_a_run(declaration: Declaration) -> None:
     hosts = [declaration.hosts[name] for name in (ROUTER, "coastal-cpe")]
     assert [host.name for host in hosts_of_run(hosts, ["coastal-cpe", "gone"])] == ["coastal-cpe"]
