@@ -58,6 +58,8 @@ class _CommandLine:
         """Run it, and end in words whatever happens."""
         from atlantis_netcfg.cli import _output
 
+        if self.typed[:1] == ["complete"]:
+            return _print_candidates(self.typed[1:], self.table)
         as_json = "--json" in self.typed
         try:
             self._choose_language()
@@ -75,8 +77,10 @@ class _CommandLine:
             return self._overview()
         if self.typed == ["--version"]:
             self.typed = ["version"]
+        if self.typed[0] == "help" and len(self.typed) > 1:
+            self.typed = [*self.typed[1:], "--help"]
         if group := self._group():
-            return _print_overview(group)
+            return _print_group(group, self.table)
         name, rest = choose(self.typed, self.table)
         loaded = load(name, self.table)
         self.command = loaded.command
@@ -99,12 +103,11 @@ class _CommandLine:
         chosen, self.typed = _without_language(self.typed)
         language.use(language.of_environment() if chosen is None else language.named(chosen))
 
-    def _group(self) -> dict[str, str]:
-        """The commands whose first word alone was typed, where it is asked what they are: `provision vpn --help`."""
+    def _group(self) -> str:
+        """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty."""
         words = [argument for argument in self.typed if argument not in _HELP]
-        if len(words) != 1 or words == self.typed:
-            return {}
-        return {name: module for name, module in self.table.items() if name.startswith(f"{words[0]} ")}
+        alone = len(words) == 1 and words != self.typed
+        return words[0] if alone and any(name.startswith(f"{words[0]} ") for name in self.table) else ""
 
     def _overview(self) -> ExitCode:
         from atlantis_netcfg.cli.help import overview
@@ -126,11 +129,18 @@ def _without_language(typed: Sequence[str]) -> tuple[str | None, list[str]]:
     return chosen, rest
 
 
-def _print_overview(table: Mapping[str, str]) -> ExitCode:
-    from atlantis_netcfg.cli.help import overview
+def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
+    from atlantis_netcfg.cli.help import of_group
 
-    print(translate(overview(table)))
+    print(of_group(word, table))
     return ExitCode.DONE
+
+
+def _print_candidates(typed: Sequence[str], table: Mapping[str, str]) -> ExitCode:
+    """What the completion of a shell asks for at every Tab; it is no command that a person types."""
+    from atlantis_netcfg.cli.shell._suggestions import answer
+
+    return answer(typed, table)
 
 
 def _print_help(command: CommandSpec) -> ExitCode:

@@ -10,12 +10,55 @@ From what was typed to `Arguments`; all mistakes of a line are told together, ea
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+
+class Group(Enum):
+    """Where the overview lists a command; the value is the title, and the order that of the overview."""
+
+    FIRST = "Every day"
+    """The technician's five: configure the site, see its links, go through the checklist, see what differs, what ran.
+
+    docs/first-run.md leads to the first of them; a working day on the quay asks for the others. `runs` also says what
+    to type when a run was interrupted.
+    """
+    PLAN = "A saved plan"
+    TROUBLE = "When something went wrong"
+    DEVICE = "A new or a replaced device"
+    LINKS = "Links and robots"
+    CHECKLIST = "Signed checklists"
+    VPN = "VPN and partners"
+    IMAGE = "Gateway image and bundle"
+    LAPTOP = "The declaration and this laptop"
+
+
+class Values(Enum):
+    """What the values of a word are, where the inventory or this laptop knows them: completion and hints offer them."""
+
+    SITE = "sites"
+    HOST = "hosts"
+    VEHICLE = "vehicles"
+    PARTNER = "partners"
+    RUN = "runs"
+    RUN_OR_LATEST = "runs, or `latest`"
+
+
+_VALUES = {
+    "site": Values.SITE,
+    "only": Values.HOST,
+    "host": Values.HOST,
+    "vehicle": Values.VEHICLE,
+    "partner": Values.PARTNER,
+}
+"""By the name of a word: what it means in every command."""
+_LONG = 30
+"""Choices that are longer than this stand in the text of a word, and not in its form."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +71,19 @@ class Word:
     many: bool = False
     choices: tuple[str, ...] = ()
     example: str = ""
+    values: Values | None = None
+    """Where it is not what the name of the word says."""
+
+    @property
+    def known(self) -> Values | None:
+        """What its values are; None where nobody but the person knows them."""
+        return self.values or _VALUES.get(self.name)
 
     @property
     def shown(self) -> str:
         """The word as help prints it."""
-        value = "|".join(self.choices) or self.name.upper()
+        choices = "|".join(self.choices)
+        value = self.name.upper() if not choices or len(choices) > _LONG else choices
         return f"{self.name}={value}{',…' if self.many else ''}"
 
     @property
@@ -80,13 +131,20 @@ ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's va
 SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 
+FRAME = (
+    Flag("lang", "the language of what is printed; else that of LANG", takes="en|pt"),
+    Flag("help", "print this text", short="h"),
+)
+"""What every command takes and none declares."""
+
 
 @dataclass(frozen=True, slots=True)
 class CommandSpec:
     """One command as a person meets it; `changes` says that it may alter a device, so an interrupted one is unknown.
 
     `again` says what to do then, where `provision runs` does not. `plays` says that devices change in plays alone:
-    these settle when they are stopped, so that nothing is unknown beside what their report says.
+    these settle when they are stopped, so that nothing is unknown beside what their report says. Commands without a
+    `group` are listed at the end of the overview.
     """
 
     name: str
@@ -94,6 +152,7 @@ class CommandSpec:
     words: tuple[Word, ...] = ()
     flags: tuple[Flag, ...] = ()
     details: str = ""
+    group: Group | None = None
     changes: bool = False
     again: str = ""
     plays: bool = False
@@ -181,8 +240,10 @@ class _WordReader:
         self.flags: dict[str, str | None] = {}
         self.errors: list[UsageError] = []
         self._misspelt: set[str] = set()
+        self._typed: list[str] = []
 
     def read(self, typed: list[str]) -> None:
+        self._typed = typed
         rest = list(reversed(typed))
         while rest:
             argument = rest.pop()
@@ -282,8 +343,22 @@ class _WordReader:
             self._refuse_spaces(word, argument, _bare(rest).removeprefix("=") or _bare(rest))
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
-        hint = _meant(near and f"--{near}", self._see_help())
+        hint = _meant(self._named(argument, near) or (near and f"--{near}"), self._see_help())
         self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
+
+    def _named(self, argument: str, flag: str | None) -> str | None:
+        """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
+        from atlantis_netcfg.cli.shell._inventory_names import folder_of, kind_of, names
+
+        folder = folder_of(self._typed)
+        known = kind_of(folder, argument)
+        if known is None and flag is None and (near := nearest(argument, names(folder, Values.SITE))) is not None:
+            known, argument = Values.SITE, near
+        word = next((word for word in self.command.words if word.known is not None and word.known is known), None)
+        if word is None:
+            return None
+        self._misspelt.add(word.name)
+        return f"{word.name}={argument}"
 
     def _require(self) -> None:
         for word in self.command.words:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,24 +27,24 @@ DEFAULT = "run"
 
 COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.runs:site",
+    "links": "atlantis_netcfg.cli.links:links",
+    "check": "atlantis_netcfg.cli.checklist:check",
+    "drift": "atlantis_netcfg.cli.devices:drift",
+    "runs": "atlantis_netcfg.cli.runs:runs",
     "apply": "atlantis_netcfg.cli.plans:apply",
     "validate": "atlantis_netcfg.cli.declaration:validate",
     "doctor": "atlantis_netcfg.cli.laptop:doctor",
     "adopt": "atlantis_netcfg.cli.adopt:adopt",
     "trust": "atlantis_netcfg.cli.adopt:trust",
     "backup": "atlantis_netcfg.cli.devices:backup",
-    "drift": "atlantis_netcfg.cli.devices:drift",
-    "links": "atlantis_netcfg.cli.links:links",
     "prove": "atlantis_netcfg.cli.links:prove",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
-    "check": "atlantis_netcfg.cli.checklist:check",
     "report list": "atlantis_netcfg.cli.checklist:report_list",
     "report show": "atlantis_netcfg.cli.checklist:report_show",
     "report verify": "atlantis_netcfg.cli.checklist:report_verify",
-    "runs": "atlantis_netcfg.cli.runs:runs",
-    "resume": "atlantis_netcfg.cli.runs:resume",
-    "rollback": "atlantis_netcfg.cli.runs:rollback",
+    "resume": "atlantis_netcfg.cli.recovery.resume:resume",
+    "rollback": "atlantis_netcfg.cli.recovery.rollback:rollback",
     "restore": "atlantis_netcfg.cli.devices:restore",
     "upgrade": "atlantis_netcfg.cli.devices:upgrade",
     "image": "atlantis_netcfg.cli.media:image",
@@ -59,10 +60,16 @@ COMMANDS: Mapping[str, str] = {
     "vpn audit": "atlantis_netcfg.cli.vpn.authority:vpn_audit",
     "vpn accept": "atlantis_netcfg.cli.vpn.members:vpn_accept",
     "vpn install": "atlantis_netcfg.cli.vpn.network:vpn_install",
+    "completion bash": "atlantis_netcfg.cli.shell.completion:completion_bash",
+    "completion zsh": "atlantis_netcfg.cli.shell.completion:completion_zsh",
+    "completion fish": "atlantis_netcfg.cli.shell.completion:completion_fish",
+    "man": "atlantis_netcfg.cli.shell.manual:man",
     "version": "atlantis_netcfg.cli.help:version",
     "help": "atlantis_netcfg.cli.help:help",
 }
-"""Name -> module and its entry in it, in the order of the help; a name of two words is typed as two words."""
+"""Name -> module and its entry in it; a name of two words is typed as two words.
+
+Help lists them by their groups, and in each group in this order."""
 
 
 def load(name: str, table: Mapping[str, str]) -> LoadedCommand:
@@ -81,7 +88,7 @@ def choose(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[st
             return name, [argument for place, argument in enumerate(typed) if place not in places[:length]]
     if not places or _means_default(typed, places[0], table):
         return _default(typed, table)
-    raise _no_such_command([typed[place] for place in places], table)
+    raise _no_such_command(typed, places, table)
 
 
 def _means_default(typed: Sequence[str], first: int, table: Mapping[str, str]) -> bool:
@@ -100,13 +107,38 @@ def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[
     return DEFAULT, list(typed)
 
 
-def _no_such_command(words: Sequence[str], table: Mapping[str, str]) -> UsageError:
+def _no_such_command(typed: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> UsageError:
+    words = [typed[place] for place in places]
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = nearest(" ".join(words[:2]), longer) or nearest(words[0], table)
     if longer and (near not in longer or len(words) == 1):
         hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
-    elif near is not None:
-        hint = f"did you mean `provision {near}`?"
+    elif (line := _meant_line(typed, places[0], near, table)) is not None:
+        hint = f"did you mean `{line}`?"
     else:
-        hint = f"there are: {', '.join(table)}"
+        hint = "`provision --help` lists the commands; a site is typed as `site=NAME`"
     return UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
+
+
+def _meant_line(typed: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
+    """The line that was meant, where its first word is a site, a flag of the default command, or nearly a command."""
+    from atlantis_netcfg.cli._arguments import Values
+    from atlantis_netcfg.cli.shell._inventory_names import folder_of, names
+
+    sites = names(folder_of(typed), Values.SITE)
+    word, flags = typed[first], [flag.name for flag in load(DEFAULT, table).command.flags]
+    rest = [f"site={other}" if other in sites else other for place, other in enumerate(typed) if place != first]
+    if word in sites:
+        command = next((name for name in (" ".join(rest[:2]), *rest[:1]) if name in table), None)
+        if command is None:
+            return shlex.join(["provision", f"site={word}", *rest])
+        takes_site = load(command, table).command.word("site") is not None
+        return shlex.join(["provision", *rest, *([f"site={word}"] if takes_site else [])])
+    flag = word if word in flags else None if near else nearest(word, flags)
+    if flag is not None:
+        named = [] if any(other.startswith("site=") for other in rest) else ["site=NAME"]
+        return shlex.join(["provision", *named, *rest, f"--{flag}"])
+    if near is not None:
+        return f"provision {near}"
+    site = nearest(word, sites)
+    return None if site is None else shlex.join(["provision", f"site={site}", *rest])

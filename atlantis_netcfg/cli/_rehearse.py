@@ -18,10 +18,9 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 
-def rehearse(opened: CommandSession, twins: Rehearsal) -> RunReport:
+def rehearse(opened: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None) -> RunReport:
     """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""
-    _announce(opened)
-    first = opened.perform(Mode.APPLY)
+    first = opened.perform(mode, run=run)
     if opened.arguments.flag("verbose"):
         opened.show_plan(first)
     if first.exit is not ExitCode.DONE:
@@ -29,7 +28,8 @@ def rehearse(opened: CommandSession, twins: Rehearsal) -> RunReport:
     return _again(opened, twins, first)
 
 
-def _announce(opened: CommandSession) -> None:
+def announce(opened: CommandSession) -> None:
+    """Say that nothing real is contacted."""
     if not opened.as_json:
         sites = {host.site for host in opened.hosts}
         titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)

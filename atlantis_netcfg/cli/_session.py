@@ -426,7 +426,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
             site = arguments.word("site")
         if chosen is None:
             hosts = choose(declaration, site, only)
-            _require_handled(hosts, only, arguments.command.name)
+            require_handled(hosts, only, arguments.command.name)
         else:
             hosts = chosen(declaration)
         with ExitStack() as stack:
@@ -445,7 +445,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         raise Stopped(stop, changed) from stop
 
 
-def _require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:
+def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:
     """Refuse where no role has anything to do, and what is named and would be passed over.
 
     Some commands also look at what the engine does not handle.

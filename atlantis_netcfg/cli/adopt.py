@@ -9,7 +9,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    ONLY,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Values,
+    Word,
+)
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -29,9 +40,10 @@ if TYPE_CHECKING:
 ADOPT = CommandSpec(
     "adopt",
     "bring a router from its factory state to where `provision site=…` can talk to it",
+    group=Group.DEVICE,
     words=(
         Word("site", "the site", required=True, example="coastal"),
-        Word("device", "the router of it", required=True, example="coastal-router"),
+        Word("device", "the router of it", required=True, example="coastal-router", values=Values.HOST),
         Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
         Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
         Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
@@ -210,6 +222,7 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
 TRUST = CommandSpec(
     "trust",
     "show who answers at the devices of a site, and keep what you agree to",
+    group=Group.DEVICE,
     words=(Word("site", "the site", required=True, example="coastal"), ONLY, INVENTORY),
     details=(
         "Nobody is told a password: each device shows its certificate or its SSH host key, and you compare it with "

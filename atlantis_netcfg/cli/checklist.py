@@ -13,7 +13,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    VIA,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -29,6 +39,7 @@ if TYPE_CHECKING:
 CHECK = CommandSpec(
     "check",
     "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
+    group=Group.FIRST,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("vehicle", "only these vehicles", many=True, example="sparus"),
@@ -70,6 +81,7 @@ def run_check(arguments: Arguments) -> ExitCode:
 REPORT_LIST = CommandSpec(
     "report list",
     "list the checklists of a site, who signed them, and what has changed since the last green one",
+    group=Group.CHECKLIST,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("vehicle", "only what was found of this vehicle", example="sparus"),
@@ -178,6 +190,7 @@ def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
 REPORT_SHOW = CommandSpec(
     "report show",
     "show a checklist that is kept, and where its pages are",
+    group=Group.CHECKLIST,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("run", "which one; the newest if left out", example="20260504T093000Z"),
@@ -212,6 +225,7 @@ def run_report_show(arguments: Arguments) -> ExitCode:
 REPORT_VERIFY = CommandSpec(
     "report verify",
     "verify that signed checklists, with all their files, are as they were signed",
+    group=Group.CHECKLIST,
     words=(
         Word("site", "only those of this site", example="coastal"),
         Word("run", "only this one", example="20260504T093000Z"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 VALIDATE = CommandSpec(
     "validate",
     "check the whole declaration and list every error with its place",
+    group=Group.LAPTOP,
     words=(INVENTORY,),
     flags=(JSON,),
     details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
@@ -89,6 +90,7 @@ def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
 DDS = CommandSpec(
     "dds",
     "make the DDS profiles of a gateway or control centre, one set for each link of its site",
+    group=Group.LINKS,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("host", "the computer", required=True, example="coastal-gateway"),

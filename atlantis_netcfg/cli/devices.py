@@ -28,6 +28,8 @@ from atlantis_netcfg.cli._arguments import (
     Arguments,
     CommandSpec,
     Flag,
+    Group,
+    Values,
     Word,
 )
 from atlantis_netcfg.core.language import translate
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
 DRIFT = CommandSpec(
     "drift",
     "say what differs from the declaration, who owns it and since when, changing nothing",
+    group=Group.FIRST,
     words=(
         Word("site", "the site; all of them if left out", example="coastal"),
         ONLY,
@@ -155,22 +158,39 @@ def _write(path: Path, data: bytes) -> None:
 BACKUP = CommandSpec(
     "backup",
     "save the full state of a site's devices, changing nothing",
+    group=Group.TROUBLE,
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
         ONLY,
         INVENTORY,
     ),
-    flags=(ACCEPT_COST, ASK_VAULT_PASS, JSON, VERBOSE),
-    details="The saved export hides secrets, as RouterOS does; they are not in the backup.",
+    flags=(
+        Flag(
+            "rehearse",
+            "the same against emulated devices of the site, as they are after `provision adopt`",
+            harmless=True,
+        ),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+        VERBOSE,
+    ),
+    details=(
+        "The saved export hides secrets, as RouterOS does; they are not in the backup.\n"
+        "What a rehearsal saves is kept with the runs of rehearsals, and no real command takes it."
+    ),
 )
 
 
 def run_backup(arguments: Arguments) -> ExitCode:
     """Save an export of each device under a run of its own."""
+    from atlantis_netcfg.cli._rehearse import announce
     from atlantis_netcfg.cli._session import session
     from atlantis_netcfg.operations import Mode
 
-    with session(arguments) as opened:
+    with session(arguments, rehearse=arguments.flag("rehearse")) as opened:
+        if opened.rehearsed:
+            announce(opened)
         report = opened.perform(Mode.BACKUP)
     return opened.close(report)
 
@@ -178,8 +198,9 @@ def run_backup(arguments: Arguments) -> ExitCode:
 VERIFY = CommandSpec(
     "verify",
     "show which assumptions about RouterOS hold on a device, with evidence",
+    group=Group.DEVICE,
     words=(
-        Word("device", "the RouterOS device", required=True, example="coastal-router"),
+        Word("device", "the RouterOS device", required=True, example="coastal-router", values=Values.HOST),
         VIA,
         INVENTORY,
     ),
@@ -293,10 +314,17 @@ def _pay(opened: CommandSession, verifying: Verifying) -> None:
 RESTORE = CommandSpec(
     "restore",
     "put the state that a run has read back on a replacement device",
+    group=Group.DEVICE,
     words=(
-        Word("device", "the device that is replaced", required=True, example="coastal-router"),
+        Word("device", "the device that is replaced", required=True, example="coastal-router", values=Values.HOST),
         Word("site", "its site, if you want that checked", example="coastal"),
-        Word("to", "the run whose state it gets, as `provision runs` lists it, or `latest`", True, example="latest"),
+        Word(
+            "to",
+            "the run whose state it gets, as `provision runs` lists it, or `latest`",
+            required=True,
+            example="latest",
+            values=Values.RUN_OR_LATEST,
+        ),
         VIA,
         INVENTORY,
     ),
@@ -342,8 +370,9 @@ def run_restore(arguments: Arguments) -> ExitCode:
         if arguments.flag("plan"):
             report = opened.plan()
         elif opened.rehearsal is not None:
-            from atlantis_netcfg.cli._rehearse import rehearse
+            from atlantis_netcfg.cli._rehearse import announce, rehearse
 
+            announce(opened)
             report = rehearse(opened, opened.rehearsal)
         else:
             report = opened.change(ask=not arguments.flag("yes"))
@@ -367,9 +396,10 @@ def _tell(opened: CommandSession, state: Confirmed) -> None:
 UPGRADE = CommandSpec(
     "upgrade",
     "put given RouterOS packages on one device, reboot it, and read back what runs",
+    group=Group.DEVICE,
     words=(
         Word("site", "the site", required=True, example="coastal"),
-        Word("device", "the device of it", required=True, example="coastal-router"),
+        Word("device", "the device of it", required=True, example="coastal-router", values=Values.HOST),
         Word(
             "packages",
             "the `.npk` files, all of one version",

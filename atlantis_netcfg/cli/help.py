@@ -7,25 +7,26 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec
-from atlantis_netcfg.cli._commands import load
+from atlantis_netcfg.cli._arguments import FRAME, JSON, Arguments, CommandSpec, Group
+from atlantis_netcfg.cli._commands import COMMANDS, DEFAULT, load
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.cli._arguments import Word
 
 
-HELP = CommandSpec("help", "print this overview")
+HELP = CommandSpec("help", "print this overview", group=Group.LAPTOP)
 
 
 def run_help(_arguments: Arguments) -> ExitCode:
     """Print the commands and the exit codes."""
-    from atlantis_netcfg.cli._commands import COMMANDS
-
-    print(translate(overview(COMMANDS)))
+    print(overview(COMMANDS))
     return ExitCode.DONE
 
 
@@ -41,27 +42,52 @@ MEANING: Mapping[ExitCode, str] = {
 }
 """The exit codes in words; docs/exit-codes.md holds the same table."""
 
-_WIDTH = 100
+WIDTH = 80
+"""Columns of a terminal that no line of help exceeds."""
+_COLUMN = 26
+"""What stands in the left column of a table and is longer than this has a line of its own."""
 
 
 def overview(table: Mapping[str, str]) -> str:
     """What `provision --help` prints."""
+    lines = [
+        *_paragraph("provision: plan, guard, apply and verify the sites of the ATLANTIS pilot"),
+        "",
+        f"{translate('Usage')}:",
+        "  provision site=NAME [words] [--flags]",
+        "  provision COMMAND [words] [--flags]",
+        "",
+        *_paragraph("`provision COMMAND --help` tells the words and flags of a command."),
+        *_paragraph("`provision run --help` tells those of `provision site=NAME`."),
+    ]
     commands = [load(name, table).command for name in table]
-    return "\n".join(
-        [
-            "provision: declare, plan, guard, apply and verify the sites of the ATLANTIS pilot",
-            "",
-            "Usage:",
-            "  provision site=NAME [words] [--flags]",
-            "  provision COMMAND [words] [--flags]",
-            "",
-            "Commands (`provision COMMAND --help` tells its words and flags):",
-            *_columns((command.name, command.summary) for command in commands),
-            "",
-            "Exit codes:",
-            *_columns((str(int(code)), meaning) for code, meaning in MEANING.items()),
-        ]
-    )
+    column = max(len(command.name) for command in commands)
+    for title, listed in grouped(commands):
+        lines += ["", f"{translate(title)}:"]
+        lines += _columns(((_typed(command), translate(command.summary)) for command in listed), column)
+    lines += ["", f"{translate('Exit codes')}:"]
+    return "\n".join([*lines, *_columns((str(int(code)), translate(meaning)) for code, meaning in MEANING.items())])
+
+
+def of_group(word: str, table: Mapping[str, str]) -> str:
+    """What `provision vpn --help` prints: the commands whose first word is this one."""
+    commands = [load(name, table).command for name in table if name.startswith(f"{word} ")]
+    lines = [f"{translate('Usage')}:", f"  provision {word} COMMAND [words] [--flags]", ""]
+    lines += _paragraph(f"`provision {word} COMMAND --help` tells the words and flags of a command.")
+    return "\n".join([*lines, "", *_columns((command.name, translate(command.summary)) for command in commands)])
+
+
+def _typed(command: CommandSpec) -> str:
+    """How a person types it: of the default command its first word is the name."""
+    return "site=NAME" if command.name == DEFAULT else command.name
+
+
+def grouped(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
+    """The commands by the title of their group, in the order of the groups; none is left out."""
+    for group in (*Group, None):
+        listed = [command for command in commands if command.group is group]
+        if listed:
+            yield group.value if group is not None else "Other commands", listed
 
 
 def of_command(command: CommandSpec) -> str:
@@ -69,38 +95,69 @@ def of_command(command: CommandSpec) -> str:
     required = [word.shown for word in command.words if word.required]
     optional = [f"[{word.shown}]" for word in command.words if not word.required]
     flags = [f"[--{flag.name}{f' {flag.takes}' if flag.takes else ''}]" for flag in command.flags]
-    lines = [f"provision {command.name}: {command.summary}", "", "Usage:"]
+    lines = [*_paragraph(f"provision {command.name}: {translate(command.summary)}"), "", f"{translate('Usage')}:"]
     lines += _wrapped(f"provision {command.name}", [*required, *optional, *flags])
     if command.words:
-        lines += ["", "Words:", *_columns((word.shown, _word_help(word.help, word.required)) for word in command.words)]
-    rows = [(flag.shown, flag.help) for flag in command.flags] + [("-h, --help", "print this text")]
-    lines += ["", "Flags:", *_columns(rows)]
-    if command.details:
-        lines += ["", command.details.strip()]
+        lines += ["", f"{translate('Words')}:", *_columns((word.shown, word_text(word)) for word in command.words)]
+    rows = ((flag.shown, translate(flag.help)) for flag in (*command.flags, *FRAME))
+    lines += ["", f"{translate('Flags')}:", *_columns(rows)]
+    for paragraph in command.details.strip().splitlines():
+        lines += ["", *_paragraph(paragraph)]
     return "\n".join(lines)
 
 
-def _word_help(text: str, required: bool) -> str:  # noqa: FBT001 - a row of a table, not a switch
-    return f"{text} (required)" if required else text
+def word_text(word: Word) -> str:
+    """What help says about a word: its choices too, where they do not stand in its form."""
+    text = translate(word.help)
+    if word.choices and "|".join(word.choices) not in word.shown:
+        text += f": {', '.join(word.choices)}"
+    return f"{text} ({translate('required')})" if word.required else text
 
 
 def _wrapped(start: str, pieces: list[str]) -> list[str]:
     """The usage line, broken between its pieces where a console would break it anywhere."""
     lines = [f"  {start}"]
     for piece in pieces:
-        if len(lines[-1]) + len(piece) >= _WIDTH:
+        if len(lines[-1]) + 1 + len(piece) > WIDTH:
             lines.append(" " * (len(start) + 2))
         lines[-1] += f" {piece}"
     return lines
 
 
-def _columns(rows: Iterable[tuple[str, str]]) -> list[str]:
+def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
+    """A table of two columns; `width` is that of its left one, where other tables stand beside it."""
     table = list(rows)
-    width = max((len(left) for left, _ in table), default=0)
-    return [f"  {left:<{width}}  {right}" for left, right in table]
+    width = width or max((len(left) for left, _ in table if len(left) <= _COLUMN), default=_COLUMN)
+    lines: list[str] = []
+    for left, right in table:
+        first, *others = _filled(right, WIDTH - width - 4) or [""]
+        if len(left) > width:
+            lines += [f"  {left}", f"  {'':<{width}}  {first}"]
+        else:
+            lines.append(f"  {left:<{width}}  {first}")
+        lines += [f"  {'':<{width}}  {other}" for other in others]
+    return lines
 
 
-VERSION = CommandSpec("version", "print the versions of provision, Python and ansible-core", flags=(JSON,))
+def _paragraph(text: str) -> list[str]:
+    return _filled(translate(text), WIDTH)
+
+
+_NO_BREAK = "\xa0"
+
+
+def _filled(text: str, width: int) -> list[str]:
+    """Lines of at most so many columns: no word is broken, and nothing between back quotes, which people type."""
+    from textwrap import wrap
+
+    together = re.sub(r"`[^`]*`", lambda quoted: quoted[0].replace(" ", _NO_BREAK), text)
+    lines = wrap(together, width, break_long_words=False, break_on_hyphens=False)
+    return [line.replace(_NO_BREAK, " ") for line in lines]
+
+
+VERSION = CommandSpec(
+    "version", "print the versions of provision, Python and ansible-core", flags=(JSON,), group=Group.LAPTOP
+)
 
 
 def run_version(arguments: Arguments) -> ExitCode:

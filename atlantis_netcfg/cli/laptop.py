@@ -6,7 +6,7 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Word
+from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Group, Word
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,12 +20,13 @@ DOCTOR = CommandSpec(
     "look at this laptop, and say what it lacks for a site",
     words=(Word("site", "also the way from here to this site's router", example="coastal"), VIA, INVENTORY),
     flags=(ASK_VAULT_PASS, JSON),
+    group=Group.LAPTOP,
     details=(
-        "Nothing is changed, on this laptop or elsewhere, and no password is sent; only\n"
+        "Nothing is changed, on this laptop or elsewhere, and no password is sent; only "
         "what killed commands have left is removed, as every command does.\n"
-        "With `site=` the site's router is contacted, where the way to it is right and\n"
-        "not paid by the byte: one TLS connection, its certificate is looked at, and\n"
-        "nobody logs in. Encrypted values of the inventory are opened once, so that\n"
+        "With `site=` the site's router is contacted, where the way to it is right and "
+        "not paid by the byte: one TLS connection, its certificate is looked at, and "
+        "nobody logs in. Encrypted values of the inventory are opened once, so that "
         "their password may be asked for; they are never shown.\n"
         "Exit code 0: nothing is red, 6: something is, or could not be looked at.\n"
         "A warning alone ends with 0, and the last lines say it."

@@ -18,6 +18,7 @@ from atlantis_netcfg.cli._arguments import (
     VIA,
     CommandSpec,
     Flag,
+    Group,
     Word,
 )
 from atlantis_netcfg.core.language import translate
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 LINKS = CommandSpec(
     "links",
     "say how every link of a site is, which one carries the traffic, and what is wrong",
+    group=Group.FIRST,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         ONLY,
@@ -120,6 +122,7 @@ _NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP con
 PROVE = CommandSpec(
     "prove",
     "try what the satellite lets through, and what it must not, within 20 kB",
+    group=Group.LINKS,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),

@@ -9,7 +9,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import ASK_VAULT_PASS, INVENTORY, JSON, ONLY, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    ONLY,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -27,6 +37,7 @@ if TYPE_CHECKING:
 IMAGE = CommandSpec(
     "image",
     "customise the vendor's image for a gateway computer, write it to a card, read it back",
+    group=Group.IMAGE,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         Word("host", "the gateway computer of it", required=True, example="coastal-gateway"),
@@ -190,6 +201,7 @@ def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_
 BUNDLE = CommandSpec(
     "bundle",
     "pack everything that the gateways of a site take from the internet, for where there is none",
+    group=Group.IMAGE,
     words=(
         Word("site", "the site", required=True, example="coastal"),
         ONLY,

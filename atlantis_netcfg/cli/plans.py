@@ -19,6 +19,7 @@ from atlantis_netcfg.cli._arguments import (
     Arguments,
     CommandSpec,
     Flag,
+    Group,
     Word,
 )
 from atlantis_netcfg.core.errors import ExitCode, UsageError
@@ -51,10 +52,10 @@ APPLY = CommandSpec(
         VERBOSE,
     ),
     details=(
-        "Site, hosts and bearer are those of the plan. It is refused when the\n"
-        "declaration has changed (exit code 3), or when a device is no longer as\n"
-        "it was (exit code 4). A plan of a rehearsal is carried out in a rehearsal."
+        "Site, hosts and bearer are those of the plan. It is refused when the declaration has changed (exit code 3), "
+        "or when a device is no longer as it was (exit code 4). A plan of a rehearsal is carried out in a rehearsal."
     ),
+    group=Group.PLAN,
     changes=True,
     plays=True,
 )

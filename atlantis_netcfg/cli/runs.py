@@ -1,10 +1,6 @@
-"""Commands of runs: `run` (the default, `provision site=…`), `runs`, `resume`, `rollback`.
+"""Commands of runs: `run` (the default, `provision site=…`) and `runs`.
 
 `provision runs`: what ran, how it ended, and what is still open.
-
-`provision resume`: go on with a run that was killed, or that lost the link before its outcome was known.
-
-`provision rollback`: put back what a device was before a run, guarded like any other change.
 
 `provision site=coastal`: plan, ask, change, verify.
 """
@@ -28,6 +24,7 @@ from atlantis_netcfg.cli._arguments import (
     Arguments,
     CommandSpec,
     Flag,
+    Group,
     Word,
 )
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
@@ -36,14 +33,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.journal import Run, Store
-    from atlantis_netcfg.report.run import RunReport
 
 
 RUNS = CommandSpec(
     "runs",
     "list the runs that changed something or tried to, and what is still open",
+    group=Group.FIRST,
     words=(Word("site", "only the runs of this site", example="coastal"),),
     flags=(
         Flag("rehearsed", "the runs of rehearsals instead of real ones"),
@@ -136,168 +132,10 @@ def _device(name: str, outcome: dict[str, Any]) -> str:
     return f"{name} {outcome['status']} ({outcome['confirmed']}{kept})"
 
 
-RESUME = CommandSpec(
-    "resume",
-    "go on with a run that was interrupted, from what the devices have kept",
-    words=(
-        Word("site", "the site of the run", required=True, example="coastal"),
-        Word("run", "the run, as `provision runs` lists it; the latest unfinished one if left out"),
-        INVENTORY,
-    ),
-    flags=(ACCEPT_COST, UNPROTECTED, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE),
-    changes=True,
-    plays=True,
-)
-
-
-def run_resume(arguments: Arguments) -> ExitCode:
-    """Wait until the devices have taken back what the broken run left open, then bring them to the declared state."""
-    from atlantis_netcfg.cli._session import session
-
-    with session(arguments) as opened:
-        try:
-            broken = _broken(opened, arguments.optional("run"))
-        except NothingMatched as nothing:
-            report = _left_by_others(opened, arguments.optional("run"), nothing)
-        else:
-            report = _resumed(opened, broken)
-    return opened.close(report)
-
-
-def _broken(opened: CommandSession, name: str | None) -> Run:
-    """The run that was named, or the latest unfinished one. Raises NothingMatched."""
-    from atlantis_netcfg.journal import Purpose
-
-    store = opened.store
-    if name is not None:
-        return store.run(opened.site, name)
-    unfinished = store.unfinished(opened.site)
-    if not unfinished:
-        raise NothingMatched(f"no run of {opened.site} is unfinished", hint="`provision runs` lists all of them")
-    return next((run for run in reversed(unfinished) if run.purpose is Purpose.CONFIGURE), unfinished[-1])
-
-
-def _resumed(opened: CommandSession, broken: Run) -> RunReport:
-    """Go on with a run of this computer: also on devices whose turn had not come, or which were as before again."""
-    from atlantis_netcfg.operations import Mode
-
-    _refuse_others(broken)
-    _refuse_settled(broken)
-    _tell(opened, broken)
-    opened.narrow(broken.undone)
-    if broken.started is not None:
-        opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
-    return opened.perform(Mode.RESUME, run=broken.id)
-
-
-def _left_by_others(opened: CommandSession, name: str | None, nothing: NothingMatched) -> RunReport:
-    """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
-
-    Raises `nothing` where there is nothing on them either.
-    """
-    from atlantis_netcfg.operations import Mode
-
-    if opened.declaration.pilot.example_values or not opened.asked:
-        raise nothing
-    opened.narrow([host.name for host in opened.asked])
-    if not opened.as_json:
-        print(f"{nothing}; looking on its devices", flush=True)
-    report = opened.perform(Mode.PLAN)
-    busy = {device: str(result["busy"]) for device, result in report.devices.items() if result.get("busy")}
-    if name is not None:
-        busy = {device: words for device, words in busy.items() if f"run {name} of " in words}
-    if busy:
-        opened.narrow([*busy])
-        return opened.perform(Mode.RESUME, run=name)
-    if report.exit is ExitCode.CHANGES:
-        raise NothingMatched(
-            f"{nothing}, and nothing is open on its devices, which are not as declared",
-            hint=f"to bring them there, type:  provision site={opened.site}",
-        )
-    if report.exit is ExitCode.DONE:
-        raise nothing
-    return report
-
-
-def _refuse_others(broken: Run) -> None:
-    """What is no run of the engine is repeated, and goes on by what the device says. Raises UsageError."""
-    from atlantis_netcfg.journal import Purpose
-
-    repeated = {
-        Purpose.ADOPT: "a first contact",
-        Purpose.UPGRADE: "an upgrade",
-        Purpose.INSTALL: "an import of a VPN identity",
-    }
-    if broken.purpose in repeated:
-        what = repeated[broken.purpose]
-        raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
-
-
-def _refuse_settled(broken: Run) -> None:
-    """What has left nothing open may still not have come to its end everywhere. Raises NothingMatched."""
-    if broken.unsettled or broken.started is None or not broken.started.command.startswith("provision "):
-        return
-    raise NothingMatched(
-        f"run {broken.id} has left nothing open on any device",
-        hint=f"to bring them to where it was going, type its command again:  {broken.started.command}",
-    )
-
-
-def _tell(opened: CommandSession, broken: Run) -> None:
-    if opened.as_json:
-        return
-    print(f"run {broken.id}: {broken.started.command if broken.started else 'killed before it had begun'}")
-    for host in broken.undone:
-        progress = (
-            f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
-        )
-        print(f"  {host:<18} {progress}")
-    started = broken.started
-    if started is not None and (started.back_to or started.restore):
-        print(f"  it goes on towards the saved state of run {started.back_to or started.restore}")
-    elif started is not None and started.revision != opened.declaration.revision:
-        print("  the inventory has changed since then: the devices are brought to what it declares now")
-
-
-ROLLBACK = CommandSpec(
-    "rollback",
-    "put a site's devices back to what they were before a run",
-    words=(
-        Word("site", "the site of the run", required=True, example="coastal"),
-        Word("to", "the run, as `provision runs` lists it: its saved state is put back", required=True, example="RUN"),
-        ONLY,
-        INVENTORY,
-    ),
-    flags=(
-        Flag("yes", "do not ask before changing devices"),
-        ACCEPT_COST,
-        UNPROTECTED,
-        REMOVE_FOREIGN,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
-    ),
-    details="Secrets are not in the saved state: what the device holds of them stays.",
-    changes=True,
-    plays=True,
-)
-
-
-def run_rollback(arguments: Arguments) -> ExitCode:
-    """Show the way back, ask, then roll back every device of which the run has saved a state."""
-    from atlantis_netcfg.cli._session import session
-
-    with session(arguments) as opened:
-        saved = opened.store.run(opened.site, arguments.word("to"))
-        opened.narrow([host.name for host in opened.hosts if saved.before(host.name) is not None])
-        opened.back_to = saved.id
-        report = opened.change(ask=not arguments.flag("yes"))
-    return opened.close(report)
-
-
 SITE = CommandSpec(
     "run",
     "bring a site to its declared state, guarded, and read back what came of it",
+    group=Group.FIRST,
     words=(
         Word("site", "the site, or `all`", required=True, example="coastal"),
         ONLY,
@@ -338,8 +176,9 @@ def run_site(arguments: Arguments) -> ExitCode:
             if file is not None:
                 next_command = save(opened, report, file)
         elif opened.rehearsal is not None:
-            from atlantis_netcfg.cli._rehearse import rehearse
+            from atlantis_netcfg.cli._rehearse import announce, rehearse
 
+            announce(opened)
             report = rehearse(opened, opened.rehearsal)
         else:
             report = opened.change(ask=not arguments.flag("yes"))
@@ -365,8 +204,6 @@ def _plan_file(arguments: Arguments) -> Path | None:
 def _bundle(arguments: Arguments) -> Path | None:
     """The bundle that was named. Raises UsageError where it cannot be used."""
     from pathlib import Path
-
-    from atlantis_netcfg.core.errors import UsageError
 
     named = arguments.value("offline")
     if named is not None and arguments.flag("rehearse"):

@@ -112,6 +112,7 @@ def hold_own(folder: Path, hint: str) -> None:
 
 
 def _chosen(environ: Mapping[str, str]) -> Path:
+    """Where the state directory is, or would be made; UsageError when there is no place for it."""
     if local := environ.get("ATLANTIS_STATE"):
         return Path(local).absolute()
     state_home = environ.get("XDG_STATE_HOME", "")

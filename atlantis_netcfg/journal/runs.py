@@ -125,7 +125,9 @@ class Run:
         if self.started is None or self.purpose is Purpose.CONFIGURE:
             typed = shlex.split(self.started.command) if self.started is not None else []
             declared = [shlex.quote(word) for word in typed if word.startswith("inventory=")]
-            return " ".join([f"provision resume site={self.directory.parent.parent.name} run={self.id}", *declared])
+            rehearsed = ["--rehearse"] if self.started is not None and self.started.rehearsed else []
+            resume = f"provision resume site={self.directory.parent.parent.name} run={self.id}"
+            return " ".join([resume, *declared, *rehearsed])
         return self.started.command
 
     @property

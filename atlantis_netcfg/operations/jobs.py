@@ -12,7 +12,8 @@ from atlantis_netcfg.declaration.model import Access, LteRouter
 from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.kinds import Managed, managed
-from atlantis_netcfg.operations.restore import confirmed_state, restored
+from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, restored
+from atlantis_netcfg.operations.saved_states import saved_run
 from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
@@ -65,7 +66,7 @@ def _history(host: Host, request: Request, store: Store, journal: Recorder) -> H
 def _states(known: Managed, request: Request, store: Store) -> Mapping[str, Desired]:
     """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
     spent = "" if request.rehearsed else TriedPin(store.root, known.host.site, known.host.name).why_not
-    return {text.radio: replace(_desired(known.host, text.text, request, store), spent=spent) for text in known.texts()}
+    return {text.radio: replace(_desired(known.host, text.text, request), spent=spent) for text in known.texts()}
 
 
 def _minding_the_sim(host: Host, request: Request, store: Store, journal: Recorder) -> Recorder:
@@ -75,17 +76,18 @@ def _minding_the_sim(host: Host, request: Request, store: Store, journal: Record
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
-def _desired(host: Host, text: str, request: Request, store: Store) -> Desired:
+def _desired(host: Host, text: str, request: Request) -> Desired:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
     declared = read(text, source=f"the desired text of {host.name}")
     if request.restore is not None:
         return restored(confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed), declared)
     if request.back_to is None:
         return declared
-    saved = store.run(host.site, request.back_to).before(host.name)
+    saved = saved_run(request.state, host.site, request.back_to, rehearsed=request.rehearsed).before(host.name)
     if saved is None:
         raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
-    return from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+    before = from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+    return for_any_box(before) if request.rehearsed else before
 
 
 def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:

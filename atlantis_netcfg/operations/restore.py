@@ -42,6 +42,11 @@ def for_replacement(saved: _items.Desired, declared: _items.Desired) -> _items.D
     return replace(saved, items=items, notes=(*saved.notes, *_newer(saved, declared)))
 
 
+def for_any_box(saved: _items.Desired) -> _items.Desired:
+    """Return the saved state without what belongs to the box it was read from: an emulated one has its own."""
+    return replace(saved, items={path: tuple(map(_unit, rows)) for path, rows in saved.items.items()})
+
+
 def _newer(saved: _items.Desired, declared: _items.Desired) -> tuple[str, ...]:
     """Return a note on menus that are declared by now, and of which the saved state says nothing."""
     menus = [MENUS[path] for path in declared.menus if path not in saved.items]
@@ -89,7 +94,8 @@ def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = Fals
             hint=f"`provision site={host.site}` keeps what it reads back at its end; `provision runs` lists all runs",
         )
     store = next(iter(latest))
-    found = latest[store][host.name] if run == LATEST else _state_of(store, host, run)
+    named = (_state_of(each, host, run) for each in latest)
+    found = latest[store][host.name] if run == LATEST else next(filter(None, named), None)
     if found is None:
         known = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
         near = nearest(run, [*known, LATEST])

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 VPN_INIT = CommandSpec(
     "vpn init",
     "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",
+    group=Group.VPN,
     words=(
         Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
         AUTHORITY,
@@ -88,6 +89,7 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
 VPN_AUDIT = CommandSpec(
     "vpn audit",
     "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
+    group=Group.VPN,
     words=(
         Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
         Word("partner", "only what concerns the devices of this partner", example="iqua"),
@@ -128,6 +130,7 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
 VPN_LIST = CommandSpec(
     "vpn list",
     "list who is in the VPN, and until when",
+    group=Group.VPN,
     words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
     flags=(JSON,),
 )
@@ -166,6 +169,7 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
 VPN_SHOW = CommandSpec(
     "vpn show",
     "show one member of the VPN with its certificates",
+    group=Group.VPN,
     words=(Word("name", "the member", required=True, example="iqua-sparus2"), AUTHORITY),
     flags=(JSON,),
 )

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 VPN_ONBOARD = CommandSpec(
     "vpn onboard",
     "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
+    group=Group.VPN,
     words=(
         Word("partner", "whose device it is", example="iqua"),
         Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
@@ -111,6 +112,7 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
 VPN_RENEW = CommandSpec(
     "vpn renew",
     "give members a new certificate; the old one works until the server has seen the new one",
+    group=Group.VPN,
     words=(
         Word("name", "the member", example="iqua-sparus2"),
         Word("all", "every member whose certificate ends within this time", example="30d"),
@@ -178,6 +180,7 @@ def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple
 VPN_REVOKE = CommandSpec(
     "vpn revoke",
     "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",
+    group=Group.VPN,
     words=(
         Word("name", "the member", example="iqua-sparus2"),
         Word("partner", "every device of this partner", example="iqua"),
@@ -248,6 +251,7 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
 VPN_ACCEPT = CommandSpec(
     "vpn accept",
     "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
+    group=Group.VPN,
     words=(
         Word("file", "the sealed hand-out", required=True, example="coastal-gateway.tar.age"),
         Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),

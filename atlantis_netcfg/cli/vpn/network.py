@@ -11,7 +11,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, VIA, CommandSpec, Flag, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    VIA,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
 from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core import printable
@@ -32,6 +42,7 @@ if TYPE_CHECKING:
 VPN_INSTALL = CommandSpec(
     "vpn install",
     "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
+    group=Group.VPN,
     words=(Word("host", "the router", required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
     flags=(
         Flag("plan", "say what would be done, change nothing", harmless=True),
@@ -116,6 +127,7 @@ def _show(opened: CommandSession, found: InstalledIdentity) -> None:
 VPN_SYNC = CommandSpec(
     "vpn sync",
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",
+    group=Group.VPN,
     words=(CLOCK, AUTHORITY, INVENTORY),
     flags=(
         Flag("sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"),
@@ -168,6 +180,7 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
 VPN_STATUS = CommandSpec(
     "vpn status",
     "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",
+    group=Group.VPN,
     words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, INVENTORY),
     flags=(NO_PUSH, JSON),
     details=(

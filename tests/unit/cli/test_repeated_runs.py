@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.cli.runs import _refuse_others, _refuse_settled
+from atlantis_netcfg.cli._output import as_typed
+from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
 from atlantis_netcfg.core.errors import NothingMatched, UsageError
 from atlantis_netcfg.journal import Outcome, Purpose, Run, RunResumed, RunStarted, Store
 
@@ -35,6 +36,16 @@ def test_the_command_to_repeat_is_told(tmp_path: Path, command: str, purpose: Pu
     with pytest.raises(UsageError, match=f"was {what}") as refused:
         _refuse_others(broken(tmp_path, command, purpose))
     assert refused.value.hint == f"repeat it: `{command}`"
+
+
+def test_what_a_rehearsal_advises_is_a_rehearsal() -> None:
+    """Only of commands that have the flag: `runs` has none."""
+    hint = "`provision resume site=… run=1`, or `provision backup site=…`; `provision runs` lists all"
+    rehearsed = as_typed(hint, ["site=quay", "--rehearse"])
+    assert "`provision resume site=quay run=1 --rehearse`" in rehearsed
+    assert "`provision backup site=quay --rehearse`" in rehearsed
+    assert "`provision runs` lists" in rehearsed
+    assert "--rehearse" not in as_typed(hint, ["site=quay"])
 
 
 def test_a_run_of_the_engine_goes_on(tmp_path: Path) -> None:

@@ -1,0 +1,63 @@
+"""Rehearsals that do not begin with a fresh device: each is first brought to what stands for the real one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.operations import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.operations.saved_states import StartState
+    from atlantis_netcfg.report.run import RunReport
+
+_WIDTH = 80
+
+
+def rehearse_from(
+    opened: CommandSession, start: Sequence[StartState], go_on: Callable[[], RunReport], what: str
+) -> RunReport:
+    """Bring the emulated devices to their start, then go on; where that fails, the report says so.
+
+    What stands for what is printed, and what that says nothing about is in the report.
+    """
+    _tell(opened, start)
+    gaps = tuple(state.gap for state in start)
+    failed = _begin(opened, start)
+    if failed is not None:
+        never = f"{what}: the emulated devices could not be brought to the state from which it begins"
+        return replace(failed, not_rehearsed=(never, *gaps, *failed.not_rehearsed))
+    report = go_on()
+    return replace(report, not_rehearsed=(*gaps, *report.not_rehearsed))
+
+
+def _begin(opened: CommandSession, start: Sequence[StartState]) -> RunReport | None:
+    """Apply what they begin with, and read it back. Returns the report of what failed."""
+    hosts, back_to, restore = opened.hosts, opened.back_to, opened.restore
+    ways = dict.fromkeys((state.back_to, state.restore) for state in start if not state.adopted)
+    try:
+        for way in ways:
+            names = {state.host for state in start if (state.back_to, state.restore) == way and not state.adopted}
+            opened.hosts = tuple(host for host in hosts if host.name in names)
+            opened.back_to, opened.restore = way
+            report = opened.perform(Mode.APPLY)
+            if report.exit is not ExitCode.DONE:
+                return report
+    finally:
+        opened.hosts, opened.back_to, opened.restore = hosts, back_to, restore
+    return None
+
+
+def _tell(opened: CommandSession, start: Sequence[StartState]) -> None:
+    if opened.as_json:
+        return
+    for state in start:
+        text = f"{state.host}: {translate(state.words)}"
+        lines = wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ", break_on_hyphens=False)
+        print("\n".join(lines), flush=True)

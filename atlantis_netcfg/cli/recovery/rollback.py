@@ -1,0 +1,145 @@
+"""`provision rollback`: put back what a device was before a run, guarded like any other change."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    ONLY,
+    REMOVE_FOREIGN,
+    UNPROTECTED,
+    VERBOSE,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Values,
+    Word,
+)
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.journal import Run
+    from atlantis_netcfg.report.run import RunReport
+
+ROLLBACK = CommandSpec(
+    "rollback",
+    "put a site's devices back to what they were before a run",
+    group=Group.TROUBLE,
+    words=(
+        Word("site", "the site of the run", required=True, example="coastal"),
+        Word(
+            "to",
+            "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one",
+            required=True,
+            example="latest",
+            values=Values.RUN_OR_LATEST,
+        ),
+        ONLY,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        Flag(
+            "rehearse",
+            "the same against emulated devices, first brought to what the real ones were when they were last read back",
+            harmless=True,
+        ),
+        Flag("yes", "do not ask before changing devices"),
+        ACCEPT_COST,
+        UNPROTECTED,
+        REMOVE_FOREIGN,
+        ASK_VAULT_PASS,
+        JSON,
+        VERBOSE,
+    ),
+    details=(
+        "Secrets are not in the saved state: what the device holds of them stays.\n"
+        "A rehearsal takes the runs of the real site; where there is none, those of earlier rehearsals. It says which "
+        "state stands for each device. What somebody has changed on the real device since is not in it: `--plan` shows "
+        "that."
+    ),
+    changes=True,
+    plays=True,
+)
+
+
+def run_rollback(arguments: Arguments) -> ExitCode:
+    """Show the way back, ask, then roll back every device of which the run has saved a state."""
+    from atlantis_netcfg.cli._rehearse import announce
+    from atlantis_netcfg.cli._session import session
+
+    found: list[Run] = []
+    rehearsed = arguments.flag("rehearse")
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        run, hosts = _chosen(declaration, arguments)
+        found.append(run)
+        return hosts
+
+    with session(arguments, rehearse=rehearsed, chosen=chosen) as opened:
+        (run,) = found
+        opened.back_to = run.id
+        if rehearsed:
+            announce(opened)
+        _tell(opened, run)
+        report = _rehearsed(opened, run) if rehearsed else _real(opened)
+    return opened.close(report)
+
+
+def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[Host, ...]]:
+    """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
+    from atlantis_netcfg.cli._session import require_handled
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.operations.kinds import handled
+    from atlantis_netcfg.operations.saved_states import hosts_of_run, saved_run
+
+    site = arguments.word("site")
+    only = arguments.many("only")
+    named = choose(declaration, site, only)
+    require_handled(named, only, arguments.command.name)
+    names = [host.name for host in named if handled(host)]
+    run = saved_run(paths.state_dir(), site, arguments.word("to"), names, rehearsed=arguments.flag("rehearse"))
+    return run, hosts_of_run(named, [name for name in names if run.before(name) is not None])
+
+
+def _tell(opened: CommandSession, run: Run) -> None:
+    """Say to before which run it goes back: `latest` is nobody's name for it."""
+    if opened.as_json:
+        return
+    started = run.started
+    when = f"{run.at:%Y-%m-%d %H:%M} UTC" if run.at is not None else ""
+    print(translate(f"back to the state before run {run.id} ({when}, exit {run.exit})"), flush=True)
+    if started is not None:
+        print(f"  {started.command}", flush=True)
+    if started is not None and started.rehearsed:
+        print(f"  {translate('this was a rehearsal, on emulated devices')}", flush=True)
+
+
+def _real(opened: CommandSession) -> RunReport:
+    if opened.arguments.flag("plan"):
+        return opened.plan()
+    return opened.change(ask=not opened.arguments.flag("yes"))
+
+
+def _rehearsed(opened: CommandSession, run: Run) -> RunReport:
+    """Put back on the emulated devices what the run had saved; over each bearer again nothing may be left."""
+    from atlantis_netcfg.cli._rehearse import rehearse
+    from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
+    from atlantis_netcfg.operations.saved_states import before_rollback
+
+    def go_on() -> RunReport:
+        if opened.arguments.flag("plan") or opened.rehearsal is None:
+            return opened.plan()
+        return rehearse(opened, opened.rehearsal)
+
+    start = before_rollback(opened.state, opened.hosts, run)
+    return rehearse_from(opened, start, go_on, f"the rollback of run {run.id}")

@@ -1,0 +1,84 @@
+"""The names in an inventory, for hints and completion: found quickly, without validating anything.
+
+A file that is missing or broken gives the names that stand before its first error, and never an error of its own: these
+names are offered to a person, and no command relies on them.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import Values
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+_ANY = "*"
+_SITES = ("all", "children", "sites", "children")
+_PLACES = {
+    Values.SITE: ("hosts.yml", _SITES),
+    Values.HOST: ("hosts.yml", (*_SITES, _ANY, "hosts")),
+    Values.VEHICLE: ("group_vars/all/vehicles.yml", ("vehicles",)),
+    Values.PARTNER: ("group_vars/all/partners.yml", ("partners",)),
+}
+"""File and mapping whose keys are these names (docs/architecture.md, `atlantis_netcfg/declaration/loading.py`)."""
+
+
+def folder_of(typed: Sequence[str]) -> Path:
+    """The inventory of a command line: the one that it names, else the checkout's own."""
+    from atlantis_netcfg.core import paths
+
+    named = [word.partition("=")[2] for word in typed if word.startswith("inventory=")]
+    return Path(named[-1]).expanduser() if named and named[-1] else paths.checkout() / "inventory"
+
+
+def names(folder: Path, values: Values, site: str = "") -> list[str]:
+    """The names of one kind in the order of the file; hosts of one site where it is named."""
+    if values not in _PLACES:
+        return []
+    file, route = _PLACES[values]
+    if site and values is Values.HOST:
+        route = (*_SITES, site, "hosts")
+    return [*dict.fromkeys(_keys(folder / file, route))]
+
+
+def kind_of(folder: Path, name: str) -> Values | None:
+    """What a name of the inventory is; None where it is not in it."""
+    return next((values for values in _PLACES if name in names(folder, values)), None)
+
+
+def _keys(path: Path, route: tuple[str, ...]) -> Iterator[str]:
+    """The keys of the mappings at `route` in a YAML file, up to its first error."""
+    import yaml
+
+    keys: list[str | None] = []
+    """One for each collection that is open: the key at which it is read; None before the first key, and in a list."""
+    at_key: list[bool] = []
+    with suppress(OSError, UnicodeDecodeError, yaml.YAMLError):
+        text = path.read_text(encoding="utf-8")
+        for event in yaml.parse(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+            if isinstance(event, yaml.CollectionStartEvent):
+                keys.append(None)
+                at_key.append(isinstance(event, yaml.MappingStartEvent))
+                continue
+            if isinstance(event, yaml.CollectionEndEvent):
+                keys.pop()
+                at_key.pop()
+            elif not isinstance(event, yaml.ScalarEvent | yaml.AliasEvent):
+                continue
+            elif at_key and at_key[-1]:
+                keys[-1] = str(getattr(event, "value", ""))
+                at_key[-1] = False
+                if _matches(keys[:-1], route):
+                    yield str(keys[-1])
+                continue
+            if keys and keys[-1] is not None:  # a value has ended, and it was one of a mapping
+                at_key[-1] = True
+
+
+def _matches(keys: Sequence[str | None], route: tuple[str, ...]) -> bool:
+    return len(keys) == len(route) and all(
+        key is not None and step in (_ANY, key) for key, step in zip(keys, route, strict=True)
+    )

@@ -1,0 +1,121 @@
+"""`provision complete WORD…`: what could stand in the place of the last word, one candidate a line.
+
+The scripts of `provision completion` ask it at every Tab; a candidate, two spaces, and what it means. Whatever is wrong
+(an inventory that is broken, a state folder that cannot be read) makes the list shorter, and never prints an error in
+the middle of a person's line. Nothing is contacted, validated or made.
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import FRAME, CommandSpec, Values, Word
+from atlantis_netcfg.cli._commands import DEFAULT, load
+from atlantis_netcfg.cli.shell._inventory_names import folder_of, names
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+Candidate = tuple[str, str]
+"""A word, and what it means."""
+
+
+_GAP = "  "
+"""Between both: no candidate holds a space, and a tabulator is written out by `core/printable`."""
+_NAME = re.compile(r"[\w.:@+-]+")
+"""What a shell takes as it stands; a name with anything else in it is not offered."""
+
+
+def answer(typed: Sequence[str], table: Mapping[str, str]) -> ExitCode:
+    """Print the candidates for the last word of a line."""
+    with suppress(NetcfgError, OSError, ValueError):
+        language.use(language.of_environment())
+        print("".join(f"{value}{_GAP}{meaning}\n" for value, meaning in candidates(typed, table)), end="")
+    return ExitCode.DONE
+
+
+def candidates(typed: Sequence[str], table: Mapping[str, str]) -> list[Candidate]:
+    """The candidates for the last word, where `typed` is what stands behind `provision`."""
+    *before, current = typed or [""]
+    return [(value, meaning) for value, meaning in _possible(before, current, table) if value.startswith(current)]
+
+
+def _possible(before: Sequence[str], current: str, table: Mapping[str, str]) -> Iterator[Candidate]:
+    if before and before[-1] == "--lang":
+        yield from ((each.value, "") for each in language.Language)
+        return
+    pairs = zip(("", *before), before, strict=False)
+    bare = [word for previous, word in pairs if previous != "--lang" and word[:1] != "-" and "=" not in word]
+    name = next((known for length in (2, 1) if (known := " ".join(bare[:length])) in table), None)
+    if name is not None:
+        yield from _of_command(load(name, table).command, before, current)
+        return
+    if not any("=" in word for word in (*before, current)):
+        yield from _commands(bare, table)
+    if not bare:
+        yield from _of_command(load(DEFAULT, table).command, before, current)
+
+
+def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candidate]:
+    """The commands, word by word: `vpn`, and behind it `init`, `onboard` and the others."""
+    found: dict[str, str] = {}
+    for name in table:
+        words = name.split()
+        if words[: len(bare)] != list(bare):
+            continue
+        several = len(words) > len(bare) + 1
+        found.setdefault(words[len(bare)], "…" if several else translate(load(name, table).command.summary))
+    yield from found.items()
+
+
+def _of_command(command: CommandSpec, before: Sequence[str], current: str) -> Iterator[Candidate]:
+    """Its words and flags that are not given yet, or the values of the word that is being typed."""
+    taking = {f"--{flag.name}" for flag in command.flags if flag.takes}
+    if before and before[-1] in taking:
+        return
+    name, equals, value = current.partition("=")
+    if equals:
+        word = command.word(name)
+        if word is not None:
+            yield from _values(word, value, before)
+        return
+    given = {argument.partition("=")[0] for argument in before}
+    words = [(f"{word.name}=", translate(word.help)) for word in command.words if word.many or word.name not in given]
+    yield from words
+    if current.startswith("-") or not words:
+        flags = ((f"--{flag.name}", translate(flag.help)) for flag in (*command.flags, *FRAME))
+        yield from ((flag, text) for flag, text in flags if flag not in given)
+
+
+def _values(word: Word, value: str, before: Sequence[str]) -> Iterator[Candidate]:
+    """The values of a word; of a list the last one is completed, and those that stand there already are left out."""
+    head = value.rpartition(",")[0] if word.many else ""
+    listed = head.split(",")
+    start = f"{word.name}={head}," if head else f"{word.name}="
+    for known, meaning in _known(word, before):
+        if known not in listed and _NAME.fullmatch(known):
+            yield f"{start}{known}", meaning
+
+
+def _known(word: Word, before: Sequence[str]) -> Iterator[Candidate]:
+    yield from ((choice, "") for choice in word.choices)
+    site = next((argument.partition("=")[2] for argument in before if argument.startswith("site=")), "")
+    if word.known in {Values.RUN, Values.RUN_OR_LATEST}:
+        if word.known is Values.RUN_OR_LATEST:
+            yield "latest", translate("the newest one that has a state")
+        yield from ((run, "") for run in _runs(site))
+    elif word.known is not None:
+        yield from ((name, "") for name in names(folder_of(before), word.known, site))
+
+
+def _runs(site: str) -> list[str]:
+    """The runs of a site on this laptop, newest first: the folders of `atlantis_netcfg/journal`."""
+    from atlantis_netcfg.core import paths
+
+    state = paths.state_place() / "real"
+    return sorted((run.name for run in state.glob(f"{site or '*'}/runs/*")), reverse=True)

@@ -1,0 +1,103 @@
+"""`provision man`: the manual page, made from the declarations of the commands, as `--help` is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import FRAME, CommandSpec, Group
+from atlantis_netcfg.cli._commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.help import MEANING, grouped, word_text
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.cli._arguments import Arguments
+
+MAN = CommandSpec(
+    "man",
+    "print the manual page of all commands, for `man`",
+    group=Group.LAPTOP,
+    details=(
+        "To read it: `provision man | man -l -`. To keep it: "
+        "`provision man > ~/.local/share/man/man1/provision.1`, then `man provision`."
+    ),
+)
+
+
+_INPUT = 78
+"""Columns of a line of the source."""
+_SPECIAL = {"\\": "\\e", "-": "\\-", "`": "\\(ga", "'": "\\(aq"}
+
+
+def run_man(_arguments: Arguments) -> ExitCode:
+    """Print it as roff."""
+    print(page(COMMANDS))
+    return ExitCode.DONE
+
+
+def page(table: Mapping[str, str]) -> str:
+    """The page as roff, with the macros of man(7)."""
+    from atlantis_netcfg import __version__
+
+    commands = [load(name, table).command for name in table]
+    lines = [
+        f'.TH PROVISION 1 "" "provision {__version__}" "ATLANTIS"',
+        ".nh",
+        ".ad l",
+        _section("Name"),
+        _text(f"provision - {translate('plan, guard, apply and verify the sites of the ATLANTIS pilot')}"),
+        _section("Synopsis"),
+        _usage("provision", "site=NAME [words] [--flags]"),
+        ".br",
+        _usage("provision", "COMMAND [words] [--flags]"),
+    ]
+    for title, listed in grouped(commands):
+        lines.append(_section(title))
+        for command in listed:
+            lines += _command(command)
+    lines.append(_section("Flags of every command"))
+    for flag in FRAME:
+        lines += [".TP", f"\\fB{_escaped(flag.shown)}\\fR", _text(translate(flag.help))]
+    lines.append(_section("Exit codes"))
+    for code, meaning in MEANING.items():
+        lines += [".TP 4", _text(str(int(code))), _text(translate(meaning))]
+    return "\n".join(lines)
+
+
+def _command(command: CommandSpec) -> Iterator[str]:
+    shown = "provision site=NAME" if command.name == DEFAULT else f"provision {command.name}"
+    yield f".SS {_quoted(shown)}"
+    yield _text(translate(command.summary))
+    for word in command.words:
+        yield from (".TP", f"\\fB{_escaped(word.shown)}\\fR", _text(word_text(word)))
+    for flag in command.flags:
+        yield from (".TP", f"\\fB{_escaped(flag.shown)}\\fR", _text(translate(flag.help)))
+    for paragraph in command.details.strip().splitlines():
+        yield from (".PP", _text(translate(paragraph)))
+
+
+def _section(title: str) -> str:
+    return f".SH {_quoted(translate(title).upper())}"
+
+
+def _usage(bold: str, rest: str) -> str:
+    return f"\\fB{_escaped(bold)}\\fR {_escaped(rest)}"
+
+
+def _quoted(text: str) -> str:
+    return '"' + _escaped(text).replace('"', "\\(dq") + '"'
+
+
+def _text(text: str) -> str:
+    """Lines of text, none of which is too long or begins a request."""
+    from textwrap import wrap
+
+    lines = wrap(_escaped(text), _INPUT, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"\\&{line}" if line.startswith(".") else line for line in lines)
+
+
+def _escaped(text: str) -> str:
+    """Backslashes and hyphens as they are typed: `--plan` can be copied out of the page."""
+    return "".join(_SPECIAL.get(each, each if each.isascii() else f"\\[u{ord(each):04X}]") for each in text)

@@ -1,0 +1,143 @@
+"""Runs whose saved states are put back, and the state from which a rehearsal of that begins.
+
+A rehearsal takes the runs of the real site, and where there is none those of earlier rehearsals; a real run only real
+ones. An emulated device comes fresh from its adoption: before a rollback or a resumed run can be rehearsed on it, it is
+brought to a state that stands for the real device, by the same engine, and read back.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.journal import NoSuchRun, Store
+from atlantis_netcfg.operations.kinds import handled
+from atlantis_netcfg.operations.restore import LATEST
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.journal import Confirmed, Run
+
+
+@dataclass(frozen=True, slots=True)
+class StartState:
+    """What an emulated device is brought to first: the state before a run, what a run has read back, or as declared."""
+
+    host: str
+    words: str
+    """What it is."""
+    gap: str
+    """What it says nothing about."""
+    back_to: str | None = None
+    restore: str | None = None
+    adopted: bool = False
+    """It is as it is: nothing is done to it."""
+
+
+_LISTED = "`provision runs` lists what is there"
+
+
+def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
+    """Those hosts that a run is about, before anything is started. Raises NothingMatched when none is left."""
+    found = tuple(host for host in hosts if host.name in names)
+    if not found:
+        raise NothingMatched("nothing to do for any device of that run", hint=_LISTED)
+    return found
+
+
+def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:
+    """Where runs are looked for, in this order."""
+    return tuple(Store(state, rehearsed=emulated) for emulated in ((False, True) if rehearsed else (False,)))
+
+
+def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, rehearsed: bool = False) -> Run:
+    """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
+
+    Raises NothingMatched, NoSuchRun.
+    """
+    places = stores(state, rehearsed=rehearsed)
+    if name != LATEST:
+        return _named(places, site, name)
+    devices = tuple(hosts)
+    for store in places:
+        newest = reversed(store.runs(site))
+        found = next((run for run in newest if any(run.before(device) is not None for device in devices)), None)
+        if found is not None:
+            return found
+    raise NothingMatched(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LISTED)
+
+
+def _named(places: Sequence[Store], site: str, name: str) -> Run:
+    """The run of that name. Raises NoSuchRun, which lists the runs of the first place that has any."""
+    known = [store for store in places if site in store.sites()] or [*places]
+    for store in known:
+        with suppress(NoSuchRun):
+            return store.run(site, name)
+    return known[0].run(site, name)
+
+
+def before_rollback(state: Path, hosts: Sequence[Host], run: Run) -> list[StartState]:
+    """What stands for the devices as they are now: what was read back last, else what is declared."""
+    return [
+        _read_back(host, last)
+        if (last := _last_confirmed(state, host, run)) is not None
+        else StartState(
+            host.name,
+            "no run has read it back: first brought to what is declared",
+            f"what {host.name} is now: what is declared stands for it",
+        )
+        for host in hosts
+    ]
+
+
+def before_resuming(state: Path, hosts: Sequence[Host], broken: Run) -> list[StartState]:
+    """What stands for the devices as the broken run has left them, if they have taken its changes back."""
+    return [_before_resuming(state, host, broken) for host in hosts]
+
+
+def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
+    if not handled(host):
+        return StartState(
+            host.name,
+            "a fresh one: no state of such a device is saved",
+            f"what run {broken.id} has left on {host.name}: a fresh one stands for it",
+            adopted=True,
+        )
+    if broken.before(host.name) is not None:
+        done = len(broken.confirmed(host.name))
+        again = f"; the {done} actions that it had confirmed are done again" if done else ""
+        return StartState(
+            host.name,
+            f"first brought to the state before run {broken.id}{again}",
+            f"what run {broken.id} has left open or kept on {host.name}: the state before it stands for that",
+            back_to=broken.id,
+        )
+    last = _last_confirmed(state, host, broken)
+    if last is not None:
+        return _read_back(host, last)
+    return StartState(
+        host.name,
+        "no run has saved a state of it: as after its adoption",
+        f"what {host.name} was before: it is as after its adoption",
+        adopted=True,
+    )
+
+
+def _last_confirmed(state: Path, host: Host, run: Run) -> Confirmed | None:
+    """What was read back last by runs of the same kind: what an emulated device was stands for no real one."""
+    rehearsed = run.started is not None and run.started.rehearsed
+    return Store(state, rehearsed=rehearsed).last_confirmed(host.site, (host.name,)).get(host.name)
+
+
+def _read_back(host: Host, last: Confirmed) -> StartState:
+    return StartState(
+        host.name,
+        f"first brought to what run {last.run} read back at {last.at:%Y-%m-%d %H:%M} UTC",
+        f"what has changed on {host.name} since run {last.run} read it back",
+        restore=last.run,
+    )

@@ -1,0 +1,181 @@
+"""`rollback`, `resume` and `backup` can be planned and rehearsed: the real device, its journal and its states stay."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hints_said import advised
+from quay import PROVISION, ROUTER, Quay, quay
+from test_real_run import await_record, kill_workers
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def untouched(at: Quay) -> tuple[str, list[dict[str, Any]]]:
+    """What a plan and a rehearsal leave alone: the device, and the record of the real site."""
+    return at.export(), at.runs()
+
+
+def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
+    before = at.export()
+    at.configure()
+    (row,) = at.runs()
+    run, left = row["run"], untouched(at)
+
+    planned = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=2).stdout
+    assert f"back to the state before run {run} (" in planned
+    assert "- set name=coastal-router" in planned
+    assert untouched(at) == left
+
+    told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=0)
+    device = told["devices"][ROUTER]
+    assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
+    assert set(device["bearers"]) == {"lan", "wifi-ptp", "4g", "satellite"}
+    assert "- set name=coastal-router" in device["diff"]
+    assert device["not_rehearsed"][0] == f"what has changed on coastal-router since run {run} read it back"
+    assert untouched(at) == left
+
+    at.provision("rollback", "site=coastal", f"to={run}", "--yes", code=0)
+    assert at.export() == before
+    assert at.json("rollback", "site=coastal", f"to={run}", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    again = at.json("rollback", "site=coastal", f"to={run}", "--rehearse", code=0)["devices"][ROUTER]
+    assert (again["status"], again["planned"]) == ("unchanged", 0)
+
+
+def test_a_rehearsed_rollback_says_what_stands_for_the_device(at: Quay) -> None:
+    at.configure()
+    (row,) = at.runs()
+    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", "--plan", code=2).stdout
+    assert said.startswith("Rehearsal of coastal")
+    words = " ".join(said.split())
+    assert f"coastal-router: first brought to what run {row['run']} read back at " in words
+    assert "the emulated device is unchanged, byte for byte" in said
+    for path in (at.state / "real/coastal/confirmed").iterdir():
+        path.unlink()
+    (journal,) = (at.state / "real/coastal/runs").glob("*/journal.jsonl")
+    lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if "state-confirmed" not in line), encoding="utf-8")
+    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", code=0).stdout
+    assert "coastal-router: no run has read it back: first brought to what is declared" in said
+    assert "not rehearsed: what coastal-router is now: what is declared stands for it" in said
+
+
+def test_a_rehearsal_finds_a_rollback_that_the_device_would_refuse(at: Quay) -> None:
+    at.configure()
+    left = untouched(at)
+    (saved,) = at.state.glob("real/coastal/runs/*/before/*.rsc")
+    with saved.open("a", encoding="utf-8") as file:
+        file.write("/ip address\nadd address=10.9.9.1/24 interface=ether99\n")
+    told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=4)
+    assert "ether99" in told["devices"][ROUTER]["message"]
+    assert untouched(at) == left
+
+
+def test_a_start_that_cannot_be_reached_is_no_rehearsal(at: Quay) -> None:
+    at.configure()
+    for path in (at.state / "real/coastal/confirmed").iterdir():
+        path.write_text(path.read_text(encoding="utf-8") + "\n# touched\n", encoding="utf-8")
+    left = untouched(at)
+    assert "it was changed since" in at.provision("rollback", "site=coastal", "to=latest", "--rehearse", code=4).stderr
+    assert untouched(at) == left
+
+
+def test_latest_needs_a_run_that_has_saved_a_state(at: Quay) -> None:
+    refused = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=7).stderr
+    assert "no run of coastal has saved a state of coastal-router" in refused
+    (listing,) = advised(refused)
+    assert "provision site=NAME" in at.start(listing).stderr
+    at.configure()
+    assert "coastal-router changed" in at.start(listing).stdout
+    at.configure()
+    first, second = at.runs()
+    said = at.provision("rollback", "site=coastal", "to=latest", "--plan", code=2).stdout
+    assert first["run"] in said
+    assert second["run"] not in said
+
+
+def killed(at: Quay, typed: list[str], run: int = 0) -> None:
+    """Type a command, and kill it and its workers as soon as it has sent something; the router takes that back."""
+    before = at.export()
+    at.do("link", delay_s=0.15)
+    with subprocess.Popen(
+        [PROVISION, *typed, f"only={ROUTER}", "--yes", f"inventory={at.inventory}"],
+        env=at.environment(),
+        start_new_session=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    ) as running:
+        await_record(at.state, '"kind":"layer-sent"', run=run)
+        os.killpg(running.pid, signal.SIGKILL)
+        kill_workers(at.state)
+    at.do("link", delay_s=0.0)
+    end = time.monotonic() + 60
+    while at.export() != before and run == 0:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_a_run_that_goes_on_is_planned_rehearsed_and_done(at: Quay) -> None:
+    killed(at, ["site=coastal"])
+    (row,) = at.runs()
+    assert row["unfinished"] is True
+    left = untouched(at)
+
+    said = at.provision("resume", "site=coastal", "--plan", code=2).stdout
+    assert f"run {row['run']}: provision site=coastal" in said
+    assert "+ set name=coastal-router" in said
+    assert untouched(at) == left
+
+    told = at.json("resume", "site=coastal", "--rehearse", code=0)
+    device = told["devices"][ROUTER]
+    assert (told["rehearsed"], device["status"], device["second_pass"]) == (True, "changed", 0)
+    assert device["not_rehearsed"][0].startswith(f"what run {row['run']} has left open or kept on coastal-router")
+    assert untouched(at) == left
+
+    assert at.json("resume", "site=coastal", code=0)["devices"][ROUTER]["status"] == "changed"
+    assert "no run of coastal is unfinished" in at.provision("resume", "site=coastal", "--rehearse", code=7).stderr
+    # The bridge of the site is not at this quay: the devices are looked at, and some are not reached.
+    said = at.provision("resume", "site=coastal", "--plan", code=4).stdout
+    assert said.startswith("no run of coastal is unfinished; looking on its devices\n  coastal-router     no changes")
+
+
+def test_a_rollback_that_goes_on_is_rehearsed_backwards(at: Quay) -> None:
+    at.configure()
+    (row,) = at.runs()
+    killed(at, ["rollback", "site=coastal", f"to={row['run']}"], run=1)
+    said = at.provision("resume", "site=coastal", "--rehearse", code=0).stdout
+    assert f"it goes on towards the saved state of run {row['run']}" in said
+    assert f"coastal-router: first brought to the state before run {at.runs()[-1]['run']}" in said
+    device = at.json("resume", "site=coastal", "--rehearse", code=0)["devices"][ROUTER]
+    assert "+ set name=MikroTik" in device["diff"]
+    assert at.runs()[-1]["unfinished"] is True
+
+
+def test_a_backup_is_rehearsed(at: Quay) -> None:
+    at.configure()
+    left = untouched(at)
+    for _ in range(2):
+        told = at.json("backup", "site=coastal", "--rehearse", code=0)
+        assert (told["rehearsed"], told["devices"][ROUTER]["status"]) == (True, "unchanged")
+        (name,) = told["runs"]
+        saved = at.state / "rehearsal/coastal/runs" / name / "before" / f"{ROUTER}.rsc"
+        text = saved.read_text(encoding="utf-8")
+        assert "address=10.64.101.1" in text
+        assert "coastal-router" not in text  # fresh from its adoption, and not as the real one is now
+    assert at.provision("backup", "site=coastal", "--rehearse", code=0).stdout.startswith("Rehearsal of coastal")
+    assert untouched(at) == left

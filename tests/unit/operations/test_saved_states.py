@@ -1,0 +1,166 @@
+"""Which run a rollback goes back to, and which state stands for a device when that is rehearsed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.journal import ActionsConfirmed, NoSuchRun, Run, RunStarted, Store
+from atlantis_netcfg.operations.restore import confirmed_state
+from atlantis_netcfg.operations.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+ROUTER = "coastal-router"
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(checkout() / "inventory")
+
+
+@dataclass
+class Laptop:
+    """A state folder in which runs are recorded."""
+
+    state: Path
+
+    def run(
+        self, name: str = "", *, rehearsed: bool = False, saves: str = "", confirms: str = "", actions: int = 0
+    ) -> Run:
+        store = Store(self.state, rehearsed=rehearsed)
+        started = RunStarted(
+            site="coastal", revision="", tool="", hosts=(ROUTER,), rehearsed=rehearsed, command="provision site=coastal"
+        )
+        with store.start(started, name) as journal:
+            if saves:
+                journal.save(ROUTER, saves)
+            if actions:
+                journal.write(ActionsConfirmed(device=ROUTER, actions=tuple(range(actions))))
+            if confirms:
+                journal.confirm(ROUTER, lambda: confirms)
+        return store.run("coastal", journal.run)
+
+
+@pytest.fixture
+def laptop(tmp_path: Path) -> Laptop:
+    return Laptop(tmp_path)
+
+
+def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop: Laptop) -> None:
+    laptop.run(saves="a")
+    newer = laptop.run(saves="b")
+    laptop.run()
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == newer.id
+    with pytest.raises(NothingMatched, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
+        saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
+
+
+def test_a_real_rollback_never_takes_the_run_of_a_rehearsal(laptop: Laptop) -> None:
+    emulated = laptop.run(rehearsed=True, saves="a")
+    with pytest.raises(NothingMatched):
+        saved_run(laptop.state, "coastal", "latest", [ROUTER])
+    with pytest.raises(NoSuchRun):
+        saved_run(laptop.state, "coastal", emulated.id)
+    for name in ("latest", emulated.id):
+        found = saved_run(laptop.state, "coastal", name, [ROUTER], rehearsed=True)
+        assert found.directory == emulated.directory
+
+
+def test_a_rehearsal_takes_the_runs_of_the_real_site_first(laptop: Laptop) -> None:
+    real = laptop.run(saves="a")
+    laptop.run(rehearsed=True, saves="b")
+    laptop.run(rehearsed=True, saves="c")
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], rehearsed=True).directory == real.directory
+
+
+def test_a_run_that_there_is_not_lists_those_of_the_real_site(laptop: Laptop) -> None:
+    with pytest.raises(NoSuchRun):
+        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+    emulated = laptop.run(rehearsed=True)
+    with pytest.raises(NoSuchRun) as refused:
+        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+    assert emulated.id in str(refused.value.hint)
+    real = laptop.run()
+    with pytest.raises(NoSuchRun) as refused:
+        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+    assert str(refused.value.hint) == f"its latest runs: {real.id}"
+
+
+def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declaration: Declaration) -> None:
+    hosts = [declaration.hosts[ROUTER]]
+    run = laptop.run(saves="a", confirms="b")
+    (start,) = before_rollback(laptop.state, hosts, run)
+    assert (start.restore, start.back_to, start.adopted) == (run.id, None, False)
+    assert f"run {run.id} read back at " in start.words
+    later = laptop.run(confirms="c")
+    (start,) = before_rollback(laptop.state, hosts, run)
+    assert start.restore == later.id
+    assert start.gap == f"what has changed on {ROUTER} since run {later.id} read it back"
+
+
+def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, declaration: Declaration) -> None:
+    hosts = [declaration.hosts[ROUTER]]
+    emulated = laptop.run(rehearsed=True, saves="a", confirms="b")
+    real = laptop.run(saves="a")
+    (start,) = before_rollback(laptop.state, hosts, real)
+    assert (start.restore, start.back_to, start.adopted) == (None, None, False)
+    assert "what is declared stands for it" in start.gap
+    (start,) = before_rollback(laptop.state, hosts, emulated)
+    assert start.restore == emulated.id
+
+
+def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop, declaration: Declaration) -> None:
+    emulated = laptop.run("20261121T093000Z", rehearsed=True, confirms="emulated")
+    laptop.run("20261122T093000Z", confirms="real")
+    host = declaration.hosts[ROUTER]
+    assert confirmed_state(laptop.state, host, "latest", rehearsed=True).text() == "real"
+    assert confirmed_state(laptop.state, host, emulated.id, rehearsed=True).text() == "emulated"
+    with pytest.raises(NothingMatched):
+        confirmed_state(laptop.state, host, "1999", rehearsed=True)
+
+
+def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaration: Declaration) -> None:
+    hosts = [declaration.hosts[ROUTER]]
+    earlier = laptop.run(confirms="a")
+    broken = laptop.run(saves="b", actions=7)
+    (start,) = before_resuming(laptop.state, hosts, broken)
+    assert (start.back_to, start.restore) == (broken.id, None)
+    assert "the 7 actions that it had confirmed are done again" in start.words
+    untouched = laptop.run()
+    (start,) = before_resuming(laptop.state, hosts, untouched)
+    assert (start.back_to, start.restore) == (None, earlier.id)
+
+
+def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, declaration: Declaration) -> None:
+    (start,) = before_resuming(laptop.state, [declaration.hosts[ROUTER]], laptop.run())
+    assert (start.back_to, start.restore, start.adopted) == (None, None, True)
+    assert "as after its adoption" in start.words
+
+
+def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Declaration) -> None:
+    broken = laptop.run(saves="a")
+    gateway, router = before_resuming(
+        laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
+    )
+    assert (gateway.adopted, router.adopted) == (True, False)
+    assert gateway.gap == f"what run {broken.id} has left on coastal-gateway: a fresh one stands for it"
+
+
+def test_hosts_of_a_run(declaration: Declaration) -> None:
+    hosts = [declaration.hosts[name] for name in (ROUTER, "coastal-cpe")]
+    assert [host.name for host in hosts_of_run(hosts, ["coastal-cpe", "gone"])] == ["coastal-cpe"]
+    with pytest.raises(NothingMatched, match="nothing to do for any device of that run"):
+        hosts_of_run(hosts, ["gone"])
+
+
+def test_a_rehearsal_that_was_killed_goes_on_as_a_rehearsal(laptop: Laptop) -> None:
+    emulated, real = laptop.run(rehearsed=True), laptop.run()
+    assert emulated.next_command == f"provision resume site=coastal run={emulated.id} --rehearse"
+    assert real.next_command == f"provision resume site=coastal run={real.id}"
