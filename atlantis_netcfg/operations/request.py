@@ -217,10 +217,19 @@ def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Itera
         raise problem from fault
 
 
+_SHOWN = 3
+"""Example values that a refusal names; it counts the others."""
+
+
 def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
     """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
-    if declaration.pilot.example_values and not rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
-        )
+    if not declaration.pilot.example_values or rehearsed:
+        return
+    hint = "replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse"
+    if found := declaration.examples:
+        first = ", ".join(map(str, found[:_SHOWN])) + (", …" if len(found) > _SHOWN else "")
+        hint += f"\n{len(found)} of them (`provision validate --examples` lists all): {first}"
+    raise UsageError(
+        "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+        hint=hint,
+    )

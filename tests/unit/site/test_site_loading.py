@@ -103,7 +103,7 @@ def test_not_utf_8(inventory: Path) -> None:
     path = inventory / "group_vars/coastal.yml"
     path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Viana \xe0 beira-mar"))
     assert told(inventory) == [
-        "inventory/group_vars/coastal.yml:4:1: this line is not UTF-8 text -> save the file as UTF-8"
+        "inventory/group_vars/coastal.yml:5:1: this line is not UTF-8 text -> save the file as UTF-8"
     ]
 
 
