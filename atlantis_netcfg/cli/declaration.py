@@ -82,15 +82,18 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
 
 def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
     from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.declaration.examples import by_line
 
     left = declaration.examples
-    for example in left if lists_all else ():
-        print(f"  {example}")
+    for line in by_line(left) if lists_all else ():
+        print(f"  {line}")
     if declaration.pilot.example_values and left:
         rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
         print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
-        listed = "" if lists_all else "; `provision validate --examples` lists them"
-        print(translate(f"{len(left)} values are examples{listed}."))
+        if lists_all:
+            print(translate(f"{len(left)} values are examples."))
+        else:
+            print(translate(f"{len(left)} values are examples: `provision validate --examples` lists them."))
     elif declaration.pilot.example_values:
         print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
         print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
@@ -33,8 +34,14 @@ class Example:
     recognised: str | None = None
     """What shows that it is an example, where it needs no mark."""
 
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line} `{self.key}`"
+
+def by_line(examples: Iterable[Example]) -> list[str]:
+    """One line of a file each, with its keys; files are named as below the inventory."""
+    lines: dict[str, list[str]] = {}
+    for example in examples:
+        place = re.sub(r"^.*?(?=(?:group|host)_vars/)", "", example.file)
+        lines.setdefault(f"{place}:{example.line}", []).append(f"`{example.key}`")
+    return [f"{place} {', '.join(dict.fromkeys(keys))}" for place, keys in lines.items()]
 
 
 def examples_in(nodes: Iterable[Node]) -> tuple[Example, ...]:
