@@ -161,7 +161,7 @@ def field_docs(model: type[BaseModel]) -> dict[str, str]:
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
-    """What a key is for: its own words, else those of the block or of the words that it holds. Empty: nobody has said."""
+    """What a key is for: its own words, else those of the block or choice that it holds. Empty: nobody has said."""
     annotation = model.model_fields[name].annotation
     item = _schema.item_of(annotation)
     inner = _schema.unwrap(annotation if item is None else item)

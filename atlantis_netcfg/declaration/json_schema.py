@@ -126,7 +126,9 @@ def _hosts() -> dict[str, Any]:
     hosts = {"type": ["object", "null"], "propertyNames": names, "additionalProperties": host}
     group = _block({"hosts": hosts, "vars": host})
     sites = {"type": "object", "propertyNames": names, "minProperties": 1, "additionalProperties": group}
-    groups = _block({"sites": _block({"children": sites, "vars": host}, "children"), **dict.fromkeys(KIND_GROUPS, group)})
+    groups = _block(
+        {"sites": _block({"children": sites, "vars": host}, "children"), **dict.fromkeys(KIND_GROUPS, group)}
+    )
     groups["required"] = ["sites"]
     everything = _block({"children": groups, "vars": host}, "children")
     schema = _block({"all": everything}, "all")

@@ -229,7 +229,9 @@ def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
     hint = "replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse"
     if declaration.examples:
         first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_SHOWN])
-        hint += f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
+        hint += (
+            f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
+        )
     raise UsageError(
         "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
         hint=hint,

@@ -15,6 +15,7 @@ from atlantis_netcfg.declaration.findings import Finding, Mark
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+
 def in_clear(draft: Draft) -> Iterator[Finding]:
     """A real secret never stands readable in a file that goes into git."""
     for part, model in _holders(draft):
