@@ -1,6 +1,7 @@
 """Golden cases: `<case>.yml` spoils a copy of the shipped inventory, `<case>.txt` is exactly what a person is told.
 
-An edit is one of `{file, old, new}` (`old` stands there exactly once; marks `# EXAMPLE` need not be repeated), `{file, content}`, `{remove}`, `{rename, to}`.
+An edit is one of `{file, old, new}` (`old` stands there exactly once; a mark `# EXAMPLE` between its lines need not be
+repeated), `{file, content}`, `{remove}`, `{rename, to}`.
 `python tests/errors/inventory_cases.py` writes the expected texts anew: read the difference before you commit it.
 """
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from jsonschema import Draft202012Validator
 
 from atlantis_netcfg.declaration.json_schema import FOLDER
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 _MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 
