@@ -26,6 +26,7 @@ DEFAULT = "run"
 
 COMMANDS: Mapping[str, str] = {
     "run": "atlantis_netcfg.cli.runs:site",
+    "init": "atlantis_netcfg.cli.inventory:init",
     "validate": "atlantis_netcfg.cli.declaration:validate",
     "adopt": "atlantis_netcfg.cli.adopt:adopt",
     "trust": "atlantis_netcfg.cli.adopt:trust",

@@ -32,8 +32,8 @@ _INTRODUCTION = """\
 
 Made from the model by `python -m atlantis_netcfg.declaration.key_reference`: change that, not this page.
 
-One folder declares the pilot. `provision validate` reads all of it, contacts nothing, and names every error with its file
-and line.
+One folder declares the pilot. `provision validate` reads all of it, contacts nothing, and names every error with its
+file and line.
 
 | file | what it holds |
 |---|---|
@@ -45,16 +45,17 @@ and line.
 | `host_vars/HOST.yml` | `device`: one box, by its `kind` |
 | `evidence/`, `keys/` | files that terminals have exported, and keys of package archives |
 
-- **Example values.** A comment `# EXAMPLE` at the end of a line marks its values as examples; at a key without a value of
-  its own it marks all that is below. Names of RFC 2606, addresses of RFC 5737 and what begins with `EXAMPLE-` are examples
-  without a mark.
+- **Example values.** A comment `# EXAMPLE` at the end of a line marks its values as examples; at a key without a
+  value of its own it marks all that is below. Names of RFC 2606, addresses of RFC 5737 and what begins with `EXAMPLE-`
+  are examples without a mark.
   Only rehearsals use an inventory with `example_values: true`, and with `false` every example is an error.
   `provision validate --examples` lists them.
 - **Secrets** are written by `ansible-vault encrypt_string`.
-- **Editors** that know `# yaml-language-server: $schema=…` in a file's first line complete and check the keys. The schemas
-  lie in `.schema/` of the inventory. Tell the editor of the tag: `yaml.customTags: ["!vault scalar"]`. A schema sees one
-  file; what must hold between files only `provision validate` sees.
-- *Example* is what the shipped inventory holds where it has the key. It shows the form: no value of it is a recommendation.
+- **Editors** that know `# yaml-language-server: $schema=…` in a file's first line complete and check the keys. The
+  schemas lie in `.schema/` of the inventory. Tell the editor of the tag: `yaml.customTags: ["!vault scalar"]`. A schema
+  sees one file; what must hold between files only `provision validate` sees.
+- *Example* is what the shipped inventory holds where it has the key. It shows the form: no value is a
+  recommendation.
 """
 _UNITS = (
     ("_bytes_per_s", "bytes/s"),
