@@ -104,7 +104,7 @@ def _asked() -> tuple[Answers, Mapping[str, Any]]:
 
     def ask(prompt: str) -> str:
         try:
-            return input(printable.line(translate(prompt)) + " ")
+            return input(f"{printable.line(translate(prompt.strip()))} ")
         except EOFError:
             raise UsageError(
                 "the questions were not answered to the end, so nothing was written", hint="type the command again"
@@ -221,5 +221,5 @@ def _confirm(folder: Path, created: Declaration, *, sealed: bool | None, as_json
         print(translate(f"{len(created.examples)} values are examples: only rehearsals use this inventory."))
         print(f"  provision validate inventory={folder} --examples")
     print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
-    print(f"  provision site={sites[-1]} --rehearse inventory={folder}")
+    print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")
     return ExitCode.DONE

@@ -44,7 +44,7 @@ class Question:
 
 
 _RATE = Question("rate", "Round trip in ms, up and down in kbit/s (60 20000 20000)")
-_CANARIES = Question("canaries", "Two addresses beyond the link that may be pinged", f"{_EXAMPLE}, if it is needed")
+_CANARIES = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
 _PLACE = (
     Question("title", "What people call it", "its short name"),
     Question("lan", "Local network (like 10.20.1.0/24)"),

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from hints_said import advised
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
@@ -70,7 +71,10 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 @pytest.mark.usefixtures("inventory")
 def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["validate", "inventory=inventory", "--examples"]) == ExitCode.DONE
+    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    (words,) = advised(capsys.readouterr().out.splitlines()[-1])
+    assert words == ["validate", "--examples"]
+    assert main([*words, "inventory=inventory"]) == ExitCode.DONE
     said = capsys.readouterr().out.splitlines()
     keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
     assert f"  group_vars/coastal.yml:51 {keys}" in said

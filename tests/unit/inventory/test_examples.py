@@ -6,8 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
+from hints_said import advised
 
-from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.declaration import load, validate
 from atlantis_netcfg.declaration._yaml import parse
 from atlantis_netcfg.declaration.examples import by_line, examples_in
@@ -75,5 +77,7 @@ def test_a_refused_run_names_how_many_and_the_first_lines(inventory: Path) -> No
         refuse_examples(declaration, rehearsed=False)
     lines = str(caught.value.hint).splitlines()
     assert lines[1].startswith(f"{len(declaration.examples)} values are examples")
+    (words,) = advised(lines[1])
+    assert main([*words, "inventory=inventory"]) == ExitCode.DONE
     assert [line.strip() for line in lines[2:]] == by_line(declaration.examples)[:3]
     refuse_examples(declaration, rehearsed=True)

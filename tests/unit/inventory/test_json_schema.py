@@ -1,8 +1,8 @@
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
+import inventory_cases
 import pytest
 import yaml
 from schema_reader import files, problems, schema_of
@@ -11,8 +11,6 @@ from atlantis_netcfg.declaration import json_schema
 
 CHECKOUT = Path(__file__).parents[3]
 SHIPPED = CHECKOUT / "inventory"
-sys.path.append(str(CHECKOUT / "tests/errors"))
-import inventory_cases  # noqa: E402 - the cases lie in another folder
 
 CASES: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("schema_cases.yml").read_text(encoding="utf-8"))
 SCHEMAS = {path.relative_to(SHIPPED): schema_of(path) for path in files(SHIPPED)}
