@@ -43,7 +43,7 @@ class Question:
     """What Enter alone gives; empty: there has to be an answer."""
 
 
-_RATE = Question("rate", "Round trip in ms, up and down in kbit/s (60 20000 20000)")
+_RATE = Question("rate", "Round trip in ms, kbit/s up and down (60 20000 20000)")
 _CANARIES = Question("canaries", "Two addresses beyond the link that may be pinged", "EXAMPLE, if needed")
 _PLACE = (
     Question("title", "What people call it", "its short name"),
