@@ -137,7 +137,12 @@ def text(inventory: Path) -> str:
 def _blocks() -> Iterator[_Block]:
     """Every model once, under the first key that holds it; what is below comes after."""
     seen: set[type[BaseModel]] = set()
-    roots = [("pilot", Pilot), ("partners", Partner), ("vehicles", Vehicle), ("site", Site)]
+    roots: list[tuple[str, type[BaseModel]]] = [
+        ("pilot", Pilot),
+        ("partners", Partner),
+        ("vehicles", Vehicle),
+        ("site", Site),
+    ]
     roots += [(f"device: {kind}", model) for kind, model in _schema.DEVICES.items()]
     for title, model in roots:
         yield from _below(title, model, seen)
@@ -308,14 +313,15 @@ def _examples(inventory: Path) -> dict[_Key, str]:
 
 
 def _collect(node: Node, variable: str, found: dict[_Key, str]) -> None:
-    models: Mapping[str, type[BaseModel]] = {"pilot": Pilot, "site": Site}
-    if variable in models:
-        _walk(node, models[variable], found)
-    elif variable == "device":
-        _walk(node, _schema.DEVICES[str(node.keys["kind"].value)], found)
-    else:
+    single: Mapping[str, type[BaseModel]] = {"pilot": Pilot, "site": Site}
+    named: Mapping[str, type[BaseModel]] = {"partners": Partner, "vehicles": Vehicle}
+    if variable in named:
         for below in node.keys.values():
-            _walk(below, {"partners": Partner, "vehicles": Vehicle}[variable], found)
+            _walk(below, named[variable], found)
+    elif variable in single:
+        _walk(node, single[variable], found)
+    else:
+        _walk(node, _schema.DEVICES[str(node.keys["kind"].value)], found)
 
 
 def _walk(node: Node, model: type[BaseModel], found: dict[_Key, str]) -> None:

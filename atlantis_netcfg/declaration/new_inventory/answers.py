@@ -5,9 +5,9 @@ An answer that is left out leaves a feature out, or becomes an example value, ma
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt
+from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, model_validator
 
 from atlantis_netcfg.declaration.model import (
     Address,
@@ -43,6 +43,8 @@ def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
 LocalNetwork = Annotated[Network, AfterValidator(_room(26))]
 LinkNetwork = Annotated[Network, AfterValidator(_room(29))]
 VpnNetwork = Annotated[Network, AfterValidator(_room(20))]
+_SITES = 80
+"""Each has its addresses in the infrastructure's pool."""
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
 
 
@@ -193,4 +195,11 @@ class Answers(Model):
     pilot: PilotAnswers
     vpn: VpnAnswers = VpnAnswers()
     control_centre: ControlCentre = ControlCentre()
-    sites: Annotated[dict[Name, Place], Field(min_length=1)]
+    sites: Annotated[dict[Name, Place], Field(min_length=1, max_length=_SITES)]
+
+    @model_validator(mode="after")
+    def _names(self) -> Self:
+        if self.control_centre.name in self.sites:
+            message = f"`{self.control_centre.name}` is the name of the control centre and of a site"
+            raise wrong(message, "give one of them another name")
+        return self

@@ -17,12 +17,16 @@ if TYPE_CHECKING:
 _MODELINE = re.compile(r"# yaml-language-server: \$schema=(\S+)")
 
 
-class _EditorLoader(yaml.SafeLoader):
+class EditorLoader(yaml.SafeLoader):
     """YAML with `!vault`, and with days as the text they are."""
 
 
-_EditorLoader.add_constructor("!vault", lambda loader, node: loader.construct_scalar(node))
-_EditorLoader.yaml_implicit_resolvers = {
+def _vaulted(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> object:
+    return loader.construct_scalar(node)
+
+
+EditorLoader.add_constructor("!vault", _vaulted)
+EditorLoader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:timestamp"]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
@@ -42,6 +46,6 @@ def schema_of(path: Path) -> Path | None:
 
 def problems(path: Path, schema: Path) -> list[str]:
     """What the independent reader says of a file. Raises yaml.YAMLError where it is no YAML."""
-    document: Any = yaml.load(path.read_text(encoding="utf-8"), Loader=_EditorLoader)  # noqa: S506 - it is a SafeLoader
+    document: Any = yaml.load(path.read_text(encoding="utf-8"), Loader=EditorLoader)  # noqa: S506 - it is a SafeLoader
     checker = Draft202012Validator(json.loads(schema.read_text(encoding="utf-8")))
     return [f"{'/'.join(map(str, error.absolute_path))}: {error.message}" for error in checker.iter_errors(document)]

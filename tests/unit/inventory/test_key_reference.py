@@ -1,10 +1,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration.key_reference import text
 from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 CHECKOUT = Path(__file__).parents[3]
 PAGE = (CHECKOUT / "docs/inventory.md").read_text(encoding="utf-8")
@@ -24,7 +28,7 @@ def test_every_row_has_a_type_a_default_a_meaning_and_an_example() -> None:
 
 def test_every_key_of_every_file_has_a_row() -> None:
     named = {row[0].strip("|` ") for row in ROWS}
-    models = [Pilot, Partner, Vehicle, Site, *_schema.DEVICES.values()]
+    models: list[type[BaseModel]] = [Pilot, Partner, Vehicle, Site, *_schema.DEVICES.values()]
     assert [key for model in models for key in model.model_fields if key not in named] == []
 
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 from hints_said import advised
-from schema_reader import files, problems, schema_of
+from schema_reader import EditorLoader, files, problems, schema_of
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.new_inventory.answers import Answers, Lte, PilotAnswers, Place
 from atlantis_netcfg.declaration.new_inventory.questions import Interview, Question, wrong
-from atlantis_netcfg.declaration.new_inventory.yaml_text import Value, Vaulted, document
+from atlantis_netcfg.declaration.new_inventory.yaml_text import Tree, Value, Vaulted, document
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -114,6 +114,12 @@ def test_wrong_answers_are_told_with_their_lines(capsys: pytest.CaptureFixture[s
     assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> a network of /26 or larger"]
     assert said[-1] == "2 errors in the answers; nothing was written"
     assert not Path("douro").exists()
+
+
+def test_a_site_is_not_called_like_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("answers.yml").write_text(LEAST.replace("pier:", "scc:"), encoding="utf-8")
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    assert "`scc` is the name of the control centre and of a site" in capsys.readouterr().err
 
 
 def test_answers_that_contradict_each_other_leave_nothing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -251,7 +257,7 @@ def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
     ],
 )
 def test_yaml_text_is_read_back_as_it_was(value: str | float | None) -> None:
-    tree = {
+    tree: dict[str, Tree] = {
         "a": {"b": [{"c": Value(value, is_example=True, comment="why")}, value]},
         "s": Vaulted("x\ny"),
         "e": [],
@@ -259,10 +265,6 @@ def test_yaml_text_is_read_back_as_it_was(value: str | float | None) -> None:
     }
     text = document(tree, ["# one"])
 
-    class Loader(yaml.SafeLoader):
-        pass
-
-    Loader.add_constructor("!vault", lambda loader, node: loader.construct_scalar(node))
-    read = yaml.load(text, Loader=Loader)  # noqa: S506 - it is a SafeLoader
+    read = yaml.load(text, Loader=EditorLoader)  # noqa: S506 - it is a SafeLoader
     assert read == {"a": {"b": [{"c": value}, value]}, "s": "x\ny\n", "e": [], "m": {}}
     assert "# why; EXAMPLE" in text
