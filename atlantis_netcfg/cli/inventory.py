@@ -71,7 +71,7 @@ def _source(arguments: Arguments) -> str:
         raise UsageError("`--from` and `--answers` exclude each other", hint="keep one of them")
     if example not in (None, "example"):
         raise UsageError(f"`--from {example}` is not known", hint="it takes one of: example")
-    if example is None and file is None and not sys.stdin.isatty():
+    if example is None and file is None and (arguments.flag("json") or not sys.stdin.isatty()):
         raise UsageError(
             "nobody is here to answer questions, so nothing was written",
             hint="type the command on a terminal, or with `--answers FILE`, or with `--from example`",

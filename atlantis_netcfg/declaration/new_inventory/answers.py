@@ -43,7 +43,7 @@ def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
 LocalNetwork = Annotated[Network, AfterValidator(_room(26))]
 LinkNetwork = Annotated[Network, AfterValidator(_room(29))]
 VpnNetwork = Annotated[Network, AfterValidator(_room(20))]
-_SITES = 80
+MOST_SITES = 80
 """Each has its addresses in the infrastructure's pool."""
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
 
@@ -195,7 +195,7 @@ class Answers(Model):
     pilot: PilotAnswers
     vpn: VpnAnswers = VpnAnswers()
     control_centre: ControlCentre = ControlCentre()
-    sites: Annotated[dict[Name, Place], Field(min_length=1, max_length=_SITES)]
+    sites: Annotated[dict[Name, Place], Field(min_length=1, max_length=MOST_SITES)]
 
     @model_validator(mode="after")
     def _names(self) -> Self:

@@ -12,6 +12,7 @@ from atlantis_netcfg.declaration._yaml import Node
 from atlantis_netcfg.declaration.findings import Mark, why_no_name
 from atlantis_netcfg.declaration.model import LinkRate
 from atlantis_netcfg.declaration.new_inventory.answers import (
+    MOST_SITES,
     Cable,
     ControlCentre,
     GatewayComputer,
@@ -157,6 +158,8 @@ class Interview:
             problems = [f"{why[0]}: {why[1]}" for name in names if (why := why_no_name(name))]
             if default and len(names) > 1:
                 problems.append("Type one name.")
+            if len(names) > MOST_SITES:
+                problems.append(f"There is room for {MOST_SITES} sites.")
             if not names or len(set(names)) < len(names) or other in names:
                 problems.append("Type a name for each, none of them twice.")
             if not problems:

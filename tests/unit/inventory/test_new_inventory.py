@@ -12,11 +12,14 @@ from hints_said import advised
 from schema_reader import EditorLoader, files, problems, schema_of
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.cli.inventory import _encrypt
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.new_inventory.answers import Answers, Lte, PilotAnswers, Place
 from atlantis_netcfg.declaration.new_inventory.questions import Interview, Question, wrong
 from atlantis_netcfg.declaration.new_inventory.yaml_text import Tree, Value, Vaulted, document
+from atlantis_netcfg.operations.vault import Vault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -153,6 +156,21 @@ def test_passwords_are_made_new_and_encrypted(tmp_path: Path, monkeypatch: pytes
     assert "EXAMPLE-password" not in written
     ends = [load(Path("douro")).hosts[host].device for host in ("boat-cpe", "scc-cpe-boat")]
     assert ends[0].ptp.key == ends[1].ptp.key  # type: ignore[union-attr]  # both are CPEs
+
+
+def test_a_password_for_the_vault_is_typed_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("atlantis_netcfg.operations.vault.is_configured", lambda: False)
+    typed = iter(["of a test", "of a test", "of a test", "of a toast", ""])
+    monkeypatch.setattr("getpass.getpass", lambda _: next(typed))
+    encrypt = _encrypt(ask=True)
+    assert encrypt is not None
+    sealed = encrypt("the secret")
+    assert sealed.startswith("$ANSIBLE_VAULT;1.1;AES256\n")
+    assert Vault(lambda _: Secret("of a test")).decrypt(sealed) == "the secret"
+    with pytest.raises(UsageError, match="the two are not the same"):
+        _encrypt(ask=True)
+    assert _encrypt(ask=True) is None
+    assert _encrypt(ask=False) is None
 
 
 class TestInterview:
