@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from atlantis_netcfg.declaration import Declaration, InventoryInvalid
-    from atlantis_netcfg.declaration.new_inventory.answers import Answers
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
 
 
 INIT = CommandSpec(
@@ -47,7 +47,7 @@ def run_init(arguments: Arguments) -> ExitCode:
     if source == "example":
         created = create(folder, {**example_files(_shipped()), README: _readme(folder, sealed=None)})
         return _confirm(folder, created, sealed=None, as_json=as_json)
-    given = _asked() if source == "questions" else _read(Path(source))
+    given = _ask_person() if source == "questions" else _read(Path(source))
     if isinstance(given, InventoryInvalid):
         return _refuse(given, "in the answers; nothing was written", as_json=as_json)
     answers, typed = given
@@ -85,21 +85,21 @@ def _shipped() -> Path:
     return paths.checkout() / "inventory"
 
 
-def _read(path: Path) -> tuple[Answers, None] | InventoryInvalid:
+def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
     from atlantis_netcfg.declaration import InventoryInvalid
-    from atlantis_netcfg.declaration.new_inventory.answers import Answers
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
     from atlantis_netcfg.declaration.yaml_file import read
 
-    block = read(path, Answers, "the answers")
+    block = read(path, InventoryAnswers, "the answers")
     return InventoryInvalid(block.findings) if block.findings or block.value is None else (block.value, None)
 
 
-def _asked() -> tuple[Answers, Mapping[str, Any]]:
+def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
     """Ask a person. Raises DeviceFailed when they stop: nothing was written."""
     from atlantis_netcfg.core import printable
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
-    from atlantis_netcfg.declaration.new_inventory.answers import Answers
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
     from atlantis_netcfg.declaration.new_inventory.questions import Interview
 
     def ask(prompt: str) -> str:
@@ -112,7 +112,7 @@ def _asked() -> tuple[Answers, Mapping[str, Any]]:
 
     print(translate("Enter alone gives what stands in brackets. Ctrl-C stops: nothing is written then."))
     typed = Interview(ask, lambda words: print(translate(words))).answers()
-    return Answers.model_validate(typed), typed
+    return InventoryAnswers.model_validate(typed), typed
 
 
 def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
@@ -136,7 +136,7 @@ def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
     return Vault(lambda _: Secret(typed)).encrypt
 
 
-def _files(answers: Answers, encrypt: Callable[[str], str] | None) -> dict[str, str]:
+def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> dict[str, str]:
     import yaml
 
     from atlantis_netcfg.declaration.new_inventory.files import files

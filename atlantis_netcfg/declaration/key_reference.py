@@ -115,7 +115,7 @@ _FORMS: Mapping[str, str] = {
 """What a value looks like where the shipped inventory has none and the type does not say it."""
 
 
-class _Block(NamedTuple):
+class _BlockOfKeys(NamedTuple):
     title: str
     model: type[BaseModel]
     words: str
@@ -134,7 +134,7 @@ def text(inventory: Path) -> str:
     return "\n".join(parts) + "\n"
 
 
-def _blocks() -> Iterator[_Block]:
+def _blocks() -> Iterator[_BlockOfKeys]:
     """Every model once, under the first key that holds it; what is below comes after."""
     seen: set[type[BaseModel]] = set()
     roots: list[tuple[str, type[BaseModel]]] = [
@@ -148,12 +148,12 @@ def _blocks() -> Iterator[_Block]:
         yield from _below(title, model, seen)
 
 
-def _below(title: str, model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[_Block]:
+def _below(title: str, model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[_BlockOfKeys]:
     if model in seen:
         return
     seen.add(model)
     many = "One such block for each name. " if title in {"partners", "vehicles"} else ""
-    yield _Block(title, model, many + " ".join(sentence(inspect.getdoc(model)).split()))
+    yield _BlockOfKeys(title, model, many + " ".join(sentence(inspect.getdoc(model)).split()))
     for name, field in model.model_fields.items():
         inner = _schema.model_of(_item(field.annotation))
         if inner is not None:

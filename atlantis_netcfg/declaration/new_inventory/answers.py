@@ -48,7 +48,7 @@ MOST_SITES = 80
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
 
 
-class Cable(Model):
+class CableAnswers(Model):
     """A plain cable to a provider."""
 
     network: Network | None = None
@@ -63,7 +63,7 @@ class Cable(Model):
     """Round trip in ms, up and down in kbit/s."""
 
 
-class WifiBridge(Model):
+class BridgeAnswers(Model):
     """The directional Wi-Fi bridge to the control centre."""
 
     network: LinkNetwork | None = None
@@ -86,7 +86,7 @@ class WifiBridge(Model):
     """Round trip in ms, up and down in kbit/s."""
 
 
-class Lte(Model):
+class LteAnswers(Model):
     """The 4G unit and its SIM."""
 
     network: LinkNetwork | None = None
@@ -103,7 +103,7 @@ class Lte(Model):
     """Round trip in ms, up and down in kbit/s."""
 
 
-class Satellite(Model):
+class SatelliteAnswers(Model):
     """The satellite terminal."""
 
     network: LinkNetwork | None = None
@@ -112,7 +112,7 @@ class Satellite(Model):
     """In EUR for 10^6 bytes, from the contract; none: costs are told in bytes."""
 
 
-class GatewayComputer(Model):
+class GatewayAnswers(Model):
     """The data gateway computer of a site."""
 
     ssh_key: SshKey | None = None
@@ -121,7 +121,7 @@ class GatewayComputer(Model):
     """Of the vendor's image; the report's computer is an ODROID N2."""
 
 
-class Place(Model):
+class SiteAnswers(Model):
     """A test site."""
 
     title: Text | None = None
@@ -134,14 +134,14 @@ class Place(Model):
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
     """How many Ethernet ports the router has."""
-    wifi_bridge: WifiBridge | None = None
-    cable: Cable | None = None
-    lte: Lte | None = None
-    satellite: Satellite | None = None
-    gateway: GatewayComputer | None = None
+    wifi_bridge: BridgeAnswers | None = None
+    cable: CableAnswers | None = None
+    lte: LteAnswers | None = None
+    satellite: SatelliteAnswers | None = None
+    gateway: GatewayAnswers | None = None
 
 
-class ControlCentre(Model):
+class CentreAnswers(Model):
     """The far end of all links, where the VPN's server stands."""
 
     name: Name = "scc"
@@ -156,7 +156,7 @@ class ControlCentre(Model):
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
     """How many Ethernet ports the router has."""
-    uplink: Cable = Cable()
+    uplink: CableAnswers = CableAnswers()
     computer: StrictBool = True
     """Whether a computer runs the control centre's services."""
 
@@ -189,13 +189,13 @@ class PilotAnswers(Model):
     """Organisations of the report that join through the VPN."""
 
 
-class Answers(Model):
+class InventoryAnswers(Model):
     """All answers; sites by their short names."""
 
     pilot: PilotAnswers
     vpn: VpnAnswers = VpnAnswers()
-    control_centre: ControlCentre = ControlCentre()
-    sites: Annotated[dict[Name, Place], Field(min_length=1, max_length=MOST_SITES)]
+    control_centre: CentreAnswers = CentreAnswers()
+    sites: Annotated[dict[Name, SiteAnswers], Field(min_length=1, max_length=MOST_SITES)]
 
     @model_validator(mode="after")
     def _names(self) -> Self:

@@ -19,7 +19,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from atlantis_netcfg.declaration.model import LinkRate
-    from atlantis_netcfg.declaration.new_inventory.answers import Answers, Cable, ControlCentre, Place, WifiBridge
+    from atlantis_netcfg.declaration.new_inventory.answers import (
+        BridgeAnswers,
+        CableAnswers,
+        CentreAnswers,
+        InventoryAnswers,
+        SiteAnswers,
+    )
 
 ZONES = {"portugal": "Europe/Lisbon", "belgium": "Europe/Brussels"}
 PARTNERS = {
@@ -36,7 +42,7 @@ _CERTUS = {"rtt_ms": 700, "up_kbps": 352, "down_kbps": 704}
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class AnsweredNetwork:
     """A network, and whether it is an example."""
 
     network: IPv4Network
@@ -52,21 +58,21 @@ class Plan:
         return Value(self.network[number], self.is_example)
 
 
-def plan(answer: IPv4Network | None, example: str) -> Plan:
+def network_or_example(answer: IPv4Network | None, example: str) -> AnsweredNetwork:
     """The answered network, else the example."""
-    return Plan(answer if answer is not None else IPv4Network(example), answer is None)
+    return AnsweredNetwork(answer if answer is not None else IPv4Network(example), answer is None)
 
 
-def known(answer: Any, example: Any) -> Value:  # noqa: ANN401 - any scalar
+def value_or_example(answer: Any, example: Any) -> Value:  # noqa: ANN401 - any scalar
     """The answered value, else the example."""
     return Value(answer if answer is not None else example, answer is None)
 
 
 @dataclass(slots=True)
-class Writer:
+class InventoryWriter:
     """Collects the files of one inventory."""
 
-    answers: Answers
+    answers: InventoryAnswers
     vehicles: Mapping[str, Mapping[str, Any]]
     """Of the report, without endpoints."""
     encrypt: Callable[[str], str] | None
@@ -77,14 +83,14 @@ class Writer:
     """File -> its first comment, its schema, what it holds."""
 
     @property
-    def centre(self) -> ControlCentre:
+    def centre(self) -> CentreAnswers:
         """The answers about the control centre."""
         return self.answers.control_centre
 
     @property
-    def vpn(self) -> Plan:
+    def vpn(self) -> AnsweredNetwork:
         """All tunnel addresses."""
-        return plan(self.answers.vpn.network, "10.80.0.0/16")
+        return network_or_example(self.answers.vpn.network, "10.80.0.0/16")
 
     @property
     def pools(self) -> list[IPv4Network]:
@@ -110,10 +116,10 @@ class Writer:
 
 
 def files(
-    answers: Answers, vehicles: Mapping[str, Mapping[str, Any]], encrypt: Callable[[str], str] | None
+    answers: InventoryAnswers, vehicles: Mapping[str, Mapping[str, Any]], encrypt: Callable[[str], str] | None
 ) -> dict[str, str]:
     """Every file of the inventory by its path below it."""
-    writer = Writer(answers, vehicles, encrypt)
+    writer = InventoryWriter(answers, vehicles, encrypt)
     _control_centre(writer)
     for number, (name, place) in enumerate(answers.sites.items(), start=1):
         _site(writer, number, name, place)
@@ -143,7 +149,7 @@ def _text(path: str, comment: str, schema: str, tree: dict[str, Tree]) -> str:
     return document(tree, comments)
 
 
-def _hosts(writer: Writer) -> dict[str, Tree]:
+def _hosts(writer: InventoryWriter) -> dict[str, Tree]:
     sites: dict[str, Tree] = {site: {"hosts": dict.fromkeys(hosts, None)} for site, hosts in writer.hosts.items()}
     groups: dict[str, Tree] = {"sites": {"children": sites}}
     for group, kind in KIND_GROUPS.items():
@@ -153,23 +159,27 @@ def _hosts(writer: Writer) -> dict[str, Tree]:
     return {"all": {"children": groups}}
 
 
-def _pilot(writer: Writer, *, example_values: bool) -> dict[str, Tree]:
+def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
     answers = writer.answers
     servers = answers.pilot.time_servers or (None,)
     example = ("ntp.example.org", "192.0.2.123")
-    names = [known(None if server is None else f"time server {n}", example[0]) for n, server in enumerate(servers, 1)]
+    names = [
+        value_or_example(None if server is None else f"time server {n}", example[0])
+        for n, server in enumerate(servers, 1)
+    ]
     pilot: dict[str, Tree] = {
         "name": answers.pilot.name,
         "example_values": example_values,
         "country": answers.pilot.country,
         "time_zone": answers.pilot.time_zone or ZONES[answers.pilot.country],
         "time_servers": [
-            {"name": name, "address": known(server, example[1])} for name, server in zip(names, servers, strict=True)
+            {"name": name, "address": value_or_example(server, example[1])}
+            for name, server in zip(names, servers, strict=True)
         ],
         "vpn": {
             "server": f"{writer.centre.name}-vpn",
-            "endpoint": known(answers.vpn.endpoint, "203.0.113.2"),
-            "endpoint_name": known(answers.vpn.endpoint_name, "vpn.example.org"),
+            "endpoint": value_or_example(answers.vpn.endpoint, "203.0.113.2"),
+            "endpoint_name": value_or_example(answers.vpn.endpoint_name, "vpn.example.org"),
             "port": 1194,
             "transport": "udp",
             "network": writer.vpn.value,
@@ -183,7 +193,7 @@ def _pilot(writer: Writer, *, example_values: bool) -> dict[str, Tree]:
     return pilot
 
 
-def _partners(writer: Writer) -> None:
+def _partners(writer: InventoryWriter) -> None:
     chosen = writer.answers.pilot.partners
     rows: dict[str, Tree] = {
         name: {"full_name": PARTNERS[name], "vpn_pool": Value(pool, writer.vpn.is_example)}
@@ -193,7 +203,7 @@ def _partners(writer: Writer) -> None:
     writer.trees["group_vars/all/partners.yml"] = (comment, "partners", {"partners": rows})
 
 
-def _vehicles(writer: Writer) -> None:
+def _vehicles(writer: InventoryWriter) -> None:
     rows: dict[str, Tree] = {}
     for key, vehicle in writer.vehicles.items():
         partner = vehicle.get("partner")
@@ -206,17 +216,17 @@ def _vehicles(writer: Writer) -> None:
     writer.trees["group_vars/all/vehicles.yml"] = (comment, "vehicles", {"vehicles": rows})
 
 
-def _lan(lan: Plan, name: str, place: Place | ControlCentre) -> dict[str, Tree]:
+def _lan(lan: AnsweredNetwork, name: str, place: SiteAnswers | CentreAnswers) -> dict[str, Tree]:
     half = lan.network.num_addresses // 2
     return {
         "network": lan.value,
         "gateway": lan.at(1),
-        "domain": known(place.domain, f"{name}.example.org"),
+        "domain": value_or_example(place.domain, f"{name}.example.org"),
         "dhcp": {"first": lan.at(half), "last": lan.at(-2)},
     }
 
 
-def _management(writer: Writer, management: Plan) -> dict[str, Tree]:
+def _management(writer: InventoryWriter, management: AnsweredNetwork) -> dict[str, Tree]:
     is_example = management.is_example or writer.vpn.is_example
     return {
         "network": management.value,
@@ -226,7 +236,7 @@ def _management(writer: Writer, management: Plan) -> dict[str, Tree]:
 
 
 def _rate(rate: LinkRate | None, example: Mapping[str, float]) -> dict[str, Tree]:
-    return {key: known(getattr(rate, key, None), value) for key, value in example.items()}
+    return {key: value_or_example(getattr(rate, key, None), value) for key, value in example.items()}
 
 
 def _canaries(answer: tuple[Any, ...], number: int, *, needed: bool) -> dict[str, Tree]:
@@ -237,7 +247,7 @@ def _canaries(answer: tuple[Any, ...], number: int, *, needed: bool) -> dict[str
     return {"canaries": Value((f"198.51.100.{number}", f"198.51.100.{number + 1}"), is_example=True)}
 
 
-def _ports(place: Place | ControlCentre, links: list[str]) -> Tree:
+def _ports(place: SiteAnswers | CentreAnswers, links: list[str]) -> Tree:
     """Links first, the technician last, the local network between."""
     is_example = place.router_ports is None
     count = place.router_ports or max(_PORTS, len(links) + 2)
@@ -249,25 +259,25 @@ def _ports(place: Place | ControlCentre, links: list[str]) -> Tree:
     return [*ports, {"name": Value(f"ether{count}", is_example), "use": "management"}]
 
 
-def _access(writer: Writer, address: Value) -> dict[str, Tree]:
+def _access(writer: InventoryWriter, address: Value) -> dict[str, Tree]:
     return {"address": address, "user": "provision", "password": writer.secret("password")}
 
 
-def _bridge_names(writer: Writer, site: str) -> tuple[str, str]:
+def _bridge_names(writer: InventoryWriter, site: str) -> tuple[str, str]:
     """The bridge's name at the control centre, and the CPE there; one bridge needs no site in its name."""
     bridged = [name for name, place in writer.answers.sites.items() if place.wifi_bridge is not None]
     centre = writer.centre.name
     return ("wifi-ptp", f"{centre}-cpe") if len(bridged) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
 
 
-def _bridge_plan(number: int, bridge: WifiBridge) -> Plan:
-    return plan(bridge.network, f"10.10.{number}.0/29")
+def _bridge_plan(number: int, bridge: BridgeAnswers) -> AnsweredNetwork:
+    return network_or_example(bridge.network, f"10.10.{number}.0/29")
 
 
-def _control_centre(writer: Writer) -> None:
+def _control_centre(writer: InventoryWriter) -> None:
     centre = writer.centre
-    lan = plan(centre.lan, "10.64.0.0/24")
-    management = plan(centre.management, "10.64.100.0/24")
+    lan = network_or_example(centre.lan, "10.64.0.0/24")
+    management = network_or_example(centre.management, "10.64.100.0/24")
     bridged = [
         (number, name, place.wifi_bridge)
         for number, (name, place) in enumerate(writer.answers.sites.items(), start=1)
@@ -326,8 +336,8 @@ def _control_centre(writer: Writer) -> None:
         )
 
 
-def _cable(cable: Cable, name: str, example: str, number: int, *, needs_canaries: bool) -> dict[str, Tree]:
-    network = plan(cable.network, example)
+def _cable(cable: CableAnswers, name: str, example: str, number: int, *, needs_canaries: bool) -> dict[str, Tree]:
+    network = network_or_example(cable.network, example)
     return {
         "name": name,
         "kind": "ethernet",
@@ -340,9 +350,9 @@ def _cable(cable: Cable, name: str, example: str, number: int, *, needs_canaries
     }
 
 
-def _site(writer: Writer, number: int, name: str, place: Place) -> None:
-    lan = plan(place.lan, f"10.64.{number}.0/24")
-    management = plan(place.management, f"10.64.{100 + number}.0/24")
+def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
+    lan = network_or_example(place.lan, f"10.64.{number}.0/24")
+    management = network_or_example(place.management, f"10.64.{100 + number}.0/24")
     bearers = _bearers(number, name, place)
     site: dict[str, Tree] = {
         "title": place.title or name,
@@ -382,7 +392,7 @@ def _site(writer: Writer, number: int, name: str, place: Place) -> None:
         writer.add(name, f"{name}-gateway", "gateway", f"Data gateway computer of {name}.", gateway)
 
 
-def _bearers(number: int, name: str, place: Place) -> list[dict[str, Tree]]:
+def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]]:
     kinds = [place.wifi_bridge, place.cable, place.lte, place.satellite]
     several = len([kind for kind in kinds if kind is not None]) > 1
     first = 10 * number
@@ -408,16 +418,20 @@ def _bearers(number: int, name: str, place: Place) -> list[dict[str, Tree]]:
     if (lte := place.lte) is not None:
         rate = _rate(lte.rate, {"rtt_ms": 60, "up_kbps": 20_000, "down_kbps": 20_000})
         canaries = _canaries(lte.canaries, first + 4, needed=several)
-        bearers.append(_metered("4g", "lte", f"{name}-4g", plan(lte.network, f"10.11.{number}.0/29"), lte.price_per_mb))
+        bearers.append(
+            _metered(
+                "4g", "lte", f"{name}-4g", network_or_example(lte.network, f"10.11.{number}.0/29"), lte.price_per_mb
+            )
+        )
         bearers[-1].update({**canaries, "rate": rate})
     if (satellite := place.satellite) is not None:
-        network = plan(satellite.network, f"10.12.{number}.0/29")
+        network = network_or_example(satellite.network, f"10.12.{number}.0/29")
         bearers.append(_metered("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
         bearers[-1]["rate"] = dict(_CERTUS)
     return bearers
 
 
-def _metered(name: str, kind: str, device: str, network: Plan, price: float | None) -> dict[str, Tree]:
+def _metered(name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None) -> dict[str, Tree]:
     billing: dict[str, Tree] = {} if price is None else {"billing": {"price_per_mb": float(price)}}
     return {
         "name": name,
@@ -431,13 +445,13 @@ def _metered(name: str, kind: str, device: str, network: Plan, price: float | No
     }
 
 
-def _boxes(writer: Writer, number: int, name: str, place: Place) -> None:
+def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -> None:
     """The boxes of the links."""
     if place.wifi_bridge is not None:
         _bridge(writer, number, name, place.wifi_bridge)
     if (lte := place.lte) is not None:
         unit: dict[str, Tree] = {
-            "address": plan(lte.network, f"10.11.{number}.0/29").at(1),
+            "address": network_or_example(lte.network, f"10.11.{number}.0/29").at(1),
             "driver": lte.driver.value,
         }
         if lte.driver in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
@@ -446,29 +460,29 @@ def _boxes(writer: Writer, number: int, name: str, place: Place) -> None:
             unit["sim"] = {"apn": lte.apn}
         writer.add(name, f"{name}-4g", "lte_router", f"4G unit of {name}.", unit)
     if (satellite := place.satellite) is not None:
-        address = plan(satellite.network, f"10.12.{number}.0/29").at(1)
+        address = network_or_example(satellite.network, f"10.12.{number}.0/29").at(1)
         terminal: dict[str, Tree] = {"model": "Thales VesseLINK", "address": address}
-        writer.add(name, f"{name}-sat", "satellite_terminal", f"Satellite terminal of {name}.", terminal)
+        writer.add(name, f"{name}-sat", "satellite_terminal", f"SatelliteAnswers terminal of {name}.", terminal)
 
 
-def _bridge(writer: Writer, number: int, name: str, bridge: WifiBridge) -> None:
+def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswers) -> None:
     far = _bridge_names(writer, name)[1]
     near = f"{name}-cpe"
     network = _bridge_plan(number, bridge)
     key = writer.secret("bridge-key")
     radio: dict[str, Tree] = {
-        "ssid": known(bridge.ssid, f"EXAMPLE-{name}"),
+        "ssid": value_or_example(bridge.ssid, f"EXAMPLE-{name}"),
         "protocol": bridge.protocol,
         "standard": "802.11ac",
         "band": "5ghz",
-        "frequency_mhz": known(bridge.frequency_mhz, 5500),
+        "frequency_mhz": value_or_example(bridge.frequency_mhz, 5500),
         "width_mhz": 20,
         "country": writer.answers.pilot.country,
         "outdoor": True,
         "key": key,
-        "tx_power_dbm": known(bridge.tx_power_dbm, 10),
-        "antenna_gain_dbi": known(bridge.antenna_gain_dbi, 16),
-        "distance_m": known(bridge.distance_m, 150),
+        "tx_power_dbm": value_or_example(bridge.tx_power_dbm, 10),
+        "antenna_gain_dbi": value_or_example(bridge.antenna_gain_dbi, 16),
+        "distance_m": value_or_example(bridge.distance_m, 150),
     }
     comment = "Both ends of a bridge agree on everything below `ptp` but `peer` and `mode`."
     for site, host, peer, mode, address in (

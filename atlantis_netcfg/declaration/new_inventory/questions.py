@@ -13,15 +13,15 @@ from atlantis_netcfg.declaration.findings import Mark, why_no_name
 from atlantis_netcfg.declaration.model import LinkRate
 from atlantis_netcfg.declaration.new_inventory.answers import (
     MOST_SITES,
-    Cable,
-    ControlCentre,
-    GatewayComputer,
-    Lte,
+    BridgeAnswers,
+    CableAnswers,
+    CentreAnswers,
+    GatewayAnswers,
+    LteAnswers,
     PilotAnswers,
-    Place,
-    Satellite,
+    SatelliteAnswers,
+    SiteAnswers,
     VpnAnswers,
-    WifiBridge,
 )
 
 if TYPE_CHECKING:
@@ -97,17 +97,17 @@ _SATELLITE = (
 )
 _GATEWAY = (Question("ssh_key", "A technician's public SSH key (line of the .pub file)", "no card is made"),)
 _PARTS: Sequence[tuple[str, str, type[BaseModel], Sequence[Question]]] = (
-    ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", WifiBridge, _BRIDGE),
-    ("cable", "Is there a cable to a provider?", Cable, (*_CABLE[:-1], _CANARIES, _RATE)),
-    ("lte", "Is there a 4G unit?", Lte, _LTE),
-    ("satellite", "Is there a satellite terminal?", Satellite, _SATELLITE),
-    ("gateway", "Is there a data gateway computer?", GatewayComputer, _GATEWAY),
+    ("wifi_bridge", "Is there a Wi-Fi bridge to the control centre?", BridgeAnswers, _BRIDGE),
+    ("cable", "Is there a cable to a provider?", CableAnswers, (*_CABLE[:-1], _CANARIES, _RATE)),
+    ("lte", "Is there a 4G unit?", LteAnswers, _LTE),
+    ("satellite", "Is there a satellite terminal?", SatelliteAnswers, _SATELLITE),
+    ("gateway", "Is there a data gateway computer?", GatewayAnswers, _GATEWAY),
 )
 _LINKS = ("wifi_bridge", "cable", "lte", "satellite")
 
 
 class Interview:
-    """Asks a person, and gives the answers as `Answers` takes them."""
+    """Asks a person, and gives the answers as `InventoryAnswers` takes them."""
 
     def __init__(self, ask: Callable[[str], str], tell: Callable[[str], None]) -> None:
         self.ask = ask
@@ -121,9 +121,9 @@ class Interview:
         vpn = self.block(VpnAnswers, _VPN)
         self.tell("The control centre, the far end of all links")
         (name,) = self.names("Short name of it", "scc")
-        centre = {"name": name, **self.block(ControlCentre, _PLACE)}
+        centre = {"name": name, **self.block(CentreAnswers, _PLACE)}
         self.tell("Its link to the rest of the world")
-        centre["uplink"] = self.block(Cable, _CABLE)
+        centre["uplink"] = self.block(CableAnswers, _CABLE)
         centre["computer"] = self.yes("Is there a computer for its services?")
         sites = {}
         for site in self.names("Short names of the test sites, with commas between", "", other=name):
@@ -133,7 +133,7 @@ class Interview:
 
     def site(self) -> dict[str, Any]:
         """One test site, with at least one link."""
-        place = self.block(Place, _PLACE)
+        place = self.block(SiteAnswers, _PLACE)
         while True:
             for key, text, model, questions in _PARTS:
                 if key not in place and self.yes(text):
@@ -168,10 +168,10 @@ class Interview:
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """The answers to the questions about a block; what is not answered is not in it."""
-        given = {question.key: self.one(model, question) for question in questions}
+        given = {question.key: self.answer(model, question) for question in questions}
         return {key: value for key, value in given.items() if value is not None}
 
-    def one(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
+    def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
         """The answer to a question; None where there is none."""
         prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
         while True:
@@ -218,8 +218,8 @@ def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: 
         found = next((item for item in errors if item["loc"][:1] == (key,)), None)
         if found is None:
             return None
-        told = _schema.explain(found, Node(_HERE, {key: _node(value)}), model, "answer")
-        return f"{told.message}: {told.hint}"
+        finding = _schema.explain(found, Node(_HERE, {key: _node(value)}), model, "answer")
+        return f"{finding.message}: {finding.hint}"
     return None
 
 

@@ -13,10 +13,11 @@ from atlantis_netcfg.declaration.findings import InventoryInvalid
 from atlantis_netcfg.declaration.loading import load
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.declaration.declaration import Declaration
+    from atlantis_netcfg.declaration.findings import Finding
 
 README = "README.md"
 
@@ -61,18 +62,15 @@ def _check(scratch: Path, folder: Path) -> None:
         load(scratch)
     except InventoryInvalid as error:
         names = (str(scratch), scratch.name)
-        findings = []
-        for finding in error.findings:
-            told = finding
-            for name in names:
-                told = replace(
-                    told,
-                    file=told.file.replace(name, str(folder)),
-                    message=told.message.replace(name, str(folder)),
-                    hint=told.hint.replace(name, str(folder)),
-                )
-            findings.append(told)
-        raise InventoryInvalid(findings) from error
+        raise InventoryInvalid(_renamed(finding, names, str(folder)) for finding in error.findings) from error
+
+
+def _renamed(finding: Finding, names: Sequence[str], folder: str) -> Finding:
+    """The finding as if the folder had its final name already."""
+    for name in names:
+        texts = {key: getattr(finding, key).replace(name, folder) for key in ("file", "message", "hint")}
+        finding = replace(finding, **texts)
+    return finding
 
 
 def example_files(shipped: Path) -> dict[str, str]:

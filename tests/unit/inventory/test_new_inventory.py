@@ -16,7 +16,7 @@ from atlantis_netcfg.cli.inventory import _encrypt
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.new_inventory.answers import Answers, Lte, PilotAnswers, Place
+from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
 from atlantis_netcfg.declaration.new_inventory.questions import Interview, Question, wrong
 from atlantis_netcfg.declaration.new_inventory.yaml_text import Tree, Value, Vaulted, document
 from atlantis_netcfg.operations.vault import Vault
@@ -187,7 +187,7 @@ class TestInterview:
 
     def test_a_wrong_answer_is_asked_again(self) -> None:
         interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
-        assert interview.one(Place, Question("lan", "Local network")) == "10.0.0.0/24"
+        assert interview.answer(SiteAnswers, Question("lan", "Local network")) == "10.0.0.0/24"
         assert told == [
             "10.0.0.0/30 is too small here: a network of /26 or larger",
             "`10.0.0.0` has no prefix length: a network is wanted here: 10.0.0.0/24",
@@ -196,8 +196,8 @@ class TestInterview:
 
     def test_enter_leaves_it_out_where_that_is_allowed(self) -> None:
         interview, _, _ = self.interview(["", "", "Douro"])
-        assert interview.one(Lte, Question("apn", "APN", "none")) is None
-        assert interview.one(PilotAnswers, Question("name", "Name", "")) == "Douro"
+        assert interview.answer(LteAnswers, Question("apn", "APN", "none")) is None
+        assert interview.answer(PilotAnswers, Question("name", "Name", "")) == "Douro"
 
     def test_every_question_fits_a_line(self) -> None:
         asked: list[str] = []
@@ -227,9 +227,9 @@ class TestInterview:
 
     def test_numbers_and_lists_are_read_as_in_a_file(self) -> None:
         interview, _, _ = self.interview(["60 20000 10000", "10.0.0.1, 10.0.0.2", "0.5"])
-        given = [interview.one(Lte, Question(key, key)) for key in ("rate", "canaries", "price_per_mb")]
+        given = [interview.answer(LteAnswers, Question(key, key)) for key in ("rate", "canaries", "price_per_mb")]
         assert given == [{"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}, ["10.0.0.1", "10.0.0.2"], 0.5]
-        assert wrong(Lte, "rate", "60 fast") is not None
+        assert wrong(LteAnswers, "rate", "60 fast") is not None
 
 
 def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
@@ -240,7 +240,9 @@ def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
     typed["sites"]["pier"]["lan"] = "10.80.0.0/24"
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._source", lambda _: "questions")
-    monkeypatch.setattr("atlantis_netcfg.cli.inventory._asked", lambda: (Answers.model_validate(typed), typed))
+    monkeypatch.setattr(
+        "atlantis_netcfg.cli.inventory._ask_person", lambda: (InventoryAnswers.model_validate(typed), typed)
+    )
     monkeypatch.setattr("atlantis_netcfg.cli.inventory._encrypt", lambda **_: None)
     assert main(["init", "douro"]) == ExitCode.USAGE
     (words,) = advised(capsys.readouterr().err.splitlines()[-1])
