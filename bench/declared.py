@@ -87,6 +87,7 @@ class Declared:
 def _real(text: str) -> str:
     for documentation, real in _DOCUMENTATION:
         text = text.replace(documentation, real)
+    text = re.sub(r" #.*\bEXAMPLE\b(?!-).*", "", text)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
     text = text.replace("ssid: EXAMPLE-", "ssid: ").replace("internet.example", "internet.atlantis.internal")
     text = text.replace("{name: EXAMPLE-", "{name: ")

@@ -73,6 +73,8 @@ class Word:
     example: str = ""
     values: Values | None = None
     """Where it is not what the name of the word says."""
+    bare: bool = False
+    """Its value may be typed alone: `provision init FOLDER`."""
 
     @property
     def known(self) -> Values | None:
@@ -341,6 +343,10 @@ class _WordReader:
         word = self.command.word(argument)
         if word is not None:
             self._refuse_spaces(word, argument, _bare(rest).removeprefix("=") or _bare(rest))
+            return
+        alone = next((word for word in self.command.words if word.bare and word.name not in self.words), None)
+        if alone is not None:
+            self._take(alone, argument, [argument], rest)
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
         hint = _meant(self._named(argument, near) or (near and f"--{near}"), self._see_help())

@@ -32,6 +32,7 @@ COMMANDS: Mapping[str, str] = {
     "drift": "atlantis_netcfg.cli.devices:drift",
     "runs": "atlantis_netcfg.cli.runs:runs",
     "apply": "atlantis_netcfg.cli.plans:apply",
+    "init": "atlantis_netcfg.cli.inventory:init",
     "validate": "atlantis_netcfg.cli.declaration:validate",
     "doctor": "atlantis_netcfg.cli.laptop:doctor",
     "adopt": "atlantis_netcfg.cli.adopt:adopt",

@@ -26,7 +26,7 @@ VALIDATE = CommandSpec(
     "check the whole declaration and list every error with its place",
     group=Group.LAPTOP,
     words=(INVENTORY,),
-    flags=(JSON,),
+    flags=(Flag("examples", "list every example value that nobody has replaced yet, with its place"), JSON),
     details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
 )
 
@@ -44,7 +44,7 @@ def run_validate(arguments: Arguments) -> ExitCode:
         declaration = load(inventory)
     except InventoryInvalid as error:
         return _refuse(error, inventory, as_json=arguments.flag("json"))
-    return _confirm(declaration, as_json=arguments.flag("json"))
+    return _confirm(declaration, as_json=arguments.flag("json"), lists_examples=arguments.flag("examples"))
 
 
 def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitCode:
@@ -58,7 +58,8 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     return error.exit
 
 
-def _confirm(declaration: Declaration, *, as_json: bool) -> ExitCode:
+def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -> ExitCode:
+    import dataclasses
     from collections import Counter
 
     kinds = Counter(host.device.kind for host in declaration.hosts.values())
@@ -70,15 +71,36 @@ def _confirm(declaration: Declaration, *, as_json: bool) -> ExitCode:
     }
     counts = {name: len(getattr(declaration, name)) for name in checked}
     if as_json:
-        _print_json_counts(ExitCode.DONE, declaration.root, errors=[], checked=counts, revision=declaration.revision)
+        left = [dataclasses.asdict(example) for example in declaration.examples]
+        more = {"checked": counts, "revision": declaration.revision, "examples": left}
+        _print_json_counts(ExitCode.DONE, declaration.root, errors=[], **more)
         return ExitCode.DONE
     print(translate(f"{declaration.root}: no errors"))
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
-    if declaration.pilot.example_values:
+    _tell_examples(declaration, lists_all=lists_examples)
+    return ExitCode.DONE
+
+
+def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.declaration.examples import by_line
+
+    left = declaration.examples
+    for line in by_line(left) if lists_all else ():
+        print(f"  {line}")
+    if declaration.pilot.example_values and left:
         rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
         print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
-    return ExitCode.DONE
+        if lists_all:
+            print(translate(f"{len(left)} values are examples."))
+        else:
+            print(translate(f"{len(left)} values are examples: `provision validate --examples` lists them."))
+    elif declaration.pilot.example_values:
+        print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
+        print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))
+    elif lists_all:
+        print(translate("No example value is left."))
 
 
 def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:

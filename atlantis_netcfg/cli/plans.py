@@ -39,7 +39,7 @@ APPLY = CommandSpec(
     "apply",
     "carry out a plan that was saved, if nothing has moved on since",
     words=(
-        Word("file", "the file that `--plan --save FILE` wrote", required=True, example="coastal.plan"),
+        Word("file", "the file that `--plan --save FILE` wrote", required=True, example="coastal.plan", bare=True),
         INVENTORY,
     ),
     flags=(
@@ -130,7 +130,7 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
             f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"
         ) from error
     words = [word for word in carried(opened.arguments) if word != "--rehearse"]
-    return shlex.join(["provision", "apply", f"file={file}", *words])
+    return shlex.join(["provision", "apply", str(file), *words])
 
 
 def _read(file: Path) -> Mapping[str, Any]:

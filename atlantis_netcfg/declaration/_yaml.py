@@ -7,6 +7,8 @@ PyYAML's complaints in a technician's words.
 
 A value of the inventory and where it stands.
 
+Which values are examples: those in a line that ends with a comment `# EXAMPLE`, and those below a key that has one.
+
 Values that ansible-vault has encrypted (`!vault |`).
 
 Without a `decrypt` callable they stay sealed: that is enough to validate an inventory, and no password is asked for.
@@ -14,6 +16,7 @@ Without a `decrypt` callable they stay sealed: that is enough to validate an inv
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import date
@@ -46,6 +49,8 @@ class Node:
     """Where the value's own key stands, if it has one."""
     reported: bool = False
     """Its error is told already: what it should have been cannot be known."""
+    example: bool = False
+    """It is marked `# EXAMPLE`: nobody has said yet what it really is."""
 
     @property
     def keys(self) -> dict[str, Node]:
@@ -208,6 +213,50 @@ _JINJA = ("{{", "{%", "{#")
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
+_COMMENT = re.compile(r"(?:^|(?<=\s))#")
+_EXAMPLE = re.compile(r"\bEXAMPLE\b(?!-)")
+
+
+def _marked_lines(text: str, root: yaml.Node) -> frozenset[int]:
+    """The lines, counted from 0, whose comment has the word EXAMPLE; a `#` inside a text begins no comment."""
+    found = {number: line for number, line in enumerate(text.split("\n")) if "#" in line and _EXAMPLE.search(line)}
+    if not found:
+        return frozenset()
+    texts = [(node.start_mark, node.end_mark, getattr(node, "style", None) in {"|", ">"}) for node in _scalars(root)]
+    marked = set()
+    for number, line in found.items():
+        inside = [_inside_line(number, *place) for place in texts if place[0].line <= number <= place[1].line]
+        begins = [match.start() for match in _COMMENT.finditer(line)]
+        comment = next((at for at in begins if not any(low <= at < high for low, high in inside)), None)
+        if comment is not None and _EXAMPLE.search(line, comment):
+            marked.add(number)
+    return frozenset(marked)
+
+
+def _scalars(root: yaml.Node) -> Iterator[yaml.ScalarNode]:
+    """Every key and value of one word or text, each once."""
+    waiting, seen = [root], set[int]()
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen:
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.ScalarNode):
+            yield node
+        elif isinstance(node, yaml.MappingNode):
+            waiting += [part for pair in node.value for part in pair]
+        else:
+            waiting += node.value
+
+
+def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) -> tuple[float, float]:  # noqa: FBT001
+    """The columns of a line that a text takes; the first line of a block (`|`) is its sign alone."""
+    if is_block and number == start.line:
+        return start.column, start.column + 1
+    low = start.column if number == start.line else 0
+    return low, end.column if number == end.line else float("inf")
+
+
 def parse(data: bytes, shown: str, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
     """Read one file's bytes; `shown` is its name in errors. None if it is empty or cannot be parsed."""
     start = Mark(shown, 1, 1)
@@ -246,10 +295,13 @@ class _Converter:
         self.decrypt = decrypt
         self.findings: list[Finding] = []
         self.seen: set[int] = set()
+        self.marked: frozenset[int] = frozenset()
+        self.marked_blocks = 0
         self.constructor: Any = yaml.constructor.SafeConstructor()
 
     def convert(self, root: yaml.Node) -> tuple[Node | None, list[Finding]]:
         """The tree and all errors of it."""
+        self.marked = _marked_lines(self.text, root)
         try:
             return self._node(root), self.findings
         except RecursionError:
@@ -302,7 +354,10 @@ class _Converter:
                 first = result[name].place.line
                 self._wrong(key, f"`{shown_key(name)}` stands here twice (first in line {first})", "keep one of them")
                 continue
+            is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
+            self.marked_blocks += is_block
             result[name] = replace(self._node(value), key=self._mark(key))
+            self.marked_blocks -= is_block
             if joined:
                 result[name] = replace(result[name], reported=True)
         return result
@@ -324,6 +379,10 @@ class _Converter:
         return str(key.value)
 
     def _scalar(self, node: yaml.Node) -> Node:
+        marked = self.marked_blocks > 0 or node.start_mark.line in self.marked
+        return replace(self._read_scalar(node), example=marked)
+
+    def _read_scalar(self, node: yaml.Node) -> Node:
         mark, text = self._mark(node), str(node.value)
         plain = not getattr(node, "style", None)
         if node.tag in {TAG, UNTAGGED}:

@@ -78,7 +78,7 @@ def text(role: str) -> str:
     """The role's argument_specs.yml."""
     purpose, variables = ROLES[role]
     options = {
-        name: {"type": "dict", "required": True, "description": _sentence(model.__doc__), "options": _options(model)}
+        name: {"type": "dict", "required": True, "description": sentence(model.__doc__), "options": _options(model)}
         for name, model in variables.items()
     }
     specs = {"argument_specs": {"main": {"short_description": purpose, "options": options}}}
@@ -97,7 +97,7 @@ def write(roles: Path) -> list[Path]:
 
 
 def _options(model: type[BaseModel]) -> dict[str, Any]:
-    docs = _docs(model)
+    docs = field_docs(model)
     return {name: _option(field, docs.get(name)) for name, field in model.model_fields.items()}
 
 
@@ -108,7 +108,7 @@ def _option(field: FieldInfo, doc: str | None) -> dict[str, Any]:
     plain = _schema.unwrap(annotation if item is None else item)
     local = plain.__doc__ if model is not None or (isinstance(plain, type) and issubclass(plain, Enum)) else None
     about = doc or local or _schema.expected_type(annotation)
-    option: dict[str, Any] = {"type": _type(annotation), "description": _sentence(about)}
+    option: dict[str, Any] = {"type": _type(annotation), "description": sentence(about)}
     if field.is_required():
         option["required"] = True
     elif (default := _default(field)) is not None:
@@ -144,7 +144,7 @@ def _default(field: FieldInfo) -> object:
 
 
 @cache
-def _docs(model: type[BaseModel]) -> dict[str, str]:
+def field_docs(model: type[BaseModel]) -> dict[str, str]:
     """The strings below the fields of a model and of what it inherits from."""
     docs: dict[str, str] = {}
     for cls in reversed(model.__mro__):
@@ -160,7 +160,17 @@ def _docs(model: type[BaseModel]) -> dict[str, str]:
     return docs
 
 
-def _sentence(words: str | None) -> str:
+def meaning(model: type[BaseModel], name: str) -> str:
+    """What a key is for: its own words, else those of the block or choice that it holds. Empty: nobody has said."""
+    annotation = model.model_fields[name].annotation
+    item = _schema.item_of(annotation)
+    inner = _schema.unwrap(annotation if item is None else item)
+    is_ours = isinstance(inner, type) and inner.__module__.startswith(f"{_schema.MODEL}.")
+    words = field_docs(model).get(name) or (inspect.getdoc(inner) if is_ours else None)
+    return sentence(words) if words else ""
+
+
+def sentence(words: str | None) -> str:
     """One paragraph that begins like a sentence and ends like one."""
     plain = " ".join((words or "").split())
     return plain[:1].upper() + plain[1:] + ("" if plain.endswith(".") else ".")

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
+    from atlantis_netcfg.declaration.examples import Example
     from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
 
 ALL = "all"
@@ -39,6 +40,8 @@ class Declaration:
     hosts: Mapping[str, Host]
     revision: str
     """SHA-256 over the names and bytes of its files."""
+    examples: tuple[Example, ...] = ()
+    """Values that nobody has replaced yet, by place."""
 
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """The hosts of a site, in the order of hosts.yml."""

@@ -32,6 +32,7 @@ from atlantis_netcfg.declaration._hosts import KIND_GROUPS, HostLayout, lay_out
 from atlantis_netcfg.declaration._schema import explain, label_of
 from atlantis_netcfg.declaration._yaml import CLOSED, Decrypt, Node, parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
+from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant, shown_key, why_no_name
 from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.rules import RULES
@@ -453,7 +454,14 @@ def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
     for name, data in sorted(sources.contents.items()):
         digest.update(f"{name.removeprefix(sources.shown)}\0{len(data)}\0".encode() + data)
     return Declaration(
-        inventory, pilot, found.partners, found.vehicles, found.sites, hosts, revision=digest.hexdigest()
+        inventory,
+        pilot,
+        found.partners,
+        found.vehicles,
+        found.sites,
+        hosts,
+        revision=digest.hexdigest(),
+        examples=examples_in(found.nodes.values()),
     )
 
 

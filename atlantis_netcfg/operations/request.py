@@ -16,6 +16,7 @@ from atlantis_netcfg.core.crash_report import crashed
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own, state_dir
 from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.examples import by_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -217,10 +218,21 @@ def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Itera
         raise problem from fault
 
 
+_SHOWN = 3
+"""Lines with example values that a refusal names; it counts the values."""
+
+
 def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
     """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
-    if declaration.pilot.example_values and not rehearsed:
-        raise UsageError(
-            "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
-            hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse",
+    if not declaration.pilot.example_values or rehearsed:
+        return
+    hint = "replace them and set `example_values: false` in group_vars/all/pilot.yml, or add --rehearse"
+    if declaration.examples:
+        first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_SHOWN])
+        hint += (
+            f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
         )
+    raise UsageError(
+        "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
+        hint=hint,
+    )

@@ -138,6 +138,14 @@ def _keep_metadata() -> None:
     finder._meta_yml_to_dict = kept  # noqa: SLF001 - as above
 
 
+def is_configured() -> bool:
+    """Whether a file, or a question, is named for the vault's password where Ansible looks for it."""
+    import_ansible()
+    from ansible import constants  # noqa: PLC0415 - as below
+
+    return bool(constants.DEFAULT_VAULT_IDENTITY_LIST or constants.DEFAULT_VAULT_PASSWORD_FILE)
+
+
 PROMPTS = frozenset({"prompt", "prompt_ask_vault_pass"})
 """In place of a file: Ansible's words for an identity whose password is typed."""
 
@@ -164,6 +172,13 @@ class Vault:
         from ansible.parsing.vault import VaultLib  # noqa: PLC0415 - most inventories of a rehearsal need no vault
 
         return str(VaultLib(self.secrets).decrypt(text.encode()).decode())
+
+    def encrypt(self, text: str) -> str:
+        """Close one value with the first password. Raises UsageError without any."""
+        secret = self.secrets[0][1]
+        from ansible.parsing.vault import VaultLib  # noqa: PLC0415 - as above
+
+        return str(VaultLib(self.secrets).encrypt(text.encode(), secret=secret).decode())
 
     @property
     def opened(self) -> list[tuple[str, Any]]:

@@ -1,12 +1,14 @@
 """Golden cases: `<case>.yml` spoils a copy of the shipped inventory, `<case>.txt` is exactly what a person is told.
 
-An edit is one of `{file, old, new}` (`old` stands there exactly once), `{file, content}`, `{remove}`, `{rename, to}`.
+An edit is one of `{file, old, new}` (`old` stands there exactly once; a mark `# EXAMPLE` between its lines need not be
+repeated), `{file, content}`, `{remove}`, `{rename, to}`.
 `python tests/errors/inventory_cases.py` writes the expected texts anew: read the difference before you commit it.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from pathlib import Path
@@ -68,9 +70,10 @@ def _apply(edit: Edit, inventory: Path) -> None:
     else:
         path = inventory / edit["file"]
         text = path.read_text(encoding="utf-8")
-        if text.count(edit["old"]) != 1:
+        found = list(re.finditer(re.escape(edit["old"]).replace("\\\n", "(?:[ ;#]+EXAMPLE)?\n"), text))
+        if len(found) != 1:
             raise ValueError(f"{path}: not exactly once: {edit['old']!r}")
-        path.write_text(text.replace(edit["old"], edit["new"]), encoding="utf-8")
+        path.write_text(text[: found[0].start()] + edit["new"] + text[found[0].end() :], encoding="utf-8")
 
 
 def told() -> str:

@@ -47,5 +47,5 @@ def test_load_raises_what_validate_lists(tmp_path: Path, monkeypatch: pytest.Mon
         load(inventory)
     assert list(caught.value.findings) == validate(Path("inventory"))
     assert [str(error).split(" ", 1)[0] for error in caught.value.errors] == [
-        "inventory/group_vars/all/pilot.yml:10:3:"
+        "inventory/group_vars/all/pilot.yml:12:3:"
     ]

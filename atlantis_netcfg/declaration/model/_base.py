@@ -13,7 +13,7 @@ from enum import StrEnum
 from ipaddress import IPv4Address, IPv4Network
 from typing import Annotated
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, StrictInt
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, StrictInt, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from atlantis_netcfg.core.secret import MASK, Secret
@@ -191,32 +191,48 @@ def _ssid(value: object) -> str:
     return text
 
 
-Address = Annotated[IPv4Address, BeforeValidator(_address)]
-Network = Annotated[IPv4Network, BeforeValidator(_network)]
-MacAddress = Annotated[str, BeforeValidator(_mac)]
+def text_like(pattern: str, **more: int) -> WithJsonSchema:
+    """What the schema for editors says of a text: it sees its form alone, the validator beside it sees the rest."""
+    return WithJsonSchema({"type": "string", "pattern": pattern, **more})
+
+
+_BYTE = "(25[0-5]|2[0-4][0-9]|1[0-9][0-9]|[1-9]?[0-9])"
+_IPV4 = rf"{_BYTE}(\.{_BYTE}){{3}}"
+_LABEL = "[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
+_OUR_NAME = "^[a-z0-9]([a-z0-9-]{0,30}[a-z0-9])?$"
+
+Address = Annotated[IPv4Address, BeforeValidator(_address), text_like(f"^{_IPV4}$")]
+Network = Annotated[IPv4Network, BeforeValidator(_network), text_like(f"^{_IPV4}/(3[0-2]|[0-2]?[0-9])$")]
+MacAddress = Annotated[str, BeforeValidator(_mac), text_like("^[0-9A-Fa-f][02468ACEace](:[0-9A-Fa-f]{2}){5}$")]
 """An EUI-48 address, upper case, as RouterOS prints it."""
-Name = Annotated[str, BeforeValidator(_name)]
+Name = Annotated[str, BeforeValidator(_name), text_like(_OUR_NAME)]
 """A name of ours (site, bearer, vehicle): an RFC 1123 label of at most 32 characters."""
-HostName = Annotated[str, BeforeValidator(_name)]
+HostName = Annotated[str, BeforeValidator(_name), text_like(_OUR_NAME)]
 """The inventory's name of a host."""
-DnsName = Annotated[str, BeforeValidator(_dns_name)]
-PortName = Annotated[str, BeforeValidator(_port)]
+DnsName = Annotated[str, BeforeValidator(_dns_name), text_like(rf"^{_LABEL}(\.{_LABEL})*$", maxLength=253)]
+PortName = Annotated[str, BeforeValidator(_port), text_like("^(ether|sfp|sfp-sfpplus|qsfpplus|combo)[0-9]+(-[0-9]+)?$")]
 """The factory name of a port (`default-name`)."""
-Sha256 = Annotated[str, BeforeValidator(_sha256)]
+Sha256 = Annotated[str, BeforeValidator(_sha256), text_like("^[0-9A-Fa-f]{64}$")]
 """Of a file, in hex."""
-Fingerprint = Annotated[str, BeforeValidator(_fingerprint)]
+Fingerprint = Annotated[str, BeforeValidator(_fingerprint), text_like("^(:*[0-9A-Fa-f]){64}$")]
 """SHA-256 of a certificate, in hex."""
-HostKey = Annotated[str, BeforeValidator(_host_key)]
+HostKey = Annotated[str, BeforeValidator(_host_key), text_like("^SHA256:[A-Za-z0-9+/]{43}$")]
 """SHA-256 of an SSH host key, as `ssh-keygen -l` prints it."""
-Day = Annotated[str, BeforeValidator(_day)]
+Day = Annotated[str, BeforeValidator(_day), text_like("^[0-9]{4}-[0-9]{2}-[0-9]{2}$")]
 """As ISO 8601 has it."""
-Currency = Annotated[str, BeforeValidator(_currency)]
+Currency = Annotated[str, BeforeValidator(_currency), text_like("^[A-Z]{3}$")]
 """ISO 4217."""
-Text = Annotated[str, BeforeValidator(_line)]
+Text = Annotated[str, BeforeValidator(_line), text_like(r"^[^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f][^\x00-\x1f\x7f]*$")]
 """One line for people."""
-Ssid = Annotated[str, BeforeValidator(_ssid)]
+Ssid = Annotated[str, BeforeValidator(_ssid), text_like(r"\S", maxLength=_SSID_BYTES)]
 """At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
-SecretText = Annotated[Secret, BeforeValidator(_secret), PlainSerializer(lambda _: MASK, return_type=str)]
+SecretText = Annotated[
+    Secret,
+    BeforeValidator(_secret),
+    PlainSerializer(lambda _: MASK, return_type=str),
+    text_like(r"^(EXAMPLE-|\$ANSIBLE_VAULT;)"),
+]
+"""Vaulted, or an example; an editor sees the text behind `!vault`."""
 
 
 class PowerSource(Model):
@@ -245,6 +261,7 @@ class LanBox(Box):
     address: Address
     """In the site's LAN."""
     vpn_address: Address | None = None
+    """Its tunnel address in the infrastructure's pool; None: it is no member of the VPN."""
 
 
 class Access(Model):

@@ -40,6 +40,7 @@ class DdsPeer(Model):
     """A computer that talks DDS and is no host of the inventory: a robot's own, a partner's control station."""
 
     name: Name
+    """What it is called here."""
     address: Address
     """In the VPN, or in a LAN that is routed, as `over` has it."""
     site: Name | None = None

@@ -58,7 +58,9 @@ class Sim(Model):
     apn: Text | None = None
     """None leaves the network's own default."""
     user: Text | None = None
+    """Of the access point, where the contract names one."""
     password: SecretText | None = None
+    """Of that user. Vaulted, or EXAMPLE-…."""
     pin: SecretText | None = None
     """Four to eight digits; only ever tried once, because three wrong ones lock the SIM."""
     roaming: StrictBool = False
@@ -73,6 +75,7 @@ class LteAccess(Model):
     user: Text
     """RouterOS: in group `full`; RutOS: a user that may only read."""
     password: SecretText
+    """Of `user`. Vaulted, or EXAMPLE-…."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None: 8729 with RouterOS, 443 with RutOS."""
     fingerprint: Fingerprint | None = None
@@ -82,15 +85,18 @@ class LteAccess(Model):
     admin_user: Text | None = None
     """RutOS: who may set things over SSH; None: settings are only checked."""
     admin_password: SecretText | None = None
+    """Of `admin_user`. Vaulted, or EXAMPLE-…."""
 
 
 class LteRouter(Box):
     """The outdoor 3G/4G unit, or the modem that stands in its place."""
 
     kind: Literal["lte_router"]
+    """What the device is: it decides which keys the block has."""
     address: Address
     """In the network of its link."""
     driver: LteDriver = LteDriver.MANUAL
+    """How the unit is spoken to."""
     access: LteAccess | None = None
     """Drivers `routeros` and `rutos`."""
     host: HostName | None = None
@@ -130,26 +136,40 @@ class SignalBounds(Model):
     """Between which levels the other end is to be heard; a receiver is also spoilt by too much."""
 
     weakest_dbm: Annotated[StrictInt, Field(ge=-95, le=-30)] = -75
+    """Weaker than this is poor, in dBm."""
     strongest_dbm: Annotated[StrictInt, Field(ge=-60, le=-10)] = -35
+    """Stronger than this overdrives the receiver, in dBm."""
 
 
 class Ptp(Model):
     """Radio settings of one end; both ends must agree."""
 
     peer: HostName
+    """The CPE at the other end."""
     mode: PtpMode
+    """Which end it is: one of each."""
     ssid: Ssid
+    """Name of the radio network, the same at both ends."""
     protocol: PtpProtocol
+    """What the radios speak: RouterOS' `wireless-protocol`."""
     standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
+    """Of the radio cards; both ends have it."""
     band: Literal["2ghz", "5ghz"]
+    """2.4 or 5 GHz."""
     frequency_mhz: StrictInt
+    """Centre of the channel, in MHz; it must be one that the country allows."""
     width_mhz: Literal[20, 40, 80] = 20
+    """Of the channel, in MHz."""
     country: Literal["portugal", "belgium"]
+    """Regulatory domain, the one of the pilot."""
     outdoor: StrictBool = True
+    """Whether the antennas stand outdoors: some channels are for indoors only."""
     key: SecretText
+    """Passphrase of the radio link, the same at both ends. Vaulted, or EXAMPLE-…."""
     wpa: Literal["wpa2", "wpa3"] = "wpa2"
     """With protocol 802.11; wpa3 exists in the `wifi` menus only."""
     menus: RadioMenus = RadioMenus.AUTO
+    """RouterOS' family of radio menus; it is read from the device if left out."""
     tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
     """At the antenna's socket; None leaves it to the country's limit, which is too much for a short link."""
     antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
@@ -168,6 +188,7 @@ class Cpe(Box):
     """One end of the directional Wi-Fi bridge."""
 
     kind: Literal["cpe"]
+    """What the device is: it decides which keys the block has."""
     access: Access
     port: PortName = "ether1"
     """The port of the cable to the router, by its factory name; power comes in by it, too."""
@@ -206,6 +227,7 @@ class Port(Model):
     name: PortName
     """The factory name (`default-name`), like ether1."""
     use: PortUse
+    """What is plugged in."""
     link: Name | None = None
     """With `use: link`: the bearer or served link on it."""
     poe: Poe | None = None
@@ -229,6 +251,7 @@ class Forward(Model):
     """A port of the public address that leads to a host of the LAN."""
 
     transport: Transport
+    """Of the port."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)]
     """The same outside and inside."""
     to: HostName
@@ -239,6 +262,7 @@ class Router(Box):
     """The MikroTik router of a site."""
 
     kind: Literal["router"]
+    """What the device is: it decides which keys the block has."""
     access: Access
     ports: Annotated[tuple[Port, ...], Field(min_length=2)]
     """Every port of the box, also those that are off."""
@@ -271,7 +295,9 @@ class SatelliteTerminal(Box):
     """The Thales VesseLINK: no machine interface of it is documented, so its own settings are declared, not driven."""
 
     kind: Literal["satellite_terminal"]
+    """What the device is: it decides which keys the block has."""
     address: Address
+    """In the network of its link."""
     driver: Literal["manual"] = "manual"
     """The one there is: no terminal of the pilot has a documented interface."""
     evidence: TerminalEvidence | None = None
@@ -282,6 +308,7 @@ class VpnServer(LanBox):
     """Runs the OpenVPN server."""
 
     kind: Literal["vpn_server"]
+    """What the device is: it decides which keys the block has."""
     ssh: Ssh = Ssh()
 
     @property
@@ -294,6 +321,7 @@ class ControlCentre(LanBox):
     """Runs the control centre's services."""
 
     kind: Literal["control_centre"]
+    """What the device is: it decides which keys the block has."""
 
 
 Device = Annotated[

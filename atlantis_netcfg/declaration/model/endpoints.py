@@ -27,6 +27,7 @@ class SeenFrom(StrEnum):
 
 class _EndpointModel(Model):
     seen_from: SeenFrom = SeenFrom.GATEWAY
+    """Where the probe stands."""
     address: Address | None = None
     """None: that of the site's DHCP reservation with the vehicle's key, for it has another one at each site."""
 
@@ -44,9 +45,11 @@ class WifiEndpoint(_EndpointModel):
     """The vehicle's own Wi-Fi."""
 
     role: WifiRole
+    """Which side of the association the vehicle is."""
     interface: Text = "wlan0"
     """Of the gateway, where the vehicle is the access point: each of its radios hears one of them at a time."""
     ssid: Ssid | None = None
+    """Name of the network; None: any."""
     mac: MacAddress | None = None
     """Of the vehicle's radio; None: whoever has the address is believed."""
     seen_by: HostName | None = None
@@ -56,6 +59,7 @@ class WifiEndpoint(_EndpointModel):
     high_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -35.0
     """Stronger overdrives the receiver."""
     loss_percent: Annotated[StrictFloat, Field(ge=0, le=100)] = 5.0
+    """So many of a hundred pings may be lost."""
     rate_mbps: Annotated[StrictFloat, Field(gt=0)] | None = None
     """The association's rate must not be lower, as the gateway or the router tells it."""
 
@@ -77,7 +81,9 @@ class AcousticDriver(StrEnum):
 
 class _ModemEndpoint(_EndpointModel):
     driver: AcousticDriver
+    """What the modem speaks."""
     port: Port = 9200
+    """TCP port of the modem, or of its serial server."""
     device: Text | None = None
     """Serial port of the computer in `seen_from`, in place of address and port: `/dev/ttyUSB0`."""
     baud: Annotated[StrictInt, Field(ge=1200, le=921600)] | None = None
@@ -99,6 +105,7 @@ class UsblEndpoint(_ModemEndpoint):
     hears: tuple[Annotated[StrictInt, Field(ge=1, le=254)], ...] = ()
     """Acoustic addresses whose fixes are expected; none: anybody's."""
     listen_s: Annotated[StrictFloat, Field(ge=1, le=600)] = 30.0
+    """How long fixes are listened for, in seconds."""
     max_age_s: Annotated[StrictFloat, Field(gt=0)] = 10.0
     """Age of the last fix at the end of the listening."""
     ping: Annotated[StrictInt, Field(ge=1, le=15)] | None = None
@@ -114,6 +121,7 @@ class RcRfEndpoint(_EndpointModel):
     port: Port = 14550
     """UDP port on which the stream arrives at the computer in `seen_from`."""
     system_id: Annotated[StrictInt, Field(ge=1, le=255)] = 1
+    """Of the autopilot, as MAVLink numbers it."""
     rssi_low: Annotated[StrictInt, Field(ge=0, le=254)] | None = None
     """Baseline of this very vehicle: scales differ, so none is compared with another's. None: steady is enough."""
 
@@ -132,11 +140,13 @@ class GpsEndpoint(_EndpointModel):
     """A GNSS receiver."""
 
     driver: GpsDriver
+    """Where positions come from."""
     port: Port | None = None
     """None: 2947 for gpsd (IANA), 10110 for NMEA over TCP (IANA, nmea-0183)."""
     device: Text | None = None
     """Serial port, for `nmea_serial`."""
     baud: Annotated[StrictInt, Field(ge=1200, le=921600)] = 9600
+    """Of the serial port, for `nmea_serial`."""
     seen_by: HostName | None = None
     """For `routeros`; None: the site's router."""
     clear_sky: StrictBool = True
@@ -144,6 +154,7 @@ class GpsEndpoint(_EndpointModel):
     reports: Annotated[StrictInt, Field(ge=2, le=100)] = 5
     """Consecutive positions that have to agree with each other and with the geofence."""
     max_age_s: Annotated[StrictFloat, Field(gt=0, le=60)] = 3.0
+    """Older positions count as none, in seconds."""
 
     @model_validator(mode="after")
     def _device(self) -> Self:
@@ -160,7 +171,9 @@ class EthernetEndpoint(_EndpointModel):
     router_port: Text | None = None
     """Port of that router where the cable is plugged in: link, speed and errors are read."""
     mac: MacAddress | None = None
+    """Of the vehicle's card; None: whoever has the address is believed."""
     loss_percent: Annotated[StrictFloat, Field(ge=0, le=100)] = 0.0
+    """So many of a hundred pings may be lost."""
 
 
 class Endpoints(Model):
@@ -178,5 +191,8 @@ class Geofence(Model):
     """Where the robots of a site are when they are tested; decimal degrees, WGS 84."""
 
     latitude: Annotated[StrictFloat, Field(ge=-90, le=90)]
+    """Of its centre, north is positive."""
     longitude: Annotated[StrictFloat, Field(ge=-180, le=180)]
+    """Of its centre, east is positive."""
     radius_m: Annotated[StrictFloat, Field(gt=0, le=100_000)]
+    """Positions may be so far from the centre, in metres."""

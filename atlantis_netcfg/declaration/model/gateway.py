@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.declaration.model._base import LanBox, Model, Text, plain, wrong
+from atlantis_netcfg.declaration.model._base import LanBox, Model, Text, plain, text_like, wrong
 
 _KINDS = (
     "ssh-ed25519",
@@ -42,7 +42,8 @@ def _ssh_key(value: object) -> str:
     return text
 
 
-SshKey = Annotated[str, BeforeValidator(_ssh_key)]
+_KEY = rf"^({'|'.join(map(re.escape, _KINDS))}) [A-Za-z0-9+/]{{20,}}={{0,2}}( |$)"
+SshKey = Annotated[str, BeforeValidator(_ssh_key), text_like(_KEY)]
 """A public key as a line of authorized_keys, without options."""
 
 
@@ -76,9 +77,10 @@ def _network_file(value: object) -> str:
     return text
 
 
-Interface = Annotated[str, BeforeValidator(_interface)]
-NetworkFile = Annotated[str, BeforeValidator(_network_file)]
-Account = Annotated[str, BeforeValidator(_account)]
+_NETWORK_FILE = r"^/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+$"
+Interface = Annotated[str, BeforeValidator(_interface), text_like("^[a-z][a-z0-9]{0,14}$")]
+NetworkFile = Annotated[str, BeforeValidator(_network_file), text_like(_NETWORK_FILE)]
+Account = Annotated[str, BeforeValidator(_account), text_like("^[a-z_][a-z0-9_-]{0,31}$")]
 
 
 class ImageLayout(StrEnum):
@@ -118,6 +120,7 @@ class Ssh(Model):
     user: Account | None = None
     """None: the account of the image, else root; any other becomes root by `sudo`."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
+    """Of its SSH server."""
     host_key: SshKey | None = None
     """Its public host key, like the line of its `/etc/ssh/ssh_host_ed25519_key.pub`; None: `known_hosts` has it."""
 
@@ -134,6 +137,7 @@ class GatewayNetwork(Model):
     """The interface of the LAN, changed under a timer that takes the change back."""
 
     by: NetworkTool
+    """What configures the interface on the computer."""
     interface: Interface
     """`ip link` on the board shows it, like eth0."""
     rollback_s: Annotated[StrictInt, Field(ge=5, le=900)] = 180
@@ -153,7 +157,8 @@ class GpsTime(Model):
     """A GPS receiver that gives the gateway its time."""
 
     source: GpsSource
-    device: Annotated[str, BeforeValidator(_receiver)] = "ttyACM0"
+    """How the time is handed to chrony."""
+    device: Annotated[str, BeforeValidator(_receiver), text_like("^[A-Za-z][A-Za-z0-9]{0,31}$")] = "ttyACM0"
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
@@ -161,6 +166,7 @@ class Gateway(LanBox):
     """The data gateway computer."""
 
     kind: Literal["gateway"]
+    """What the device is: it decides which keys the block has."""
     image: Image | None = None
     """None: no card is made for it here."""
     ssh: Ssh = Ssh()

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.declaration.model._base import Model, SecretText, Text, plain, wrong
+from atlantis_netcfg.declaration.model._base import Model, SecretText, Text, plain, text_like, wrong
 
 
 def _package(value: object) -> str:
@@ -51,12 +51,12 @@ def _inside(value: object) -> str:
     return text
 
 
-PackageName = Annotated[str, BeforeValidator(_package)]
-PackageVersion = Annotated[str, BeforeValidator(_version)]
+PackageName = Annotated[str, BeforeValidator(_package), text_like("^[a-z0-9][a-z0-9+.-]+$")]
+PackageVersion = Annotated[str, BeforeValidator(_version), text_like(r"^[0-9][A-Za-z0-9.+~:-]*\*?$")]
 """As apt takes it after `=`; a `*` at its end stands for the rest."""
-Revision = Annotated[str, BeforeValidator(_revision)]
-Url = Annotated[str, BeforeValidator(_url)]
-Inside = Annotated[str, BeforeValidator(_inside)]
+Revision = Annotated[str, BeforeValidator(_revision), text_like("^[A-Za-z0-9][A-Za-z0-9._/-]{0,99}$")]
+Url = Annotated[str, BeforeValidator(_url), text_like("^https?://[^/@ ]+(/[!-~]*)?$")]
+Inside = Annotated[str, BeforeValidator(_inside), text_like("^[A-Za-z0-9_][A-Za-z0-9._/-]*$")]
 
 
 class RosOrigin(StrEnum):
@@ -72,13 +72,16 @@ class Pin(Model):
     """A package and the version of it that is installed and kept."""
 
     package: PackageName
+    """Its name in the archive."""
     version: PackageVersion
+    """The version that is installed and kept."""
 
 
 class Ros2(Model):
     """ROS 2 on the gateways; its release stands in `dds.distribution`."""
 
     origin: RosOrigin
+    """Which archive the packages come from."""
     mirror: Url | None = None
     """In place of the archive's own address."""
     key_file: Text | None = None
@@ -93,6 +96,7 @@ class Repository(Model):
     """A git repository, at one revision."""
 
     url: Url
+    """Where git fetches it, without user and password."""
     revision: Revision
     """A commit of 40 hex digits, or a tag."""
     token: SecretText | None = None
@@ -123,7 +127,9 @@ class Interop(Model):
     """The UV-Interoperability library, its examples, and what runs of them."""
 
     library: Repository
+    """The UV-Interoperability library."""
     examples: Repository | None = None
+    """Its examples; the connection test is one of them. None: they are not built."""
     packages: tuple[PackageName, ...] = ("libyaml-cpp-dev", "build-essential")
     """What building them needs; the report's two."""
     connection_test: ConnectionTest | None = None

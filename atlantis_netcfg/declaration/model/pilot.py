@@ -17,16 +17,22 @@ class TimeServer(Model):
     """A time server by address: names do not resolve while the clock is wrong and the satellite filter is closed."""
 
     name: Text
+    """For people; devices use the address."""
     address: Address
+    """Of the server, reachable from every site."""
 
 
 class VpnService(Model):
     """A service of ours that partners may use, at the tunnel address of its host."""
 
     name: Text
+    """What it is, for people."""
     host: HostName
+    """Computer of ours that offers it; it has a `vpn_address`."""
     transport: Transport = Transport.TCP
+    """What the service speaks."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)]
+    """At which it listens."""
 
 
 class Vpn(Model):
@@ -41,6 +47,7 @@ class Vpn(Model):
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 1194
     """Public port of the server, the same that its own router forwards."""
     transport: Transport = Transport.UDP
+    """`udp`, or `tcp` where a network lets nothing else out."""
     network: Network
     """All tunnel addresses; the pools below and those of the partners lie inside."""
     infrastructure: Network
@@ -55,7 +62,9 @@ class Partner(Model):
     """An organisation that joins through the VPN."""
 
     full_name: Text
+    """What the organisation is called in reports."""
     vpn_pool: Network
+    """Tunnel addresses of its devices; inside the network of the VPN, and of nobody else."""
     sees: tuple[Name, ...] = ()
     """Vehicles, besides its own devices, that its devices may reach by ping and DDS, and that may reach them."""
 
@@ -91,6 +100,7 @@ class Vehicle(Model):
     name: Text
     """As Table 3 prints it."""
     kind: VehicleKind
+    """What sort of robot it is."""
     aliases: tuple[Text, ...] = ()
     """Other names that the report uses; the partner confirms them."""
     partner: Name | None = None

@@ -168,13 +168,16 @@ class AllowedTarget(Model):
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None admits every port; with a port, `transport` says of which protocol."""
     transport: Transport = Transport.UDP
+    """The protocol of `port`."""
 
 
 class Bearer(Model):
     """A long-haul link of the site. The order of the list is the order of preference."""
 
     name: Name
+    """What the link is called in plans and in `via=`."""
     kind: BearerKind
+    """What carries it."""
     device: HostName | None = None
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
     metered: StrictBool
@@ -202,8 +205,11 @@ class ServedLink(Model):
     """A link that ends here and carries another site: the SCC's end of the Wi-Fi bridge."""
 
     name: Name
+    """What the link is called here."""
     device: HostName
+    """The CPE at this end."""
     network: Network
+    """The same as at the other end."""
     address: Address
     """The router's own address in `network`."""
     carries: Name
@@ -214,6 +220,7 @@ class LocationRow(Model):
     """The location's own row of the checklist; the report's location rows are lost, so it starts empty."""
 
     table3: tuple[Column, ...] = ()
+    """Columns of Table 3 in which the location has a link or a modem of its own."""
     ethernet: StrictBool = False
     """Our extension, not part of Table 3."""
     endpoints: Endpoints = Endpoints()

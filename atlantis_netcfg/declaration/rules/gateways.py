@@ -125,19 +125,6 @@ def keys_once(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two")
 
 
-def example_keys(draft: Draft) -> Iterator[Finding]:
-    """Nobody holds the other half of an example key: a card with it and without passwords lets nobody in."""
-    if draft.pilot is None or draft.pilot.example_values:
-        return
-    where = draft.where(Part("pilot"), "example_values")
-    for host, _, device in draft.boxes(Gateway):
-        for index, key in enumerate(device.image.ssh_keys if device.image else ()):
-            if " EXAMPLE" in key:
-                message = f"this SSH key is still an example, but `example_values` is false ({where})"
-                hint = "write a technician's public key: the line of the .pub file"
-                yield draft.wrong(Part("device", host), ("image", "ssh_keys", index), message, hint)
-
-
 def reserved(draft: Draft) -> Iterator[Finding]:
     """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
     for host, name, device in draft.boxes(Gateway):
@@ -150,4 +137,4 @@ def reserved(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("device", host), ("image", "address_by"), message, hint)
 
 
-GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, example_keys, reserved)
+GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, reserved)

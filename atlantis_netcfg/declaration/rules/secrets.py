@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from ipaddress import AddressValueError, IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from pydantic import BaseModel
 
-from atlantis_netcfg.core.secret import EXAMPLE_PREFIX, Secret
+from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
-from atlantis_netcfg.declaration.findings import Finding
+from atlantis_netcfg.declaration.examples import SSH_KEY, examples_in
+from atlantis_netcfg.declaration.findings import Finding, Mark
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-DOCUMENTATION = tuple(IPv4Network(net) for net in ("192.0.2.0/24", "198.51.100.0/24", "203.0.113.0/24"))
-"""RFC 5737."""
-_EXAMPLE_NAMES = ("example", "example.com", "example.net", "example.org", "test", "invalid")
-"""RFC 2606."""
 
 
 def in_clear(draft: Draft) -> Iterator[Finding]:
@@ -67,28 +62,22 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
     """`example_values: false` is true: nothing that was shipped as an example is left."""
     if draft.pilot is None or draft.pilot.example_values:
         return
-    where = draft.where(Part("pilot"), "example_values")
-    for node in draft.nodes.values():
-        for scalar in node.scalars():
-            if what := _example(scalar.value):
-                message = f"{what} is still an example, but `example_values` is false ({where})"
-                hint = "write the real value, or set `example_values: true`"
-                yield Finding.at(scalar.mark, message, hint)
-
-
-def _example(value: object) -> str | None:
-    text = value if isinstance(value, str) else ""
-    if text.startswith(EXAMPLE_PREFIX):
-        return f"what begins with {EXAMPLE_PREFIX}"
-    if any(text.lower().rstrip(".").endswith(f".{name}") or text.lower() == name for name in _EXAMPLE_NAMES):
-        return f"{text} (a name of RFC 2606)"
-    try:
-        address = IPv4Address(text.partition("/")[0].strip())
-    except AddressValueError:
-        return None
-    if any(address in block for block in DOCUMENTATION):
-        return f"{text.strip()} (a documentation address, RFC 5737)"
-    return None
+    but = f"but `example_values` is false ({draft.where(Part('pilot'), 'example_values')})"
+    marked: dict[Mark, list[str]] = {}
+    for example in examples_in(draft.nodes.values()):
+        if example.recognised is None:
+            marked.setdefault(Mark(example.file, example.line, 1), []).append(f"`{example.key}`")
+        else:
+            is_key = example.recognised == SSH_KEY
+            hint = "write the real value, or set `example_values: true`"
+            hint = "write a technician's public key: the line of the .pub file" if is_key else hint
+            mark = Mark(example.file, example.line, example.column)
+            yield Finding.at(mark, f"{example.recognised} is still an example, {but}", hint)
+    for mark, keys in marked.items():
+        words = ", ".join(dict.fromkeys(keys))
+        verb = "is" if len(set(keys)) == 1 else "are"
+        hint = "write what is true, and delete the mark `# EXAMPLE`; or set `example_values: true`"
+        yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
 
 
 RULES: tuple[Rule, ...] = (in_clear, printable, examples_left)

@@ -142,7 +142,7 @@ def test_a_unit_that_is_sick(name: str, te4sea: Bench, tmp_path: Path) -> None:
 
 
 def test_a_wrong_pin_is_told_and_not_tried_again(te4sea: Bench, tmp_path: Path) -> None:
-    root = inventory(tmp_path, {FILE: ("apn: internet\n", f"apn: internet\n    pin: {VAULTED}\n")})
+    root = inventory(tmp_path, {FILE: ("apn: internet # EXAMPLE\n", f"apn: internet\n    pin: {VAULTED}\n")})
     te4sea.declaration = load(root, decrypt=wrong)
     te4sea.request = te4sea.request.model_copy(update={"state": tmp_path / "state"})  # where the PIN is noted
     with unit(te4sea, tmp_path, {"sim": {"pin": "1234", "tries": 3}}) as target:

@@ -230,6 +230,7 @@ def _inventory(folder: Path) -> Path:
 def _real(text: str) -> str:
     for documentation, real in (("203.0.113.", "10.99.3."), ("198.51.100.", "10.99.2."), ("192.0.2.", "10.99.1.")):
         text = text.replace(documentation, real)
+    text = re.sub(r" #.*\bEXAMPLE\b(?!-).*", "", text)
     text = text.replace("example_values: true", "example_values: false").replace("example.org", "atlantis.internal")
     text = text.replace("internet.example", "internet.atlantis.internal")
     for named in ("ssid", "revision", "name"):

@@ -160,7 +160,8 @@ def test_plain_ansible_sets_it_too(at: tuple[Path, RunningRutos], tmp_path: Path
     assert "its certificate is not known here" in " ".join(refused.stdout.split())
     file = inventory / "host_vars" / f"{NAME}.yml"
     known = f"    fingerprint: {running.ready['pin']}\n    host_key: {running.ready['host_key']}\n"
-    file.write_text(file.read_text("utf-8").replace("    user: provision\n", f"    user: provision\n{known}"), "utf-8")
+    declared = file.read_text("utf-8")
+    file.write_text(declared.replace("    user: provision", f"    user: provision\n{known.rstrip()}"), "utf-8")
     for extra, recap in ((["--check", "--diff"], "changed=1"), ([], "changed=1"), ([], "changed=0")):
         done = subprocess.run(
             [*command, *extra, str(CHECKOUT / "playbooks" / "site.yml")],

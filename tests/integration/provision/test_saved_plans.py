@@ -28,14 +28,14 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 def plan(at: Quay, tmp_path: Path) -> Path:
     file = tmp_path / "coastal.plan"
     done = at.provision("site=coastal", "--plan", "--save", str(file), code=2)
-    assert f"next      provision apply file={file}" in done.stdout
+    assert f"next      provision apply {file}" in done.stdout
     return file
 
 
 def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, plan: Path) -> None:
     assert plan.stat().st_mode & 0o777 == 0o600
     assert "+ add address=10.64.1.1/24" in json.loads(plan.read_text())["text"]
-    told = at.json("apply", f"file={plan}", "--yes", code=0)
+    told = at.json("apply", str(plan), "--yes", code=0)
     assert told["devices"][ROUTER]["status"] == "changed"
     assert at.json("site=coastal", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
 
@@ -43,15 +43,15 @@ def test_a_saved_plan_is_carried_out_and_then_there_is_nothing_left(at: Quay, pl
 def test_it_is_refused_when_the_device_has_moved_on(at: Quay, plan: Path) -> None:
     at.do("console", words=["/system/identity/set", "=name=somebody-was-here"])
     before = at.export()
-    done = at.provision("apply", f"file={plan}", "--yes", code=4)
+    done = at.provision("apply", str(plan), "--yes", code=4)
     assert f"what would be done on {ROUTER} is no longer what the saved plan says" in done.stderr
     assert at.export() == before
 
 
 def test_it_is_refused_once_it_was_carried_out(at: Quay, plan: Path) -> None:
-    at.provision("apply", f"file={plan}", "--yes", code=0)
+    at.provision("apply", str(plan), "--yes", code=0)
     after = at.export()
-    done = at.provision("apply", f"file={plan}", "--yes", code=4)
+    done = at.provision("apply", str(plan), "--yes", code=4)
     assert "is no longer what the saved plan says" in done.stderr
     assert at.export() == after
 
@@ -60,22 +60,22 @@ def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -
     before = at.export()
     file = at.inventory / "group_vars" / "all" / "pilot.yml"
     file.write_text(file.read_text() + "\n# a word\n")
-    done = at.provision("apply", f"file={plan}", "--yes", code=3)
+    done = at.provision("apply", str(plan), "--yes", code=3)
     assert "the declaration has changed since the plan" in done.stderr
     again = re.search(r"`provision (site=coastal --plan --save [^`]+)`", " ".join(done.stderr.split()))
     assert again is not None
     assert at.export() == before
     at.provision(*again[1].split(), code=2)
-    at.provision("apply", f"file={plan}", "--yes", code=0)
+    at.provision("apply", str(plan), "--yes", code=0)
 
 
 def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay, plan: Path) -> None:
     before = at.export()
-    assert "--yes" in at.provision("apply", f"file={plan}", code=3).stderr
+    assert "--yes" in at.provision("apply", str(plan), code=3).stderr
     assert at.export() == before
-    assert "not agreed, so nothing was changed" in at.typed("apply", f"file={plan}", answer="no", code=4)
+    assert "not agreed, so nothing was changed" in at.typed("apply", str(plan), answer="no", code=4)
     assert at.export() == before
-    assert "[OK] DONE" in at.typed("apply", f"file={plan}", answer="yes", code=0)
+    assert "[OK] DONE" in at.typed("apply", str(plan), answer="yes", code=0)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_nobody_there_to_agree_means_nothing_is_changed(at: Quay, plan: Path) ->
 def test_what_is_no_saved_plan_is_refused_and_not_written_over(at: Quay, tmp_path: Path, text: str) -> None:
     file = tmp_path / "x"
     file.write_text(text, encoding="latin-1")
-    assert "is not a saved plan" in at.provision("apply", f"file={file}", code=3).stderr
+    assert "is not a saved plan" in at.provision("apply", str(file), code=3).stderr
     done = at.provision("site=coastal", "--plan", "--save", str(file), code=3)
     assert "it is not a saved plan" in done.stderr
     assert file.read_text(encoding="latin-1") == text
@@ -103,7 +103,7 @@ def test_an_edited_plan_is_not_carried_out(at: Quay, plan: Path) -> None:
     ):
         plan.write_text(json.dumps({**kept, **edit}))
         assert at.provision(
-            "apply", f"file={plan}", "--yes", code=3 if "plans" not in edit or 1 in edit["plans"].values() else 4
+            "apply", str(plan), "--yes", code=3 if "plans" not in edit or 1 in edit["plans"].values() else 4
         ).stderr
     assert at.export() == before
 
@@ -148,7 +148,7 @@ def test_a_long_plan_goes_through_a_pager_on_a_terminal(at: Quay) -> None:
 def test_a_rehearsed_plan_is_carried_out_in_a_rehearsal_alone(at: Quay, tmp_path: Path) -> None:
     file, before = tmp_path / "x", at.export()
     at.provision("site=coastal", "--plan", "--rehearse", "--save", str(file), code=2)
-    done = at.provision("apply", f"file={file}", code=0)
+    done = at.provision("apply", str(file), code=0)
     assert "[OK] REHEARSED: emulated devices were changed as declared, and read back" in done.stdout
     assert "next      provision check site=coastal" in done.stdout
     assert at.export() == before

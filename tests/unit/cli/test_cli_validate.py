@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from hints_said import advised
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
@@ -21,9 +22,10 @@ inventory: no errors
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     5 partners  inesc, iqua, eca, udg, vtt
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
+353 values are examples: `provision validate --examples` lists them.
 """
 WRONG = """\
-inventory/host_vars/te4sea-router.yml:7:92: `satelite` is no bearer of `te4sea`
+inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
   -> did you mean `satellite`?
 1 error in the inventory; no device was contacted
 """
@@ -54,12 +56,30 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
+    examples = said.pop("examples")
+    assert len(examples) == 353
+    assert {"file": "inventory/group_vars/coastal.yml", "line": 51, "column": 31, "key": "price_per_mb"} in [
+        {key: value for key, value in example.items() if key != "recognised"} for example in examples
+    ]
     assert said == {
         "exit": 0,
         "inventory": "inventory",
         "errors": [],
         "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 5},
     }
+
+
+@pytest.mark.usefixtures("inventory")
+def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    (words,) = advised(capsys.readouterr().out.splitlines()[-1])
+    assert words == ["validate", "--examples"]
+    assert main([*words, "inventory=inventory"]) == ExitCode.DONE
+    said = capsys.readouterr().out.splitlines()
+    keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
+    assert f"  group_vars/coastal.yml:51 {keys}" in said
+    assert "  host_vars/coastal-4g.yml:14 `bands`" in said
+    assert said[-1] == "353 values are examples."
 
 
 def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,7 +101,7 @@ def test_errors_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert said["errors"] == [
         {
             "file": "inventory/host_vars/te4sea-router.yml",
-            "line": 7,
+            "line": 8,
             "column": 92,
             "message": "`satelite` is no bearer of `te4sea`",
             "hint": "did you mean `satellite`?",

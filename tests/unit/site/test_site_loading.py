@@ -34,7 +34,8 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def vault_password(inventory: Path, digits: str = "3063") -> None:
-    edit(inventory / ROUTER, "password: EXAMPLE-vpn-coastal", "password: " + VAULT.format(digits=digits).rstrip())
+    sealed = "password: " + VAULT.format(digits=digits).rstrip()
+    edit(inventory / ROUTER, "password: EXAMPLE-vpn-coastal # EXAMPLE", sealed)
 
 
 def vpn_password(declaration: Declaration) -> Secret:
@@ -103,14 +104,14 @@ def test_not_utf_8(inventory: Path) -> None:
     path = inventory / "group_vars/coastal.yml"
     path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Viana \xe0 beira-mar"))
     assert told(inventory) == [
-        "inventory/group_vars/coastal.yml:4:1: this line is not UTF-8 text -> save the file as UTF-8"
+        "inventory/group_vars/coastal.yml:5:1: this line is not UTF-8 text -> save the file as UTF-8"
     ]
 
 
 def test_control_character(inventory: Path) -> None:
     path = inventory / "group_vars/coastal.yml"
     path.write_bytes(path.read_bytes().replace(b"Coastal testbed", b"Coastal\0testbed"))
-    assert told(inventory) == ["inventory/group_vars/coastal.yml:4:17: a control character stands here -> delete it"]
+    assert told(inventory) == ["inventory/group_vars/coastal.yml:5:17: a control character stands here -> delete it"]
 
 
 def test_file_that_cannot_be_read(inventory: Path) -> None:
@@ -153,14 +154,14 @@ class TestVault:
         with pytest.raises(InventoryInvalid) as caught:
             load(inventory, decrypt=refuse)
         assert str(caught.value).splitlines()[:2] == [
-            f"inventory/{ROUTER}:20:15: this secret cannot be decrypted",
+            f"inventory/{ROUTER}:21:15: this secret cannot be decrypted",
             "  -> check the vault's password: it is not the one of this value",
         ]
 
     def test_opened_secrets_are_checked_without_being_told(self, inventory: Path) -> None:
         for host in ("coastal-cpe", "scc-cpe"):
             vaulted = "key: " + VAULT.format(digits=host.encode().hex()).rstrip()
-            edit(inventory / f"host_vars/{host}.yml", "key: EXAMPLE-ptp-key", vaulted)
+            edit(inventory / f"host_vars/{host}.yml", "key: EXAMPLE-ptp-key # EXAMPLE", vaulted)
         assert told(inventory) == []  # sealed: nobody can say whether both ends have one key
         findings = validate(inventory, decrypt=lambda text: "tooshort"[: 4 + len(text) % 2])
         assert [finding.message for finding in findings].count(

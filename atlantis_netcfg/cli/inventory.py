@@ -1,0 +1,226 @@
+"""`provision init`: an inventory of one's own, by questions, from a file of answers, or from the example."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+    from typing import Any
+
+    from atlantis_netcfg.declaration import Declaration, InventoryInvalid
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
+
+
+INIT = CommandSpec(
+    "init",
+    "make an inventory of your own, by questions on the terminal",
+    group=Group.LAPTOP,
+    words=(Word("folder", "the new folder", required=True, example="my-pilot", bare=True),),
+    flags=(
+        Flag("from", "`example`: copy the shipped inventory, without questions", takes="example"),
+        Flag("answers", "read the answers from this file (YAML) instead of asking", takes="FILE"),
+        JSON,
+    ),
+    details=(
+        "No device is contacted. Enter without an answer leaves the feature out, or writes a value that is marked "
+        "EXAMPLE: only rehearsals use it. Passwords are made new, and are encrypted with the password of your vault. "
+        "All files are written or none, and only if the whole inventory is valid."
+    ),
+)
+
+
+def run_init(arguments: Arguments) -> ExitCode:
+    """Collect the answers, write the folder, and say what is in it."""
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import InventoryInvalid
+    from atlantis_netcfg.declaration.new_inventory.writing import README, create, example_files, refuse_used
+
+    folder = Path(arguments.word("folder"))
+    as_json = arguments.flag("json")
+    source = _source(arguments)
+    refuse_used(folder)
+    if source == "example":
+        created = create(folder, {**example_files(_shipped()), README: _readme(folder, sealed=None)})
+        return _confirm(folder, created, sealed=None, as_json=as_json)
+    given = _ask_person() if source == "questions" else _read(Path(source))
+    if isinstance(given, InventoryInvalid):
+        return _refuse(given, "in the answers; nothing was written", as_json=as_json)
+    answers, typed = given
+    encrypt = _encrypt(ask=source == "questions")
+    files = {**_files(answers, encrypt), README: _readme(folder, sealed=encrypt is not None)}
+    try:
+        created = create(folder, files)
+    except InventoryInvalid as error:
+        return _keep(error, folder, typed if source == "questions" else None, as_json=as_json)
+    return _confirm(folder, created, sealed=encrypt is not None, as_json=as_json)
+
+
+def _source(arguments: Arguments) -> str:
+    """`example`, `questions`, or the path of the file with the answers. Raises UsageError."""
+    import sys
+
+    from atlantis_netcfg.core.errors import UsageError
+
+    example, file = arguments.value("from"), arguments.value("answers")
+    if example is not None and file is not None:
+        raise UsageError("`--from` and `--answers` exclude each other", hint="keep one of them")
+    if example not in (None, "example"):
+        raise UsageError(f"`--from {example}` is not known", hint="it takes one of: example")
+    if example is None and file is None and (arguments.flag("json") or not sys.stdin.isatty()):
+        raise UsageError(
+            "nobody is here to answer questions, so nothing was written",
+            hint="type the command on a terminal, or with `--answers FILE`, or with `--from example`",
+        )
+    return example or file or "questions"
+
+
+def _shipped() -> Path:
+    from atlantis_netcfg.core import paths
+
+    return paths.checkout() / "inventory"
+
+
+def _read(path: Path) -> tuple[InventoryAnswers, None] | InventoryInvalid:
+    from atlantis_netcfg.declaration import InventoryInvalid
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.declaration.yaml_file import read
+
+    block = read(path, InventoryAnswers, "the answers")
+    return InventoryInvalid(block.findings) if block.findings or block.value is None else (block.value, None)
+
+
+def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
+    """Ask a person. Raises DeviceFailed when they stop: nothing was written."""
+    from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.declaration.new_inventory.answers import InventoryAnswers
+    from atlantis_netcfg.declaration.new_inventory.questions import Interview
+
+    def ask(prompt: str) -> str:
+        try:
+            return input(f"{printable.line(translate(prompt.strip()))} ")
+        except EOFError:
+            raise UsageError(
+                "the questions were not answered to the end, so nothing was written", hint="type the command again"
+            ) from None
+
+    print(translate("Enter alone gives what stands in brackets. Ctrl-C stops: nothing is written then."))
+    typed = Interview(ask, lambda words: print(translate(words))).answers()
+    return InventoryAnswers.model_validate(typed), typed
+
+
+def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
+    """What encrypts a new secret; None where there is no password for the vault."""
+    from getpass import getpass
+
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.operations.vault import Vault, is_configured
+
+    if is_configured():
+        return Vault().encrypt
+    if not ask:
+        return None
+    typed = getpass(translate("Choose a password for the inventory's vault [passwords are EXAMPLE values]: "))
+    if not typed:
+        return None
+    if getpass(translate("The same again: ")) != typed:
+        raise UsageError("the two are not the same, so nothing was written", hint="type the command again")
+    return Vault(lambda _: Secret(typed)).encrypt
+
+
+def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> dict[str, str]:
+    import yaml
+
+    from atlantis_netcfg.declaration.new_inventory.files import files
+
+    vehicles = yaml.safe_load((_shipped() / "group_vars/all/vehicles.yml").read_text(encoding="utf-8"))
+    return files(answers, vehicles["vehicles"], encrypt)
+
+
+def _readme(folder: Path, *, sealed: bool | None) -> str:
+    """What to do next, to lie beside the files; `sealed`: whether passwords were made, None for the copied example."""
+    vault = (
+        "Passwords were made new and are encrypted. Keep the vault's password outside this folder:"
+        " `ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …`, or type it when you are asked."
+        if sealed
+        else "Passwords are examples. Write yours: `ansible-vault encrypt_string --stdin-name password`."
+    )
+    return f"""\
+# The inventory of a pilot
+
+1. `provision validate inventory={folder}` checks all files; with `--examples` it lists what is still an example.
+2. Replace what is marked `# EXAMPLE`, and delete the mark. With the last one write `example_values: false` in
+   `group_vars/all/pilot.yml`. Numbers, frequencies and prices count as well as names and addresses.
+3. Compare the list of ports in `host_vars/…-router.yml` with the cables, and add `poe:` where a port feeds a device.
+4. Add `endpoints:` of each robot in `group_vars/all/vehicles.yml`: what is left out, a person confirms.
+5. {vault}
+6. `provision site=SITE --rehearse inventory={folder}` rehearses a site on this computer.
+7. Keep the folder in git.
+"""
+
+
+def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
+    import dataclasses
+    import json
+    import sys
+
+    from atlantis_netcfg.declaration import report
+
+    if as_json:
+        rows = [dataclasses.asdict(finding) for finding in error.findings]
+        print(json.dumps({"exit": int(error.exit), "errors": rows}, ensure_ascii=False))
+    else:
+        print(report(error.findings, where), file=sys.stderr)
+    return error.exit
+
+
+def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None, *, as_json: bool) -> ExitCode:
+    """Answers that contradict each other: say how, and keep what a person has typed."""
+    import sys
+
+    import yaml
+
+    from atlantis_netcfg.core.language import translate
+
+    code = _refuse(error, "in what the answers give; nothing was written", as_json=as_json)
+    if typed is not None:
+        number, path = 1, folder.with_name(f"{folder.name}-answers.yml")
+        while path.exists():
+            number += 1
+            path = folder.with_name(f"{folder.name}-answers-{number}.yml")
+        path.write_text(yaml.safe_dump(typed, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        words = translate(f"Your answers are kept in {path}: correct them, then type")
+        print(f"{words}\n  provision init {folder} --answers {path}", file=sys.stderr)
+    return code
+
+
+def _confirm(folder: Path, created: Declaration, *, sealed: bool | None, as_json: bool) -> ExitCode:
+    import dataclasses
+    import json
+
+    from atlantis_netcfg.core.language import translate
+
+    sites = list(created.sites)
+    if as_json:
+        left = [dataclasses.asdict(example) for example in created.examples]
+        document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(created.hosts)}
+        print(json.dumps({**document, "examples": left}, ensure_ascii=False))
+        return ExitCode.DONE
+    print(translate(f"{folder}: written and checked, no errors, {len(created.hosts)} hosts at {len(sites)} sites"))
+    if sealed:
+        print(translate("Passwords were made new, and are encrypted with the password of your vault."))
+    if created.examples:
+        print(translate(f"{len(created.examples)} values are examples: only rehearsals use this inventory."))
+        print(f"  provision validate inventory={folder} --examples")
+    print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
+    print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")
+    return ExitCode.DONE

@@ -1,0 +1,167 @@
+"""`provision init` at a real terminal, answered by a script: it validates, is rehearsed, and holds no example."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+from hints_said import advised
+from schema_reader import files, problems, schema_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+
+PATIENCE_S = 120
+AT_A_TERMINAL = """
+import fcntl, os, sys, termios
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.executable, [sys.executable, "-m", "atlantis_netcfg", *sys.argv[1:]])
+"""
+KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1 technician"
+PLACE = ("What people call it", "Local network", "Network of the management port", "DNS suffix", "Ethernet ports")
+PILOT = [
+    ("Name of the pilot", "Douro"),
+    ("Country of the radios", "spain"),  # refused: it is asked again
+    ("Country of the radios", "portugal"),
+    ("Time zone", ""),
+    ("Addresses of time servers", "172.31.0.5"),
+    ("ROS 2 of the gateways", "humble"),
+    ("Partners in the VPN", "inesc, eca"),
+    ("Public address of the VPN", "172.31.0.2"),
+    ("DNS name of the VPN", "vpn.douro.internal"),
+    ("Tunnel addresses", "10.90.0.0/16"),
+    ("Short name of it", "centre"),
+    *zip(PLACE, ("", "10.20.0.0/24", "10.20.100.0/24", "centre.douro.internal", "5"), strict=True),
+    ("Network between router and provider", "172.31.0.0/29"),
+    ("The router's address", ""),
+    ("The provider's box", ""),
+    ("Round trip in ms", "9 90000 90000"),
+    ("Is there a computer for its services?", "yes"),
+    ("Short names of the test sites", "pier, boat"),
+]
+PIER = [
+    *zip(PLACE, ("Pier", "10.20.1.0/24", "10.20.101.0/24", "pier.douro.internal", "8"), strict=True),
+    ("Is there a Wi-Fi bridge", "no"),
+    ("Is there a cable", "no"),
+    ("Is there a 4G unit", "yes"),
+    ("Network between router and 4G unit", "10.21.1.0/29"),
+    ("Unit (routeros", "routeros"),
+    ("APN of the SIM", "douro.net"),
+    ("Price of the contract", "0.01"),
+    ("Two addresses beyond the link", "172.31.9.3, 172.31.9.4"),
+    ("Round trip in ms", "50 10000 20000"),
+    ("Is there a satellite terminal", "yes"),
+    ("Network between router and terminal", "10.21.2.0/29"),
+    ("Price of the contract", ""),
+    ("Is there a data gateway computer", "no"),
+]
+BOAT = [
+    *zip(PLACE, ("", "10.20.2.0/24", "10.20.102.0/24", "boat.douro.internal", "8"), strict=True),
+    ("Is there a Wi-Fi bridge", "yes"),
+    ("Network of the bridge", "10.21.3.0/29"),
+    ("Name of the radio network", "douro-ptp"),
+    ("What the radios speak", ""),
+    ("Frequency in MHz", "5560"),
+    ("Distance in metres", "300"),
+    ("Gain of the antennas", "16"),
+    ("Power of the radios", "12"),
+    ("Two addresses beyond the link", ""),
+    ("Round trip in ms", "5 40000 40000"),
+    ("Is there a cable", "no"),
+    ("Is there a 4G unit", "no"),
+    ("Is there a satellite terminal", "no"),
+    ("Is there a data gateway computer", "yes"),
+    ("A technician's public SSH key", KEY),
+]
+
+
+def typed(words: Sequence[str], answers: Sequence[tuple[str, str]], environment: dict[str, str]) -> tuple[int, str]:
+    """Type a command at a terminal of its own, and an answer to each question when it is there."""
+    ours, theirs = os.openpty()
+    command = [sys.executable, "-P", "-c", AT_A_TERMINAL, *words]
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=environment)
+    os.close(theirs)
+    seen, unread = "", ""
+    for question, answer in answers:
+        until = time.monotonic() + PATIENCE_S
+        while question not in unread:
+            ready, _, _ = select.select([ours], [], [], max(0.0, until - time.monotonic()))
+            assert ready, f"`{question}` was never asked: {unread}"
+            unread += (more := os.read(ours, 4096).decode(errors="replace"))
+            seen += more
+        unread = unread.partition(question)[2]
+        os.write(ours, f"{answer}\n".encode())
+    while True:
+        try:
+            more = os.read(ours, 4096).decode(errors="replace")
+        except OSError:  # Linux tells so that nobody has it open any more
+            break
+        if not more:
+            break
+        seen += more
+    os.close(ours)
+    return process.wait(PATIENCE_S), seen.replace("\r\n", "\n")
+
+
+def run(words: Sequence[str], environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "atlantis_netcfg", *words]
+    return subprocess.run(
+        command, env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+    )
+
+
+def test_answered_by_a_script_it_validates_is_rehearsed_and_refuses_a_second_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    password = tmp_path / "vault-password"
+    password.write_text("of a test\n", encoding="utf-8")
+    environment = {
+        **os.environ,
+        "ATLANTIS_STATE": str(tmp_path / "state"),
+        "ANSIBLE_VAULT_PASSWORD_FILE": str(password),
+        "LC_ALL": "C.UTF-8",
+        "TERM": "dumb",
+    }
+    code, seen = typed(["init", "douro"], [*PILOT, *PIER, *BOAT], environment)
+    assert code == 0, seen
+    assert "did you mean" in seen or "`spain` is no word" in seen
+    assert "EXAMPLE" not in seen.rpartition("technician")[2]
+    last = seen.splitlines()[-4:]
+    assert last[0] == "douro: written and checked, no errors, 10 hosts at 3 sites"
+    assert max(map(len, last)) <= 80
+
+    checked = run(["validate", "inventory=douro", "--examples"], environment)
+    assert (checked.returncode, checked.stderr) == (0, "")
+    assert checked.stdout.splitlines()[0] == "douro: no errors"
+    assert checked.stdout.splitlines()[-1] == "No example value is left."
+    assert "EXAMPLE" not in "".join(path.read_text(encoding="utf-8") for path in files(tmp_path / "douro"))
+
+    for path in files(tmp_path / "douro"):
+        schema = schema_of(path)
+        assert schema is not None
+        assert schema.parent == tmp_path / "douro/.schema"
+        assert problems(path, schema) == [], path
+
+    before = {path: path.read_bytes() for path in files(tmp_path / "douro")}
+    code, seen = typed(["init", "douro"], [], environment)
+    assert code == 3
+    assert "douro has something in it, so nothing was written" in seen
+    assert before == {path: path.read_bytes() for path in files(tmp_path / "douro")}
+
+    (words,) = advised(last[-1])
+    assert words == ["site=pier", "--rehearse", "inventory=douro"]
+    rehearsed = run([*words, "--yes"], environment)
+    assert rehearsed.returncode == 0, rehearsed.stdout + rehearsed.stderr
+    assert "pier-router" in rehearsed.stdout
+    assert "actions applied and verified" in rehearsed.stdout
+    assert "example" not in rehearsed.stdout + rehearsed.stderr
