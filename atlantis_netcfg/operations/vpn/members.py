@@ -134,11 +134,13 @@ class Onboarding:
             return tuple(self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved=kept))
 
     def renew(
-        self, members: Sequence[Member], change: RenewalRequest, passphrase: Callable[[], Secret]
+        self, renewals: Sequence[tuple[Member, RenewalRequest]], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
-        """Give each a successor of its certificate."""
+        """Give each a successor of its certificate, changed as its request says."""
         with self.operator.unlocked(passphrase) as signer:
-            return tuple(self._handed_out(signer.renew(member.name, self._deliver, change)) for member in members)
+            return tuple(
+                self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
+            )
 
     def _handed_out(self, issued: IssueResult) -> HandedOut:
         name = issued.certificate.common_name
@@ -185,6 +187,8 @@ def _same(request: EnrolmentRequest, member: Member) -> bool:
     newest = member.good[-1] if member.good else None
     return (
         newest is not None
+        and request.system in {None, member.system}
+        and request.distribution in {None, member.distribution}
         and (member.kind, member.link, member.vehicle) == (request.kind, request.link, request.vehicle)
         and (newest.wrap, newest.key) == (request.wrap, request.key)
         and request.address in {None, member.address}

@@ -368,7 +368,7 @@ SITUATIONS: dict[str, Situation] = {
     "no certificate in use": (no_certificate, *LIST),
     "another wish": (
         another_wish,
-        "`provision vpn renew name={}` changes link, wrap and key; for the rest take another name",
+        "`provision vpn renew name={}` changes link, wrap, key and system; else take another name",
         0,
         "iqua-laptop.2",
     ),
