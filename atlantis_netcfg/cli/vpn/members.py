@@ -414,6 +414,7 @@ def _row(handed: HandedOut) -> dict[str, Any]:
         "replaced": list(handed.issued.replaced),
         "file": str(handed.file),
         "copy": str(handed.copy) if handed.copy is not None else None,
+        "cover_note": str(handed.cover_note) if handed.cover_note is not None else None,
         "sha256": handed.issued.delivered.sha256,
         "passphrase": handed.passphrase.reveal() if handed.passphrase is not None else None,
     }
@@ -427,6 +428,9 @@ def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
     if handed.issued.already:
         yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
         return
+    if handed.cover_note is not None:
+        yield f"  cover note  {handed.cover_note}"
+        yield "              send it along with the file; nothing in it is secret"
     if handed.passphrase is not None:
         yield f"  passphrase  {handed.passphrase.reveal()}"
         yield "              shown this once: tell it by telephone, never in the message that the file goes with"
