@@ -73,7 +73,7 @@ class RequestCheck:
         for item in known:
             if item.value == typed:
                 return item
-        near = nearest(typed, known)
+        near = None if typed[:1].isdecimal() else nearest(typed, known)  # another version is not what was meant
         hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(known)}"
         self.wrong(f"`{word}=`: {shown(typed)} is not known", hint)
         return None
