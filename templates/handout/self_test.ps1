@@ -3,8 +3,8 @@
 #     powershell -ExecutionPolicy Bypass -File self-test.ps1
 #
 # Start the tunnel first, with OpenVPN GUI or OpenVPN Connect. The test reads self-test.json and the profile, which lie
-# beside it, and sends pings through the VPN alone. It ends in PASS, or says what is wrong and what to do. Exit code 0:
-# PASS; 6: something failed, or could not be tested. Checked by its grammar alone: we had no Windows to run it on.
+# beside it, and sends pings through the VPN alone. It ends in PASS, or says what is wrong and what to do.
+# Exit code 0: PASS; 6: something failed, or could not be tested. Checked by its grammar alone: we had no Windows.
 
 $ErrorActionPreference = 'Stop'
 $wrong = ''
@@ -87,7 +87,7 @@ if ($addresses -contains $facts.address) {
     }
 } else {
     $found = 'no interface of this computer has this device''s address ' + $facts.address
-    Write-Step 'FAIL' 'tunnel' $found 'Choose Connect in OpenVPN GUI and run the test again; its menu View Log tells more.'
+    Write-Step 'FAIL' 'tunnel' $found 'Choose Connect in OpenVPN GUI, then run the test again; View Log tells more.'
 }
 
 if ($answered -and ($wrong -eq '')) {
