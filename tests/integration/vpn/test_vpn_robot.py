@@ -121,7 +121,7 @@ def _centre(made: Vpn, peer: Path) -> subprocess.Popen[str]:
 
 
 def _again(robot: Robot, install: str) -> None:
-    """The same again changes nothing, and the tunnel goes on; an older OpenVPN is refused before anything is written."""
+    """The same again changes nothing, and the tunnel goes on; an older OpenVPN is refused before a file is written."""
     tunnel = (robot.state / "pid").read_text()
     code, seen = robot.type(install)
     assert (code, "already so" in seen, "written" in seen) == (0, True, False), seen
