@@ -24,7 +24,7 @@ class MemberKind(StrEnum):
     HOST = "host"
 
 
-class System(StrEnum):
+class ClientSystem(StrEnum):
     """What the tunnel is started on; decides which steps and which test a hand-out has."""
 
     LINUX = "linux"
@@ -36,17 +36,17 @@ class System(StrEnum):
     ROUTEROS = "routeros"
 
 
-SYSTEMS: Mapping[MemberKind, tuple[System, ...]] = {
-    MemberKind.ROBOT: (System.LINUX,),
+SYSTEMS: Mapping[MemberKind, tuple[ClientSystem, ...]] = {
+    MemberKind.ROBOT: (ClientSystem.LINUX,),
     MemberKind.LAPTOP: (
-        System.LINUX,
-        System.UBUNTU_DESKTOP,
-        System.WINDOWS,
-        System.MACOS,
-        System.ANDROID,
-        System.IOS,
+        ClientSystem.LINUX,
+        ClientSystem.UBUNTU_DESKTOP,
+        ClientSystem.WINDOWS,
+        ClientSystem.MACOS,
+        ClientSystem.ANDROID,
+        ClientSystem.IOS,
     ),
-    MemberKind.ROUTER: (System.ROUTEROS,),
+    MemberKind.ROUTER: (ClientSystem.ROUTEROS,),
     MemberKind.HOST: (),
 }
 """What each kind of member may run. Where there is no choice it need not be said."""
@@ -136,7 +136,7 @@ class Member:
     """Key in the declaration of the robot that it is; None: none of them."""
     certificates: tuple[Certificate, ...]
     """Oldest first."""
-    system: System | None = None
+    system: ClientSystem | None = None
     """What its tunnel is started on; None: nobody has said it."""
     distribution: RosDistribution | None = None
     """Release of ROS 2, as said at onboarding; what the declaration says of its vehicle counts more."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
-from atlantis_netcfg.vpn.identity import SYSTEMS, Member, MemberKind, System, Wrap
+from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, Member, MemberKind, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,19 +25,19 @@ UBUNTU: Mapping[RosDistribution, tuple[str, OpenVpnVersion]] = {
 """The Ubuntu that a release of ROS 2 is made for (REP 2000), and the OpenVPN in its archive."""
 
 
-def system_of(member: Member) -> System | None:
+def system_of(member: Member) -> ClientSystem | None:
     """What the tunnel of a member is started on: what was said, or the only system of its kind; None: not known."""
     possible = SYSTEMS[member.kind]
     return possible[0] if len(possible) == 1 else member.system
 
 
 def distribution(
-    declaration: Declaration, vehicle: str | None, said: RosDistribution | None = None
+    declaration: Declaration, vehicle: str | None, typed: RosDistribution | None = None
 ) -> RosDistribution | None:
-    """The release of ROS 2 on a device: the vehicle's, else what was said at onboarding, else the pilot's."""
+    """The release of ROS 2 on a device: the vehicle's, else what was typed at onboarding, else the pilot's."""
     declared = declaration.vehicles.get(vehicle or "")
     pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
-    return (declared.distribution if declared is not None else None) or said or pilot
+    return (declared.distribution if declared is not None else None) or typed or pilot
 
 
 def openvpn(
@@ -45,28 +45,26 @@ def openvpn(
     kind: MemberKind,
     vehicle: str | None,
     *,
-    said: OpenVpnVersion | None = None,
-    said_distribution: RosDistribution | None = None,
+    version: OpenVpnVersion | None = None,
+    release: RosDistribution | None = None,
 ) -> OpenVpnVersion | None:
     """The OpenVPN on a partner's device; None where nothing tells it: then it is taken for 2.5 or later.
 
-    `said` and `said_distribution` are the words of a command. A version counts more than what follows from a release of
-    ROS 2, and the vehicle more than the pilot.
+    `version` and `release` are the words of a command. A version counts more than what follows from a release of ROS 2,
+    and the vehicle more than the pilot.
     """
     if kind is not MemberKind.ROBOT:
-        return said or (UBUNTU[said_distribution][1] if said_distribution is not None else None)
+        return version or (UBUNTU[release][1] if release is not None else None)
     declared = declaration.vehicles.get(vehicle or "")
     if declared is not None and declared.openvpn is not None:
         return declared.openvpn
-    if said is not None:
-        return said
-    release = (declared.distribution if declared is not None else None) or said_distribution
-    if release is not None:
-        return UBUNTU[release][1]
-    if declaration.pilot.vpn.robot_openvpn is not None:
+    if version is not None:
+        return version
+    chosen = (declared.distribution if declared is not None else None) or release
+    if chosen is None and declaration.pilot.vpn.robot_openvpn is not None:
         return declaration.pilot.vpn.robot_openvpn
-    release = distribution(declaration, vehicle)
-    return UBUNTU[release][1] if release is not None else None
+    shipped = chosen or distribution(declaration, vehicle)
+    return UBUNTU[shipped][1] if shipped is not None else None
 
 
 def wrap_for(version: OpenVpnVersion | None) -> Wrap:

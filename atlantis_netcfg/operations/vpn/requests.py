@@ -18,7 +18,7 @@ from atlantis_netcfg.declaration.model import Gateway, OpenVpnVersion, RosDistri
 from atlantis_netcfg.vpn import names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import SYSTEMS, KeyType, Member, MemberKind, MemberLink, System, Wrap
+from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -186,14 +186,14 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
 class _ClientWords:
     """What was said of the program that the device starts its tunnel with; None: nothing."""
 
-    system: System | None
+    system: ClientSystem | None
     distribution: RosDistribution | None
     openvpn: OpenVpnVersion | None
     wrap: Wrap | None
 
 
 def _client_words(check: RequestCheck, kind: MemberKind | None) -> _ClientWords:
-    system, wrap = check.choice("system", list(System)), check.choice("wrap", list(Wrap))
+    system, wrap = check.choice("system", list(ClientSystem)), check.choice("wrap", list(Wrap))
     release = check.choice("distribution", list(RosDistribution))
     version = check.choice("openvpn", list(OpenVpnVersion))
     if kind is not None and system is not None and system not in SYSTEMS[kind]:
@@ -210,13 +210,13 @@ def _wrap(
     """The key that the device's OpenVPN can read. What contradicts that, or the declared vehicle, is wrong."""
     declared = declaration.vehicles[vehicle] if vehicle is not None else None
     for word in ("distribution", "openvpn"):
-        said, known = getattr(client, word), getattr(declared, word, None)
-        if None not in (said, known) and said != known:
+        typed, known = getattr(client, word), getattr(declared, word, None)
+        if None not in (typed, known) and typed != known:
             check.wrong(
-                f"`{word}={said}`: the vehicle `{vehicle}` is declared with `{word}: {known}`",
+                f"`{word}={typed}`: the vehicle `{vehicle}` is declared with `{word}: {known}`",
                 f"leave `{word}=` out, or correct vehicles.yml",
             )
-    version = systems.openvpn(declaration, kind, vehicle, said=client.openvpn, said_distribution=client.distribution)
+    version = systems.openvpn(declaration, kind, vehicle, version=client.openvpn, release=client.distribution)
     if client.wrap is Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
         check.wrong(
             f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import LockHolder, sync_directory
-from atlantis_netcfg.vpn.identity import Certificate, KeyType, Member, MemberKind, MemberLink, System, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -61,7 +61,7 @@ class EnrolmentRequest:
     key: KeyType = KeyType.EC
     days: int = CLIENT_DAYS
     """How long the certificate is good for."""
-    system: System | None = None
+    system: ClientSystem | None = None
     distribution: RosDistribution | None = None
     request_id: str = ""
     """Recorded beside the certificate: whose request it answers."""
@@ -76,7 +76,7 @@ class RenewalRequest:
     wrap: Wrap | None = None
     key: KeyType | None = None
     link: MemberLink | None = None
-    system: System | None = None
+    system: ClientSystem | None = None
     distribution: RosDistribution | None = None
     request_id: str = ""
 

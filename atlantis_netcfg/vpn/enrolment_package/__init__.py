@@ -36,7 +36,7 @@ from atlantis_netcfg.vpn.enrolment_package.profile import (
     read_identity,
 )
 from atlantis_netcfg.vpn.enrolment_package.self_test import facts, program
-from atlantis_netcfg.vpn.identity import Identity, Member, MemberKind, System
+from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind
 from atlantis_netcfg.vpn.systems import system_of
 
 if TYPE_CHECKING:
@@ -283,23 +283,23 @@ def _beside(declaration: Declaration, member: Member) -> tuple[str, ...]:
 
 _PYTHON, _POWERSHELL = ("self-test.py", "self-test.json"), ("self-test.ps1", "self-test.json")
 _XML, _SHELL = ("cyclonedds.xml", "fastdds.xml"), ("ros.env", "setup.bash")
-_TESTS: Mapping[System | None, tuple[str, ...]] = {
-    System.LINUX: _PYTHON,
-    System.UBUNTU_DESKTOP: _PYTHON,
-    System.WINDOWS: _POWERSHELL,
-    System.MACOS: _PYTHON,
-    System.ANDROID: (),
-    System.IOS: (),
+_TESTS: Mapping[ClientSystem | None, tuple[str, ...]] = {
+    ClientSystem.LINUX: _PYTHON,
+    ClientSystem.UBUNTU_DESKTOP: _PYTHON,
+    ClientSystem.WINDOWS: _POWERSHELL,
+    ClientSystem.MACOS: _PYTHON,
+    ClientSystem.ANDROID: (),
+    ClientSystem.IOS: (),
     None: ("self-test.py", *_POWERSHELL),
 }
 """The self-test of each system; None: nobody has said which it is."""
-_DDS: Mapping[System | None, tuple[str, ...]] = {
-    System.LINUX: (*_XML, *_SHELL),
-    System.UBUNTU_DESKTOP: (*_XML, *_SHELL),
-    System.WINDOWS: (*_XML, "setup.ps1"),
-    System.MACOS: (*_XML, "setup.bash"),
-    System.ANDROID: (),
-    System.IOS: (),
+_DDS: Mapping[ClientSystem | None, tuple[str, ...]] = {
+    ClientSystem.LINUX: (*_XML, *_SHELL),
+    ClientSystem.UBUNTU_DESKTOP: (*_XML, *_SHELL),
+    ClientSystem.WINDOWS: (*_XML, "setup.ps1"),
+    ClientSystem.MACOS: (*_XML, "setup.bash"),
+    ClientSystem.ANDROID: (),
+    ClientSystem.IOS: (),
     None: (*_XML, *_SHELL, "setup.ps1"),
 }
 """The DDS files of each system."""

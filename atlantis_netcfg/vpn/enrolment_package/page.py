@@ -24,7 +24,7 @@ from atlantis_netcfg.gateway.dds import FOLDER, MemberDds, ProfileView, member_f
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
-from atlantis_netcfg.vpn.identity import Identity, Member, MemberKind, MemberLink, MembershipList, System, Wrap
+from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import ANYTHING, PING, Permission, Policy, PolicyTraffic, Protocol, Zone, policy
 from atlantis_netcfg.vpn.server import tunnel_address
 
@@ -163,12 +163,12 @@ _PACE = {MemberLink.FIBRE: Pace.FAST, MemberLink.LTE: Pace.MOBILE, MemberLink.SA
 DDS_FILES = ("cyclonedds.xml", "fastdds.xml", "ros.env", "setup.bash", "setup.ps1")
 """What a hand-out may have for DDS."""
 _STEPS = {
-    System.LINUX: "linux",
-    System.UBUNTU_DESKTOP: "ubuntu-desktop",
-    System.WINDOWS: "windows",
-    System.MACOS: "macos",
-    System.ANDROID: "phone",
-    System.IOS: "phone",
+    ClientSystem.LINUX: "linux",
+    ClientSystem.UBUNTU_DESKTOP: "ubuntu-desktop",
+    ClientSystem.WINDOWS: "windows",
+    ClientSystem.MACOS: "macos",
+    ClientSystem.ANDROID: "phone",
+    ClientSystem.IOS: "phone",
 }
 """The template with the steps of each system that a laptop may have."""
 

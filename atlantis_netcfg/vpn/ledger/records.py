@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 from atlantis_netcfg.declaration.model import RosDistribution  # noqa: TC001 - as above
-from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, System, Wrap  # noqa: TC001 - as above
+from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
@@ -82,7 +82,7 @@ class Issued:
     wrap: Wrap
     key: KeyType
     request_id: str = ""
-    system: System | None = None
+    system: ClientSystem | None = None
     distribution: RosDistribution | None = None
     der: str
     """The certificate, base64: its copy in `certs/` can be made again."""

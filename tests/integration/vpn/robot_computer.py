@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from matrix_stand import Vpn
@@ -84,7 +83,7 @@ class Robot:
         if pid.exists():
             subprocess.run(["kill", pid.read_text().strip()], check=False)
 
-    def command(self, line: str) -> Sequence[str]:
+    def command(self, line: str) -> list[str]:
         """What runs a line in the home folder of this computer."""
         inside = ["nsenter", f"--target={self._holder.pid}", "--mount", "--net", "bash", "-c"]
         return [*inside, f"export PATH={self.programs}:$PATH; cd {self.home} && {line}"]

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
 from atlantis_netcfg.vpn import systems
 from atlantis_netcfg.vpn.enrolment_package import open_handout
-from atlantis_netcfg.vpn.identity import SYSTEMS, MemberKind, System, Wrap
+from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, MemberKind, Wrap
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
@@ -67,7 +67,7 @@ def test_the_openvpn_of_a_declared_robot(case: str) -> None:
 def test_every_release_has_its_ubuntu_and_every_kind_its_systems() -> None:
     assert set(systems.UBUNTU) == set(RosDistribution)
     assert set(SYSTEMS) == set(MemberKind)
-    assert {system for some in SYSTEMS.values() for system in some} == set(System)
+    assert {system for some in SYSTEMS.values() for system in some} == set(ClientSystem)
 
 
 def wrap(desk: Desk, *words: str) -> str:
@@ -154,4 +154,4 @@ def test_help_lists_the_kinds_and_systems(capsys: pytest.CaptureFixture[str]) ->
     assert main(["vpn", "onboard", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.split())
     kinds = [kind for kind in MemberKind if kind is not MemberKind.HOST]
-    assert [word for word in (*kinds, *System, *RosDistribution, *OpenVpnVersion) if word not in said] == []
+    assert [word for word in (*kinds, *ClientSystem, *RosDistribution, *OpenVpnVersion) if word not in said] == []

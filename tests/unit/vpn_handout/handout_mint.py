@@ -19,12 +19,12 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,
+    ClientSystem,
     Identity,
     KeyType,
     Member,
     MemberKind,
     MemberLink,
-    System,
     Wrap,
 )
 
@@ -49,7 +49,7 @@ class Wanted:
     wrap: Wrap = Wrap.TLS_CRYPT_V2
     key: KeyType = KeyType.EC
     generation: int = 1
-    system: System | None = None
+    system: ClientSystem | None = None
     distribution: RosDistribution | None = None
     not_before: datetime = field(default=NOT_BEFORE)
     not_after: datetime = field(default=NOT_AFTER)

@@ -17,7 +17,7 @@ from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import RosDistribution
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.enrolment_package.page import reach
-from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, MembershipList, System, Wrap
+from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 
 PAGES = Path(__file__).with_name("pages")
@@ -29,12 +29,12 @@ KINDS = {
     "robot-foxy": Wanted(
         "inesc-zarco", MemberKind.ROBOT, vehicle="zarco", wrap=Wrap.TLS_CRYPT, distribution=RosDistribution.FOXY
     ),
-    "laptop-linux": Wanted(system=System.LINUX),
-    "laptop-ubuntu-desktop": Wanted(system=System.UBUNTU_DESKTOP, distribution=RosDistribution.JAZZY),
-    "laptop-windows": Wanted(system=System.WINDOWS),
-    "laptop-macos": Wanted(system=System.MACOS, distribution=RosDistribution.HUMBLE),
-    "laptop-android": Wanted(system=System.ANDROID),
-    "laptop-ios": Wanted(system=System.IOS),
+    "laptop-linux": Wanted(system=ClientSystem.LINUX),
+    "laptop-ubuntu-desktop": Wanted(system=ClientSystem.UBUNTU_DESKTOP, distribution=RosDistribution.JAZZY),
+    "laptop-windows": Wanted(system=ClientSystem.WINDOWS),
+    "laptop-macos": Wanted(system=ClientSystem.MACOS, distribution=RosDistribution.HUMBLE),
+    "laptop-android": Wanted(system=ClientSystem.ANDROID),
+    "laptop-ios": Wanted(system=ClientSystem.IOS),
     "router": Wanted("vtt-router1", MemberKind.ROUTER, "vtt", "10.80.20.1", wrap=Wrap.TLS_CRYPT, key=KeyType.RSA),
     "host": Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21"),
 }
