@@ -112,6 +112,14 @@ def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peer
         _again(robot, install)
 
 
+def _without_a_tunnel(robot: Robot, install: str) -> None:
+    """Where nothing answers, it does not say that the robot is in the VPN."""
+    robot.end()
+    robot.program("systemctl", "#!/bin/sh\nexit 0\n")
+    code, seen = robot.type(install)
+    assert (code, "10.80.0.1 does not answer through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
+
+
 def _centre(made: Vpn, peer: Path) -> subprocess.Popen[str]:
     """The participant at the control centre's place, with the profile of `provision dds`."""
     view = profile_views(made.declaration, made.declaration.hosts[CENTRE], "humble")[0]
@@ -128,6 +136,7 @@ def _again(robot: Robot, install: str) -> None:
     assert (robot.state / "pid").read_text() == tunnel
     modes = "stat -c '%a %n' /etc/openvpn/client/*.conf /etc/atlantis/dds/*"
     assert robot.type(modes)[1].split()[::2] == ["600", "644", "644", "644", "644"]
+    _without_a_tunnel(robot, install)
     robot.program("openvpn", "#!/bin/sh\necho 'OpenVPN 2.4.12 x86_64-pc-linux-gnu'\n")
     robot.type(f"rm {robot.home}/*/restart.conf; rm -r /etc/atlantis")
     code, seen = robot.type(install)

@@ -82,6 +82,7 @@ def test_the_cover_note_of_a_file_with_a_passphrase_does_not_have_it(declaration
     assert re.search(r"[0-9]{5}-[0-9]{5}", made.cover_note) is None
 
 
+SHELLS = ["bash", "sh", *filter(shutil.which, ["zsh"])]
 DDS = [kind for kind, files in FILES.items() if "cyclonedds.xml" in files]
 
 
@@ -115,11 +116,9 @@ def test_the_dds_profile_is_of_the_release(kind: str, version: str, element: str
     assert version in " ".join(told["README.txt"].split())
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "sh"])
+@pytest.mark.parametrize("shell", SHELLS)
 def test_a_shell_reads_the_settings(shell: str, declaration: Declaration, tmp_path: Path) -> None:
     """Beside the profiles by their folder; a shell that does not know where it reads from takes the installed ones."""
-    if shutil.which(shell) is None:
-        pytest.skip(f"there is no {shell} here")
     folder = tmp_path / "with a blank"
     folder.mkdir()
     told = contents(declaration, identity(KINDS["robot"]), contact=CONTACT)
