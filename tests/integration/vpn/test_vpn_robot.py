@@ -1,14 +1,15 @@
 """From the file that a robot's owner receives to a participant that the control centre sees: three commands.
 
-They are those of the robot's page, typed as they stand there; OpenVPN and Cyclone DDS 0.10, the line of Humble, are
-real. What a namespace cannot show stands in `robot_computer.py`: nothing here was started by systemd.
+They are those of the robot's page, typed as they stand there. OpenVPN, Cyclone DDS 0.10 and Fast DDS 2.9 are real; Debian's
+versions of the two stand for Humble's. What a namespace cannot show stands in `robot_computer.py`: nothing here was
+started by systemd.
 """
 
 from __future__ import annotations
 
 import subprocess
 import threading
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,17 +43,31 @@ def declared() -> Declaration:
     return replace(shipped, vehicles={**shipped.vehicles, "sparus": sparus})
 
 
+@dataclass(frozen=True)
+class Peer:
+    """A participant's program, and the file and the variable of its profile."""
+
+    program: Path
+    file: str
+    variable: str
+    scheme: str = ""
+
+
 @pytest.fixture(scope="module")
-def peer(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The participant, built from its source."""
-    built = tmp_path_factory.mktemp("peer")
+def peers(tmp_path_factory: pytest.TempPathFactory) -> tuple[Peer, Peer]:
+    """The participants, built from their sources."""
+    built = tmp_path_factory.mktemp("peers")
     for command in (
         ["idlc", "-l", "c", "-x", "final", "-o", str(built), str(PROGRAMS / "proof.idl")],
-        ["gcc", f"-I{built}", "-o", f"{built}/peer", f"{PROGRAMS}/cyclone_peer.c", f"{built}/proof.c", "-lddsc"],
+        ["gcc", f"-I{built}", "-o", f"{built}/cyclone", f"{PROGRAMS}/cyclone_peer.c", f"{built}/proof.c", "-lddsc"],
+        ["g++", "-o", f"{built}/fast", f"{PROGRAMS}/fast_peer.cpp", "-lfastrtps", "-lfastcdr"],
     ):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
-    return built / "peer"
+    return (
+        Peer(built / "cyclone", "cyclonedds.xml", "CYCLONEDDS_URI", "file://"),
+        Peer(built / "fast", "fastdds.xml", "FASTRTPS_DEFAULT_PROFILES_FILE"),
+    )
 
 
 def received(made: Vpn, robot: Robot) -> tuple[HandOut, list[str]]:
@@ -86,13 +101,12 @@ def heard(process: subprocess.Popen[str], said: str) -> threading.Event:
     return event
 
 
-def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peer: Path) -> None:
+def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peers: tuple[Peer, Peer]) -> None:
     declaration = declared()
     wishes = [host(declaration, CENTRE), guest(declaration, "iqua", "sparus", MemberKind.ROBOT, "sparus")]
     with vpn(declaration, wishes, tmp_path / "stand") as made:
         robot = Robot(made, ROBOT, tmp_path / "robot")
         sent, commands = received(made, robot)
-        centre = heard(_centre(made, peer), " got robot ")
         assert len(commands) == 3
         opened, install, run = commands
         assert sent.passphrase is not None
@@ -103,11 +117,9 @@ def test_three_commands_bring_a_robot_to_the_control_centre(tmp_path: Path, peer
             seen
         )
         assert run.endswith(" YOUR_PROGRAM")
-        program = robot.start(run.replace("YOUR_PROGRAM", f"{peer} robot 0"))
-        mutual = heard(program, " got centre ")
-        assert centre.wait(_PATIENCE_S), "the control centre has not seen the robot"
-        assert mutual.wait(_PATIENCE_S), "the robot has not seen the control centre"
-        assert len(robot.typed) <= 3
+        for peer in peers:
+            _meet(made, robot, run, peer)
+            assert len(robot.typed) == 3 + peers.index(peer), "each program is one more"
         assert made.counter("p_spoofed") == 0
         _again(robot, install)
 
@@ -120,12 +132,20 @@ def _without_a_tunnel(robot: Robot, install: str) -> None:
     assert (code, "10.80.0.1 does not answer through the tunnel" in seen, "is in the VPN" in seen) == (5, True, False)
 
 
-def _centre(made: Vpn, peer: Path) -> subprocess.Popen[str]:
-    """The participant at the control centre's place, with the profile of `provision dds`."""
+def _meet(made: Vpn, robot: Robot, run: str, peer: Peer) -> None:
+    """The robot's program and one at the control centre's place, with the profile of `provision dds`."""
     view = profile_views(made.declaration, made.declaration.hosts[CENTRE], "humble")[0]
-    file = made.folder / "centre.xml"
-    file.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
-    return made.start(CENTRE, str(peer), "centre", "0", environment={"CYCLONEDDS_URI": f"file://{file}"})
+    file = made.folder / peer.file
+    file.write_text(profiles(view)[f"{view.bearer}/{peer.file}"], encoding="utf-8")
+    environment = {peer.variable: f"{peer.scheme}{file}"}
+    centre = made.start(CENTRE, str(peer.program), "centre", "0", environment=environment)
+    program = robot.start(run.replace("YOUR_PROGRAM", f"exec {peer.program} robot 0"))
+    seen, mutual = heard(centre, " got robot "), heard(program, " got centre ")
+    assert seen.wait(_PATIENCE_S), f"the control centre has not seen the robot: {peer.file}"
+    assert mutual.wait(_PATIENCE_S), f"the robot has not seen the control centre: {peer.file}"
+    for process in (centre, program):
+        process.kill()
+        process.wait()
 
 
 def _again(robot: Robot, install: str) -> None:
