@@ -1,8 +1,8 @@
 """From the file that a robot's owner receives to a participant that the control centre sees: three commands.
 
-They are those of the robot's page, typed as they stand there. OpenVPN, Cyclone DDS 0.10 and Fast DDS 2.9 are real; Debian's
-versions of the two stand for Humble's. What a namespace cannot show stands in `robot_computer.py`: nothing here was
-started by systemd.
+They are those of the robot's page, typed as they stand there. OpenVPN, Cyclone DDS 0.10 and Fast DDS 2.9 are real;
+Debian's versions of the two stand for Humble's. What a namespace cannot show stands in `robot_computer.py`: nothing
+here was started by systemd.
 """
 
 from __future__ import annotations
