@@ -74,7 +74,7 @@ class Laptop:
         stick.mkdir()
         handed = self.type("vpn", "renew", f"name={self.member}", f"to={stick}")
         (passphrase,) = (line.split()[1] for line in handed.splitlines() if line.startswith("  passphrase"))
-        (file,) = stick.iterdir()
+        (file,) = stick.glob("*.age")
         with self.monkeypatch.context() as patch:
             patch.setattr(getpass, "getpass", lambda _question: passphrase)
             patch.setenv("ATLANTIS_STATE", str(self.folder / "another laptop"))

@@ -15,7 +15,7 @@ from test_handout_page import CONTACT, KINDS
 
 from atlantis_netcfg.core import language
 from atlantis_netcfg.declaration import Declaration, load
-from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, contents, handout
+from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, contents, handout, page
 
 NOTES = Path(__file__).with_name("cover_notes")
 KEY = "age1ql3z7hjy54pw3hyww5ayyfg7zqgvc7w3j2elw8zmrj2kg5sfn9aqmcac8p"
@@ -151,3 +151,31 @@ def test_the_language_of_the_page_is_said_to_browsers(
     told = contents(declaration, identity(), contact=CONTACT)
     assert '<html lang="pt">' in told["README.html"]
     assert json.loads(told["self-test.json"])["name"] == "inesc-laptop1"
+
+
+@pytest.mark.parametrize("kind", ["robot", "laptop-windows"])
+def test_all_but_what_is_typed_is_translated(
+    kind: str, declaration: Declaration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Block by block: a heading, a paragraph, an item of a list is one message, without line breaks."""
+    messages: list[str] = []
+
+    def translate(text: str) -> str:
+        messages.append(text)
+        return f"{text} ~"
+
+    plain = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
+    monkeypatch.setattr(page, "translate", translate)
+    told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)
+    assert not [message for message in messages if "\n" in message or message.startswith(("- ", " "))]
+    typed = [line for line in plain["README.txt"].splitlines() if line.startswith("    ")]
+    assert [line for line in told["README.txt"].splitlines() if line.startswith("    ")] == typed != []
+    blocks = [block for block in told["README.txt"].strip().split("\n\n") if not block.startswith("    ")]
+    assert [block for block in blocks if not block.rstrip("=-\n").endswith("~")] == []
+    title, line = blocks[0].splitlines()
+    assert len(title) == len(line)
+    keyed = f"{KINDS[kind].name}.ovpn"
+    others = [name for name in plain if name != keyed and "README" not in name]
+    assert {name: told[name] for name in others if name != "self-test.json"} == {
+        name: plain[name] for name in others if name != "self-test.json"
+    }
