@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway, Pace
+from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway, Pace, RosDistribution
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.render import compiled, environment, template_folder
 
@@ -35,15 +35,19 @@ FOLDER = "/etc/atlantis/dds"
 
 def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
     """Name below `FOLDER` -> text, of one link; `templates` overrides where the templates are looked for."""
+    folder = f"{FOLDER}/{view.bearer}"
+    return {f"{view.bearer}/{name}": text for name, text in _files(view, folder, templates).items()}
+
+
+def _files(view: ProfileView, folder: str, templates: Path | None = None) -> dict[str, str]:
+    """Name in `folder` -> text."""
     files = {"cyclonedds.xml": "cyclonedds.xml.j2"}
     if view.release.fast_dds is not None:
         files["fastdds.xml"] = "fastdds.xml.j2"
     files["ros.env"] = "ros.env.j2"
     environment = _environment(templates or template_folder())
     return {
-        f"{view.bearer}/{name}": environment.get_template(f"dds/{template}").render(
-            profile=view, folder=f"{FOLDER}/{view.bearer}"
-        )
+        name: environment.get_template(f"dds/{template}").render(profile=view, folder=folder)
         for name, template in files.items()
     }
 
@@ -200,6 +204,45 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
         )
         for bearer in declaration.sites[host.site].bearers
     )
+
+
+@dataclass(frozen=True, slots=True)
+class MemberDds:
+    """A computer in the VPN that is no host of the inventory: a partner's robot or laptop."""
+
+    name: str
+    address: str
+    """In the VPN."""
+    pace: Pace
+    """Of the link that carries its tunnel."""
+    peers: tuple[tuple[str, str], ...]
+    """Name and address of those whom it may find."""
+    distribution: RosDistribution
+
+
+def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
+    """A partner's computer in the VPN. Raises UsageError where the pilot declares no DDS.
+
+    On a fast link it is tuned as on a mobile one: what carries the tunnel's other end is not known.
+    """
+    dds = _declared(declaration)
+    return ProfileView(
+        host=member.name,
+        bearer="the VPN",
+        release=_release(member.distribution),
+        middleware=dds.middleware,
+        domain=dds.domain,
+        address=member.address,
+        peers=((member.name, member.address), *member.peers),
+        participants=dds.participants,
+        lease_s=dds.lease_s,
+        tuning=TUNING[max(member.pace, Pace.MOBILE)],
+    )
+
+
+def member_files(view: ProfileView) -> dict[str, str]:
+    """What such a computer puts into `FOLDER`: name -> text."""
+    return _files(view, FOLDER)
 
 
 def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:

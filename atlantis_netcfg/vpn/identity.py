@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration.model import RosDistribution
 
 
 class MemberKind(StrEnum):
@@ -21,6 +22,34 @@ class MemberKind(StrEnum):
     LAPTOP = "laptop"
     ROUTER = "router"
     HOST = "host"
+
+
+class ClientSystem(StrEnum):
+    """What the tunnel is started on; decides which steps and which test a hand-out has."""
+
+    LINUX = "linux"
+    UBUNTU_DESKTOP = "ubuntu-desktop"
+    WINDOWS = "windows"
+    MACOS = "macos"
+    ANDROID = "android"
+    IOS = "ios"
+    ROUTEROS = "routeros"
+
+
+SYSTEMS: Mapping[MemberKind, tuple[ClientSystem, ...]] = {
+    MemberKind.ROBOT: (ClientSystem.LINUX,),
+    MemberKind.LAPTOP: (
+        ClientSystem.LINUX,
+        ClientSystem.UBUNTU_DESKTOP,
+        ClientSystem.WINDOWS,
+        ClientSystem.MACOS,
+        ClientSystem.ANDROID,
+        ClientSystem.IOS,
+    ),
+    MemberKind.ROUTER: (ClientSystem.ROUTEROS,),
+    MemberKind.HOST: (),
+}
+"""What each kind of member may run. Where there is no choice it need not be said."""
 
 
 class MemberLink(StrEnum):
@@ -107,6 +136,10 @@ class Member:
     """Key in the declaration of the robot that it is; None: none of them."""
     certificates: tuple[Certificate, ...]
     """Oldest first."""
+    system: ClientSystem | None = None
+    """What its tunnel is started on; None: nobody has said it."""
+    distribution: RosDistribution | None = None
+    """Release of ROS 2, as said at onboarding; what the declaration says of its vehicle counts more."""
 
     @property
     def good(self) -> tuple[Certificate, ...]:

@@ -184,7 +184,7 @@ def is_local(address: str) -> bool:
 
 
 def refused(facts: Facts) -> bool:
-    """Whether the server's computer says at once that nothing listens; silence says nothing."""
+    """Whether it is told at once that nobody listens there: by whom, a socket does not say. Silence says nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         one.settimeout(3)
         try:
@@ -244,7 +244,8 @@ def dds(address: str, port: int) -> Result:
             one.send(b"\0")
             one.recv(1)
         except ConnectionRefusedError:
-            return Result("dds", OK, f"UDP {port} of {address} is reached; no DDS program runs there now")
+            found = f"UDP {port} of {address} is refused at once: no DDS program listens there, or a firewall refuses it"
+            return Result("dds", UNKNOWN, found)
         except OSError:
             pass
     return Result("dds", UNKNOWN, f"UDP {port} of {address} is silent, as a DDS program is to a stranger")
@@ -258,12 +259,13 @@ def through(facts: Facts) -> Iterator[Result]:
         do = (
             "Wait a minute and run the test again: a second device with the same profile throws this one out. Then ask."
         )
-        yield Result("server", FAIL, f"the tunnel is up, and the server ({server}) does not answer in it", do)
+        yield Result("server", FAIL, f"this device has its address in the VPN, and the server ({server}) does not answer", do)
         return
     yield Result("server", OK, f"{server} {answer}")
     if ping(server, 1200) is None:
         do = "Ask the network's administrator to let large and fragmented UDP packets pass, or use another network."
-        yield Result("size", FAIL, "small packets pass, and packets of 1200 bytes, as DDS sends them, do not", do)
+        found = "small packets are answered, and packets of 1200 bytes, as DDS sends them, are not"
+        yield Result("size", FAIL, found, do)
     for name, address in facts["ping"]:
         answer = ping(address)
         do = "It may be off: ask the control centre."
@@ -275,7 +277,7 @@ def through(facts: Facts) -> Iterator[Result]:
 def connected(facts: Facts, profile: Path) -> Iterator[Result]:
     """The tunnel, and what passes through it."""
     if is_local(facts["address"]):
-        yield Result("tunnel", OK, f"is up, with this device's address {facts['address']}")
+        yield Result("tunnel", OK, f"an interface of this computer has this device's address {facts['address']}")
         yield from through(facts)
         return
     if openvpn() is None:

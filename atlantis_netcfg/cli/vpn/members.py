@@ -35,6 +35,25 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member, MembershipList
 
 
+_CLIENT = (
+    Word(
+        "system",
+        "what starts its tunnel. A robot: linux. A laptop: linux, ubuntu-desktop, windows, macos, android, ios; "
+        "without this word its page has the steps of all. A router: routeros",
+        example="windows",
+    ),
+    Word(
+        "distribution",
+        "its ROS 2: foxy, humble or jazzy; the declaration's if left out (vehicles.yml, then pilot.yml)",
+        example="foxy",
+    ),
+    Word(
+        "openvpn",
+        "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; the declaration's, or that of the Ubuntu of its ROS 2, if left out",
+        example="2.4",
+    ),
+)
+
 VPN_ONBOARD = CommandSpec(
     "vpn onboard",
     "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
@@ -42,12 +61,13 @@ VPN_ONBOARD = CommandSpec(
     words=(
         Word("partner", "whose device it is", example="iqua"),
         Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
-        Word("kind", "what it is", example="robot"),
+        Word("kind", "what it is: robot, laptop or router", example="robot"),
         Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
         Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
         Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
         Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
-        Word("wrap", "tls-crypt-v2 (if left out); tls-crypt for OpenVPN before 2.5", example="tls-crypt"),
+        *_CLIENT,
+        Word("wrap", "tls-crypt-v2, or tls-crypt for OpenVPN 2.4; what its OpenVPN can read if left out"),
         Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
         Word("days", "how long the certificate is good; 397 if left out", example="90"),
         Word("address", "a fixed address of the partner's pool; the next free one if left out"),
@@ -73,7 +93,8 @@ def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
-    from atlantis_netcfg.operations.vpn.requests import recipients_of, requests_of
+    from atlantis_netcfg.operations.vpn.recipients import recipients_of
+    from atlantis_netcfg.operations.vpn.requests import requests_of
 
     declaration, requested = _common.declared(arguments), _device_words(arguments)
     requests = requests_of(declaration, requested)
@@ -117,7 +138,8 @@ VPN_RENEW = CommandSpec(
         Word("name", "the member", example="iqua-sparus2"),
         Word("all", "every member whose certificate ends within this time", example="30d"),
         Word("days", "how long the new one is good; 397 if left out", example="90"),
-        Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out"),
+        *_CLIENT,
+        Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out, where its OpenVPN can read that"),
         Word("key", "ec or rsa; as before if left out"),
         Word("link", "what carries its tunnel at worst; as before if left out"),
         Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
@@ -139,21 +161,25 @@ def run_vpn_renew(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
-    from atlantis_netcfg.operations.vpn.requests import change_of, recipient_of
+    from atlantis_netcfg.operations.vpn.recipients import recipient_of
+    from atlantis_netcfg.operations.vpn.requests import change_for, change_of
 
     declaration = _common.declared(arguments)
-    change = change_of(**{key: arguments.optional(key) for key in ("days", "wrap", "key", "link")})
+    words = ("days", "wrap", "key", "link", "system", "distribution", "openvpn")
+    change = change_of(**{key: arguments.optional(key) for key in words})
     typed = arguments.optional("recipient")
     recipient = recipient_of(typed) if typed is not None else None
     refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
     authority = _common.opened(arguments)
     members = _members_to_renew(arguments, authority.membership())
+    openvpn = arguments.optional("openvpn")
+    renewals = [(member, change_for(declaration, member, change, openvpn)) for member in members]
     target = handout_target(arguments, {} if recipient is None else {member.name: recipient for member in members})
     server = _common.server(arguments, declaration)
     onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
-    handed = onboarding.renew(members, change, passphrase)
+    handed = onboarding.renew(renewals, passphrase)
     return close(arguments, declaration, handed, server, authority)
 
 
@@ -393,6 +419,7 @@ def _row(handed: HandedOut) -> dict[str, Any]:
         "replaced": list(handed.issued.replaced),
         "file": str(handed.file),
         "copy": str(handed.copy) if handed.copy is not None else None,
+        "cover_note": str(handed.cover_note) if handed.cover_note is not None else None,
         "sha256": handed.issued.delivered.sha256,
         "passphrase": handed.passphrase.reveal() if handed.passphrase is not None else None,
     }
@@ -406,6 +433,9 @@ def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
     if handed.issued.already:
         yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
         return
+    if handed.cover_note is not None:
+        yield f"  cover note  {handed.cover_note}"
+        yield "              send it along with the file; nothing in it is secret"
     if handed.passphrase is not None:
         yield f"  passphrase  {handed.passphrase.reveal()}"
         yield "              shown this once: tell it by telephone, never in the message that the file goes with"

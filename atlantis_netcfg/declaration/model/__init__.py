@@ -85,6 +85,7 @@ from atlantis_netcfg.declaration.model.gateways import (
 from atlantis_netcfg.declaration.model.pilot import (
     ETHERNET,
     Column,
+    OpenVpnVersion,
     Partner,
     Pilot,
     TimeServer,
@@ -169,6 +170,7 @@ __all__ = [
     "Name",
     "Network",
     "NetworkTool",
+    "OpenVpnVersion",
     "Pace",
     "Partner",
     "Pilot",

@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
-from atlantis_netcfg.declaration.model.dds import Dds
+from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
 
@@ -20,6 +20,15 @@ class TimeServer(Model):
     """For people; devices use the address."""
     address: Address
     """Of the server, reachable from every site."""
+
+
+class OpenVpnVersion(StrEnum):
+    """Lines of OpenVPN that a client may run. 2.4 knows the shared key (tls-crypt) alone, not tls-crypt-v2."""
+
+    V2_4 = "2.4"
+    V2_5 = "2.5"
+    V2_6 = "2.6"
+    V2_7 = "2.7"
 
 
 class VpnService(Model):
@@ -54,6 +63,8 @@ class Vpn(Model):
     """Pool of routers, gateways and servers of the sites."""
     cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
     """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
+    robot_openvpn: OpenVpnVersion | None = None
+    """OpenVPN of the robots of which `vehicles` says nothing; null: that of the Ubuntu of `dds.distribution`."""
     services: tuple[VpnService, ...] = ()
     """What every partner's devices may use, besides pings and the control centre's DDS."""
 
@@ -111,6 +122,10 @@ class Vehicle(Model):
     """Why `table3` differs from the report; required if it does."""
     ethernet: StrictBool = False
     """Our extension, not part of Table 3: the vehicle is also reached by cable."""
+    distribution: RosDistribution | None = None
+    """Release of ROS 2 on its computer; null: `dds.distribution` of the pilot."""
+    openvpn: OpenVpnVersion | None = None
+    """OpenVPN on its computer, in quotes; null: that of the Ubuntu of its ROS 2 (foxy 2.4, humble 2.5, jazzy 2.6)."""
     endpoints: Endpoints = Endpoints()
     """How the pre-test checklist looks at each; what is missing, a person confirms."""
 

@@ -83,6 +83,8 @@ class HandedOut:
     issued: IssueResult
     file: Path
     copy: Path | None = None
+    cover_note: Path | None = None
+    """What is sent along with the file; None where nothing is sent, or it was made before."""
     passphrase: Secret | None = None
     """Opens the file; it is shown this one time only."""
 
@@ -106,7 +108,7 @@ class Onboarding:
     declaration: Declaration
     operator: OperatorContext
     target: HandoutTarget
-    _handed: dict[str, tuple[Path, Path | None, Secret | None]] = field(default_factory=dict)
+    _handed: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
 
     def finished(self, requests: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
         """The members, if all of them are in the VPN just as requested: no passphrase is needed.
@@ -134,15 +136,17 @@ class Onboarding:
             return tuple(self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved=kept))
 
     def renew(
-        self, members: Sequence[Member], change: RenewalRequest, passphrase: Callable[[], Secret]
+        self, renewals: Sequence[tuple[Member, RenewalRequest]], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
-        """Give each a successor of its certificate."""
+        """Give each a successor of its certificate, changed as its request says."""
         with self.operator.unlocked(passphrase) as signer:
-            return tuple(self._handed_out(signer.renew(member.name, self._deliver, change)) for member in members)
+            return tuple(
+                self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
+            )
 
     def _handed_out(self, issued: IssueResult) -> HandedOut:
         name = issued.certificate.common_name
-        return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None)))
+        return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None, None)))
 
     def _deliver(self, identity: Identity) -> HandoutFile:
         """Write the member's file, before the record says that it has one."""
@@ -157,7 +161,11 @@ class Onboarding:
         place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
         write_atomically(place, made.data)
-        self._handed[common_name] = (place, self._copied(made.file_name, made.data), made.passphrase)
+        note, text = place.with_name(f"{common_name}.cover-note.txt"), made.cover_note.encode()
+        write_atomically(note, text)
+        copy = self._copied(made.file_name, made.data)
+        note = self._copied(note.name, text) or note
+        self._handed[common_name] = (place, copy, note, made.passphrase)
         return HandoutFile(str(place), made.sha256)
 
     def _keep(self, identity: Identity) -> HandoutFile:
@@ -185,6 +193,8 @@ def _same(request: EnrolmentRequest, member: Member) -> bool:
     newest = member.good[-1] if member.good else None
     return (
         newest is not None
+        and request.system in {None, member.system}
+        and request.distribution in {None, member.distribution}
         and (member.kind, member.link, member.vehicle) == (request.kind, request.link, request.vehicle)
         and (newest.wrap, newest.key) == (request.wrap, request.key)
         and request.address in {None, member.address}

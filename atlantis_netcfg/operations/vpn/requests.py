@@ -8,19 +8,17 @@ that is taken) the authority refuses by itself.
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from enum import StrEnum
 from ipaddress import IPv4Address
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
-from atlantis_netcfg.declaration.model import Gateway, Router
-from atlantis_netcfg.vpn import names
+from atlantis_netcfg.declaration.model import Gateway, OpenVpnVersion, RosDistribution, Router
+from atlantis_netcfg.vpn import names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
-from atlantis_netcfg.vpn.pki import check_recipient
+from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -75,7 +73,7 @@ class RequestCheck:
         for item in known:
             if item.value == typed:
                 return item
-        near = nearest(typed, known)
+        near = None if typed[:1].isdecimal() else nearest(typed, known)  # another version is not what was meant
         hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(known)}"
         self.wrong(f"`{word}=`: {shown(typed)} is not known", hint)
         return None
@@ -99,7 +97,7 @@ def shown(typed: str) -> str:
 
 def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
     """The request; None if something is wrong: `check` has the errors."""
-    for word in ("partner", "device", "kind", "vehicle", "address"):
+    for word in ("partner", "device", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
     host = _declared(declaration, check)
@@ -158,8 +156,8 @@ _KINDS = tuple(kind for kind in MemberKind if kind is not MemberKind.HOST)
 def request_of_device(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
     """The request; None if something is wrong: `check` has the errors."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
-    link, wrap, key = (check.choice("link", list(MemberLink)), check.choice("wrap", list(Wrap)), _key(check, kind))
-    days = check.days()
+    link, client = check.choice("link", list(MemberLink)), _client_words(check, kind)
+    key, days = _key(check, kind), check.days()
     if partner is None or device is None or kind is None:
         return None
     name = _member(declaration, check, partner, device)
@@ -176,10 +174,55 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
         pool=declaration.partners[partner].vpn_pool,
         link=link or MemberLink.FIBRE,
         vehicle=vehicle,
-        wrap=wrap or Wrap.TLS_CRYPT_V2,
+        wrap=_wrap(declaration, check, client, kind, vehicle),
         key=key,
         days=days or CLIENT_DAYS,
+        system=client.system,
+        distribution=client.distribution,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _ClientWords:
+    """What was said of the program that the device starts its tunnel with; None: nothing."""
+
+    system: ClientSystem | None
+    distribution: RosDistribution | None
+    openvpn: OpenVpnVersion | None
+    wrap: Wrap | None
+
+
+def _client_words(check: RequestCheck, kind: MemberKind | None) -> _ClientWords:
+    system, wrap = check.choice("system", list(ClientSystem)), check.choice("wrap", list(Wrap))
+    release = check.choice("distribution", list(RosDistribution))
+    version = check.choice("openvpn", list(OpenVpnVersion))
+    if kind is not None and system is not None and system not in SYSTEMS[kind]:
+        check.wrong(f"`system={system}` is no system of a {kind}", f"it takes one of: {', '.join(SYSTEMS[kind])}")
+    for word, value in (("distribution", release), ("openvpn", version)):
+        if kind is MemberKind.ROUTER and value is not None:
+            check.wrong(f"`{word}=` does not go with `kind=router`", f"leave `{word}=` out: RouterOS has neither")
+    return _ClientWords(system, release, version, wrap)
+
+
+def _wrap(
+    declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: MemberKind, vehicle: str | None
+) -> Wrap:
+    """The key that the device's OpenVPN can read. What contradicts that, or the declared vehicle, is wrong."""
+    declared = declaration.vehicles[vehicle] if vehicle is not None else None
+    for word in ("distribution", "openvpn"):
+        typed, known = getattr(client, word), getattr(declared, word, None)
+        if None not in (typed, known) and typed != known:
+            check.wrong(
+                f"`{word}={typed}`: the vehicle `{vehicle}` is declared with `{word}: {known}`",
+                f"leave `{word}=` out, or correct vehicles.yml",
+            )
+    version = systems.openvpn(declaration, kind, vehicle, version=client.openvpn, release=client.distribution)
+    if client.wrap is Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
+        check.wrong(
+            f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",
+            "leave `wrap=` out; if it has a newer OpenVPN, say which: `openvpn=2.6`",
+        )
+    return client.wrap or systems.wrap_for(version)
 
 
 def _partner(declaration: Declaration, check: RequestCheck) -> str | None:
@@ -284,6 +327,9 @@ class DeviceWords:
     host: str | None = None
     vehicle: str | None = None
     link: str | None = None
+    system: str | None = None
+    distribution: str | None = None
+    openvpn: str | None = None
     wrap: str | None = None
     key: str | None = None
     days: str | None = None
@@ -334,62 +380,36 @@ def request_of(declaration: Declaration, item: DeviceWords) -> EnrolmentRequest:
 def change_of(**words: str | None) -> RenewalRequest:
     """What a renewal changes, from the words. Raises UsageError, Refused when more is wrong."""
     check = RequestCheck(words)
+    client = _client_words(check, None)
     change = RenewalRequest(
         days=check.days(),
-        wrap=check.choice("wrap", list(Wrap)),
+        wrap=client.wrap,
         key=check.choice("key", list(KeyType)),
         link=check.choice("link", list(MemberLink)),
+        system=client.system,
+        distribution=client.distribution,
     )
     check.close()
     return change
 
 
-_LONGEST = 20_000
-"""Characters of a file with a public key: RSA keys and comments have a few thousand."""
-_PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
+def change_for(declaration: Declaration, member: Member, change: RenewalRequest, openvpn: str | None) -> RenewalRequest:
+    """What a renewal changes for this member: a partner's device gets a key that its OpenVPN can read.
 
-
-def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
-    """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
-    found: dict[str, str] = {}
-    errors: list[UsageError] = []
-    for item, name in zip(requested, names, strict=True):
-        if item.recipient is None:
-            continue
-        try:
-            found[name] = recipient_of(item.recipient)
-        except UsageError as error:
-            errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
-    if errors:
-        raise RequestRefused(errors)
-    return found
-
-
-def recipient_of(typed: str) -> str:
-    """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
-    _refuse_private(typed)
-    text = typed if typed.startswith(("age1", "ssh-")) else _in_file(typed)
-    _refuse_private(text)
-    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if len(lines) != 1:
-        raise UsageError(f"there are {len(lines)} keys in {shown(typed)}", hint="one file, one public key")
-    check_recipient(lines[0])
-    return lines[0]
-
-
-def _refuse_private(text: str) -> None:
-    if any(mark in text.upper() for mark in _PRIVATE):
-        raise UsageError(
-            "this is a private key, and was meant for nobody but its owner",
-            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
-        )
-
-
-def _in_file(typed: str) -> str:
-    hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
-    try:
-        with Path(typed).open(encoding="utf-8") as file:
-            return file.read(_LONGEST)
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
-        raise UsageError(f"no key to seal to: {shown(typed)} cannot be read: {why}", hint=hint) from error
+    Raises UsageError, RequestRefused: for words that do not fit the member, or a key that it cannot read.
+    """
+    words = {"system": change.system, "distribution": change.distribution, "openvpn": openvpn}
+    check = RequestCheck({**words, "wrap": change.wrap})
+    if member.partner is None:
+        for word in [word for word, value in words.items() if value is not None]:
+            check.wrong(f"`{word}=` does not go with `{member.name}`", "the inventory says it of a declared computer")
+        check.close()
+        return change
+    client = _client_words(check, member.kind)
+    if change.distribution is None:
+        client = replace(client, distribution=member.distribution)
+    vehicle = member.vehicle if member.vehicle in declaration.vehicles else None
+    fitting = _wrap(declaration, check, client, member.kind, vehicle)
+    check.close()
+    wrap = fitting if change.wrap is not None or fitting is Wrap.TLS_CRYPT else None
+    return replace(change, wrap=wrap)

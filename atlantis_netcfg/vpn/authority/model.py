@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.journal import LockHolder, sync_directory
-from atlantis_netcfg.vpn.identity import Certificate, KeyType, Member, MemberKind, MemberLink, Wrap
+from atlantis_netcfg.vpn.identity import Certificate, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from ipaddress import IPv4Address, IPv4Network
     from pathlib import Path
 
+    from atlantis_netcfg.declaration.model import RosDistribution
     from atlantis_netcfg.vpn.ledger.records import Issued
 
 
@@ -60,6 +61,8 @@ class EnrolmentRequest:
     key: KeyType = KeyType.EC
     days: int = CLIENT_DAYS
     """How long the certificate is good for."""
+    system: ClientSystem | None = None
+    distribution: RosDistribution | None = None
     request_id: str = ""
     """Recorded beside the certificate: whose request it answers."""
 
@@ -73,6 +76,8 @@ class RenewalRequest:
     wrap: Wrap | None = None
     key: KeyType | None = None
     link: MemberLink | None = None
+    system: ClientSystem | None = None
+    distribution: RosDistribution | None = None
     request_id: str = ""
 
 

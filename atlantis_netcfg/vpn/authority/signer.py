@@ -163,7 +163,12 @@ def plan_renewal(member: Member, change: RenewalRequest) -> PlannedCertificate:
     newest = member.good[-1]
     in_use = next((item for item in reversed(member.good) if item.standing is CertificateStatus.SEEN), member.good[0])
     return PlannedCertificate(
-        member=member if change.link is None else replace(member, link=change.link),
+        member=replace(
+            member,
+            link=change.link or member.link,
+            system=change.system or member.system,
+            distribution=change.distribution or member.distribution,
+        ),
         common_name=_next_name(member),
         wrap=newest.wrap if change.wrap is None else change.wrap,
         key=newest.key if change.key is None else change.key,
@@ -224,6 +229,8 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
         ("kind", member.kind, request.kind),
         ("link", member.link, request.link),
         ("vehicle", member.vehicle or "none", request.vehicle or "none"),
+        ("system", member.system or "none", request.system or member.system or "none"),
+        ("distribution", member.distribution or "none", request.distribution or member.distribution or "none"),
         ("address", member.address, member.address if request.address is None else request.address),
         ("wrap", newest.wrap, request.wrap),
         ("key", newest.key, request.key),
@@ -234,7 +241,7 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
     if other:
         raise OtherMember(
             f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
-            hint=f"`provision vpn renew name={member.name}` changes link, wrap and key; for the rest take another name",
+            hint=f"`provision vpn renew name={member.name}` changes link, wrap, key and system; else take another name",
         )
 
 
@@ -265,6 +272,8 @@ def _planned(
         request.link,
         request.vehicle,
         certificates,
+        request.system,
+        request.distribution,
     )
     return PlannedCertificate(planned, _next_name(planned), request.wrap, request.key, request.days, request.request_id)
 
@@ -373,6 +382,8 @@ def _made(session: SigningSession, planned: PlannedCertificate) -> _MadeCertific
         address=member.address,
         link=member.link,
         vehicle=member.vehicle,
+        system=member.system,
+        distribution=member.distribution,
         common_name=planned.common_name,
         serial=certificate.serial_number,
         sha256=pki.sha256(certificate),

@@ -28,7 +28,6 @@ from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki, routeros
 from atlantis_netcfg.vpn.enrolment_package import page as pages
-from atlantis_netcfg.vpn.enrolment_package.page import facts, program
 from atlantis_netcfg.vpn.enrolment_package.profile import (
     NotAnIdentity,
     identity_file,
@@ -36,7 +35,9 @@ from atlantis_netcfg.vpn.enrolment_package.profile import (
     profile,
     read_identity,
 )
-from atlantis_netcfg.vpn.identity import Identity, MemberKind
+from atlantis_netcfg.vpn.enrolment_package.self_test import facts, program
+from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind
+from atlantis_netcfg.vpn.systems import system_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -171,9 +172,16 @@ _WHAT = {
     ".rsc": "what the router runs to take the profile",
     "README.txt": "this page",
     "README.html": "the same for a browser",
+    "install.sh": "does on the robot what this page says, and may be typed again",
     "restart.conf": "starts the tunnel again whatever ended it",
     "self-test.py": "tells whether the device is in the VPN, and if not, why",
+    "self-test.ps1": "the same for Windows PowerShell",
     "self-test.json": "what the test compares with; no secret is in it",
+    "cyclonedds.xml": "the profile of Cyclone DDS",
+    "fastdds.xml": "the profile of Fast DDS",
+    "ros.env": "the environment of ROS 2 programs, for services of systemd",
+    "setup.bash": "the same for shells",
+    "setup.ps1": "the same for PowerShell",
 }
 
 
@@ -182,6 +190,8 @@ class HandOut:
     """What leaves the control centre."""
 
     file_name: str
+    cover_note: str
+    """Text to be sent along with the file; nothing in it is secret."""
     data: bytes = field(repr=False)
     passphrase: Secret | None
     """To be shown once and told by telephone; None where the file is for somebody's key."""
@@ -201,7 +211,9 @@ def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, c
     files = contents(declaration, identity, contact=contact)
     packed = pack(name, files, int(identity.certificate.not_before.timestamp()))
     data, passphrase = seal(packed, sealing)
-    return HandOut(_file_name(identity), data, passphrase)
+    view = _view(declaration, identity, contact, tuple(files))
+    note = pages.CoverNote(hashlib.sha256(data).hexdigest(), passphrase=passphrase is not None)
+    return HandOut(_file_name(identity), pages.cover_note(view, note), data, passphrase)
 
 
 def open_handout(data: bytes, secret: Secret) -> dict[str, str]:
@@ -220,23 +232,24 @@ def contents(declaration: Declaration, identity: Identity, *, contact: str) -> d
             hint="for example a name, a telephone number and a mail address",
         )
     local = _key_files(declaration, identity)
-    lines = (*local, "README.txt", "README.html", *_beside(identity.member.kind))
-    view = pages.page_view(
-        declaration,
-        identity,
-        contact=contact.strip(),
-        sealed_file=_file_name(identity),
-        files=[(name, _what(name)) for name in lines],
-    )
+    names = (*local, "README.txt", "README.html", *_beside(declaration, identity.member))
+    view = _view(declaration, identity, contact, names)
     page = pages.page(view)
     made = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
-    if "restart.conf" in lines:
-        made["restart.conf"] = pages.restart(view)
-    if "self-test.py" in lines:
+    made.update({name: pages.beside(view, name) for name in names if name in pages.BESIDE})
+    made.update({name: program(name) for name in view.tests})
+    if view.tests:
         ovpn = f"{identity.member.name}.ovpn"
-        made["self-test.py"] = program()
         made["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)
-    return made
+    if view.dds is not None:
+        made.update(pages.dds_files(view.dds))
+    return {name: made[name] for name in names}
+
+
+def _view(declaration: Declaration, identity: Identity, contact: str, names: tuple[str, ...]) -> pages.PageView:
+    files = [(name, _what(name)) for name in names]
+    sealed = _file_name(identity)
+    return pages.page_view(declaration, identity, contact=contact.strip(), sealed_file=sealed, files=files)
 
 
 def _file_name(identity: Identity) -> str:
@@ -259,10 +272,37 @@ def _what(name: str) -> str:
     return _WHAT.get(name) or _WHAT[name[name.rindex(".") :]]
 
 
-def _beside(kind: MemberKind) -> tuple[str, ...]:
+def _beside(declaration: Declaration, member: Member) -> tuple[str, ...]:
     """What else is in the hand-out of such a member; on a router and a declared computer nothing of ours is tried."""
-    tests = ("self-test.py", "self-test.json")
-    return {MemberKind.ROBOT: ("restart.conf", *tests), MemberKind.LAPTOP: tests}.get(kind, ())
+    if member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
+        return ()
+    install = ("install.sh", "restart.conf") if member.kind is MemberKind.ROBOT else ()
+    dds = _DDS[system_of(member)] if pages.dds_view(declaration, member) is not None else ()
+    return (*install, *_TESTS[system_of(member)], *dds)
+
+
+_PYTHON, _POWERSHELL = ("self-test.py", "self-test.json"), ("self-test.ps1", "self-test.json")
+_XML, _SHELL = ("cyclonedds.xml", "fastdds.xml"), ("ros.env", "setup.bash")
+_TESTS: Mapping[ClientSystem | None, tuple[str, ...]] = {
+    ClientSystem.LINUX: _PYTHON,
+    ClientSystem.UBUNTU_DESKTOP: _PYTHON,
+    ClientSystem.WINDOWS: _POWERSHELL,
+    ClientSystem.MACOS: _PYTHON,
+    ClientSystem.ANDROID: (),
+    ClientSystem.IOS: (),
+    None: ("self-test.py", *_POWERSHELL),
+}
+"""The self-test of each system; None: nobody has said which it is."""
+_DDS: Mapping[ClientSystem | None, tuple[str, ...]] = {
+    ClientSystem.LINUX: (*_XML, *_SHELL),
+    ClientSystem.UBUNTU_DESKTOP: (*_XML, *_SHELL),
+    ClientSystem.WINDOWS: (*_XML, "setup.ps1"),
+    ClientSystem.MACOS: (*_XML, "setup.bash"),
+    ClientSystem.ANDROID: (),
+    ClientSystem.IOS: (),
+    None: (*_XML, *_SHELL, "setup.ps1"),
+}
+"""The DDS files of each system."""
 
 
 _ENDING = ".identity"

@@ -1,42 +1,36 @@
-"""What a member reads: the page of instructions, what it may reach, its self-test.
+"""What a member reads: the page of instructions, and the cover note that goes with the sealed file.
 
-The page of instructions: as text, and as a page for a browser that loads nothing from elsewhere.
-
-The templates print blocks with an empty line between them: a heading is underlined, a list begins with hyphens, what is
-to be typed is indented by four spaces, all else is a paragraph.
+Both as text, the page also for a browser, which loads nothing from elsewhere. The templates print blocks with an empty
+line between them: a heading is underlined, a list begins with hyphens, what is to be typed is indented by four spaces,
+all else is a paragraph. Each block is translated by itself; what is to be typed is the same in every language.
 
 What a member may reach, and who may reach it, in words: read from the policy that the firewall is made of.
-
-The self-test, the public facts about one member that it needs, and the faults that it recognises.
-
-The patterns are those of openvpn 2.4 to 2.6 (its `src/openvpn/`). A server refuses a certificate by silence (facts 7):
-where causes cannot be told apart, the text says so. Filled in: `{endpoint}`, `{proto}`, `{now}`, `{line}`.
 """
 
 from __future__ import annotations
 
-import hashlib
 import html
-import json
 import re
 import textwrap
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from ipaddress import IPv4Address, IPv4Network
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import Transport
-from atlantis_netcfg.render import environment, template_folder
-from atlantis_netcfg.vpn import routeros
-from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared, remote
-from atlantis_netcfg.vpn.identity import Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.declaration.model import Pace
+from atlantis_netcfg.gateway.dds import FOLDER, MemberDds, ProfileView, member_files, member_view
+from atlantis_netcfg.render import environment
+from atlantis_netcfg.vpn import routeros, systems
+from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
+from atlantis_netcfg.vpn.identity import ClientSystem, Identity, Member, MemberKind, MemberLink, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import ANYTHING, PING, Permission, Policy, PolicyTraffic, Protocol, Zone, policy
 from atlantis_netcfg.vpn.server import tunnel_address
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration
 
 
@@ -159,20 +153,33 @@ _WHAT = {
 }
 _RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 300}
 """Pause after the server has sent a robot away; on a satellite each attempt is paid."""
-_MESSAGE_BYTES = 1200
-"""Of a DDS message: whole in one packet of every link (facts 9)."""
-_WIDTH = 100
+WAIT_S = {MemberLink.FIBRE: 20, MemberLink.LTE: 40, MemberLink.SATELLITE: 120}
+"""How long the tunnel may take; by satellite it was seen up in 4 to 35 s (facts 9)."""
+_WIDTH = 80
 _UNDERLINE = re.compile(r"(=+|-+)")
 
 
-@dataclass(frozen=True, slots=True)
-class DdsAdvice:
-    """What a participant of ROS 2 needs to know."""
+_PACE = {MemberLink.FIBRE: Pace.FAST, MemberLink.LTE: Pace.MOBILE, MemberLink.SATELLITE: Pace.SATELLITE}
+DDS_FILES = ("cyclonedds.xml", "fastdds.xml", "ros.env", "setup.bash", "setup.ps1")
+"""What a hand-out may have for DDS."""
+_STEPS = {
+    ClientSystem.LINUX: "linux",
+    ClientSystem.UBUNTU_DESKTOP: "ubuntu-desktop",
+    ClientSystem.WINDOWS: "windows",
+    ClientSystem.MACOS: "macos",
+    ClientSystem.ANDROID: "phone",
+    ClientSystem.IOS: "phone",
+}
+"""The template with the steps of each system that a laptop may have."""
 
-    domain: int
-    middleware: str
-    message_bytes: int
-    peers: tuple[IPv4Address, ...]
+
+@dataclass(frozen=True, slots=True)
+class DdsSettings:
+    """What a participant of ROS 2 needs to know, and the files that have it."""
+
+    view: ProfileView
+    files: tuple[str, ...]
+    """Those of them that the hand-out has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,14 +195,22 @@ class PageView:
     contact: str
     key_file: str
     sealed_file: str
+    folder: str
+    """In the sealed file."""
+    system: str
+    """Empty: nobody has said it."""
+    steps: tuple[str, ...]
+    """Templates of a laptop's systems."""
     old_client: bool
     on_satellite: bool
     restart_s: int
-    tested: bool
-    """Whether the hand-out has a self-test."""
+    wait_s: int
+    """How long the tunnel may take to come up."""
+    tests: tuple[str, ...]
+    """Programs of the self-test in the hand-out."""
     reach: tuple[Reach, ...]
     reached_by: tuple[str, ...]
-    dds: DdsAdvice | None
+    dds: DdsSettings | None
     files: tuple[tuple[str, str], ...]
     routeros: str
     """First that can be a member."""
@@ -216,7 +231,7 @@ def page_view(
     files: Sequence[tuple[str, str]],
 ) -> PageView:
     """Everything that the page says of one member; `contact` is whom the partner calls, in the operator's words."""
-    member = identity.member
+    member, system = identity.member, systems.system_of(identity.member)
     found = reach(declaration, member)
     return PageView(
         pilot=declaration.pilot.name,
@@ -228,13 +243,17 @@ def page_view(
         contact=contact,
         key_file=files[0][0],
         sealed_file=sealed_file,
+        folder=identity.certificate.common_name,
+        system=system or "",
+        steps=tuple(dict.fromkeys(_STEPS.values())) if system is None else tuple(filter(None, [_STEPS.get(system)])),
         old_client=identity.certificate.wrap is Wrap.TLS_CRYPT,
         on_satellite=member.link is MemberLink.SATELLITE,
         restart_s=_RESTART_S[member.link],
-        tested=any(name == "self-test.py" for name, _ in files),
+        wait_s=WAIT_S[member.link],
+        tests=tuple(name for name, _ in files if name in {"self-test.py", "self-test.ps1"}),
         reach=found,
         reached_by=reached_by(declaration, member),
-        dds=_dds(declaration, member, found),
+        dds=_dds(declaration, member, {name for name, _ in files}),
         files=tuple(files),
         routeros=str(routeros.SINCE),
         interface=routeros.INTERFACE,
@@ -244,18 +263,66 @@ def page_view(
 
 
 def page(view: PageView) -> tuple[str, ...]:
-    """The blocks of the page."""
-    text = environment().get_template("handout/README.txt.j2").render(page=view)
-    return tuple(block.strip("\n") for block in re.split(r"\n{2,}", text.strip("\n")))
+    """The blocks of the page, in the language of the person."""
+    return _blocks(environment().get_template("handout/README.txt.j2").render(page=view))
 
 
-def restart(view: PageView) -> str:
-    """The drop-in with which systemd starts a robot's tunnel again."""
-    return environment().get_template("handout/restart.conf.j2").render(page=view)
+@dataclass(frozen=True, slots=True)
+class CoverNote:
+    """What the note says of the sealed file."""
+
+    sha256: str
+    passphrase: bool
+    """Whether a passphrase opens it; else the owner's key does."""
+
+    @property
+    def key_words(self) -> str:
+        """What `age` is told of the key."""
+        return "" if self.passphrase else " --identity YOUR_KEY"
+
+
+def cover_note(view: PageView, note: CoverNote) -> str:
+    """What is sent along with the sealed file, as text; nothing in it is secret."""
+    return as_text(_blocks(environment().get_template("handout/cover-note.txt.j2").render(page=view, note=note)))
+
+
+def _blocks(text: str) -> tuple[str, ...]:
+    return tuple(_translated(block.strip("\n")) for block in re.split(r"\n{2,}", text.strip("\n")))
+
+
+def _translated(block: str) -> str:
+    """What is typed stays as it is; a list is translated line by line, all else whole."""
+    lines = block.split("\n")
+    if _is_typed(lines):
+        return block
+    if _is_heading(lines):
+        title = translate(lines[0])
+        return f"{title}\n{lines[1][0] * len(title)}"
+    if _is_list(lines):
+        items = " ".join(line.strip() if line.startswith(" ") else f"\n{line}" for line in lines).split("\n")
+        return "\n".join(f"- {translate(item.strip()[2:])}" for item in items if item.strip())
+    return translate(" ".join(lines))
+
+
+BESIDE = ("install.sh", "restart.conf")
+"""What a robot's computer gets from templates of these names."""
+
+
+def beside(view: PageView, name: str) -> str:
+    """A file of a robot's hand-out."""
+    return environment().get_template(f"handout/{name}.j2").render(page=view)
+
+
+def dds_files(dds: DdsSettings) -> dict[str, str]:
+    """The DDS files of a hand-out: profiles and environment as gateways have them, and what a shell reads."""
+    made = member_files(dds.view)
+    for name in ("setup.bash", "setup.ps1"):
+        made[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=FOLDER)
+    return {name: made[name] for name in dds.files}
 
 
 def as_text(blocks: Sequence[str]) -> str:
-    """The page for every editor, in lines of 100 characters."""
+    """The page for every editor, in lines of 80 characters; what is to be typed is never cut."""
     return "\n\n".join(_wrapped(block) for block in blocks) + "\n"
 
 
@@ -263,7 +330,9 @@ def as_html(blocks: Sequence[str]) -> str:
     """The same page for a browser; nothing in it is loaded from elsewhere."""
     title = html.escape(blocks[0].partition("\n")[0])
     body = "\n".join(_marked_up(html.escape(block, quote=False)) for block in blocks)
-    return environment().get_template("handout/README.html.j2").render(title=title, body=body)
+    return (
+        environment().get_template("handout/README.html.j2").render(title=title, body=body, language=language.current())
+    )
 
 
 def _wrapped(block: str) -> str:
@@ -271,8 +340,15 @@ def _wrapped(block: str) -> str:
     if _is_typed(lines) or _is_heading(lines):
         return block
     if _is_list(lines):
-        return "\n".join(textwrap.fill(line, _WIDTH, subsequent_indent="  ") for line in lines)
-    return textwrap.fill(" ".join(lines), _WIDTH, break_on_hyphens=False)
+        return "\n".join(_filled(line, indent="  ") for line in lines)
+    return _filled(" ".join(lines))
+
+
+def _filled(text: str, indent: str = "") -> str:
+    """Lines of the page's width; what stands between back-ticks is typed, and stays on one line."""
+    whole = re.sub(r"`[^`]*`", lambda found: found[0].replace(" ", "\0"), text)
+    filled = textwrap.fill(whole, _WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+    return filled.replace("\0", " ")
 
 
 def _marked_up(block: str) -> str:
@@ -283,8 +359,13 @@ def _marked_up(block: str) -> str:
     if _is_typed(lines):
         return "<pre>" + "\n".join(line[4:] for line in lines) + "</pre>"
     if _is_list(lines):
-        return "<ul>\n" + "\n".join(f"<li>{line[2:]}</li>" for line in lines) + "\n</ul>"
-    return "<p>" + "\n".join(lines) + "</p>"
+        return "<ul>\n" + "\n".join(f"<li>{_code(line[2:])}</li>" for line in lines) + "\n</ul>"
+    return "<p>" + _code("\n".join(lines)) + "</p>"
+
+
+def _code(text: str) -> str:
+    """What stands between back-ticks is shown as what is typed."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", text)
 
 
 def _is_heading(lines: Sequence[str]) -> bool:
@@ -296,7 +377,7 @@ def _is_typed(lines: Sequence[str]) -> bool:
 
 
 def _is_list(lines: Sequence[str]) -> bool:
-    return all(line.startswith("- ") for line in lines)
+    return lines[0].startswith("- ") and all(line.startswith(("- ", "  ")) for line in lines)
 
 
 def _what(declaration: Declaration, member: Member) -> str:
@@ -304,147 +385,22 @@ def _what(declaration: Declaration, member: Member) -> str:
     return f"{_WHAT[member.kind]} `{member.device}`{whose}"
 
 
-def _dds(declaration: Declaration, member: Member, found: Sequence[Reach]) -> DdsAdvice | None:
-    """Only for who speaks DDS to computers of ours, and is not configured by this toolkit itself."""
-    dds = declaration.pilot.dds
-    if dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
+def dds_view(declaration: Declaration, member: Member) -> ProfileView | None:
+    """A member's DDS profile. Only for who speaks DDS to computers of ours, and is not configured by this toolkit."""
+    if declaration.pilot.dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return None
+    release = systems.distribution(declaration, member.vehicle, member.distribution)
+    found = reach(declaration, member)
     spoken = [entry for entry in found if any(words.startswith("DDS") for words in entry.traffic)]
-    peers = tuple(address for item in spoken for _, address in item.hosts)
-    return DdsAdvice(dds.domain, dds.middleware, _MESSAGE_BYTES, peers) if peers else None
+    peers = tuple((name, str(address)) for item in spoken for name, address in item.hosts)
+    if not peers or release is None:
+        return None
+    return member_view(declaration, MemberDds(member.name, str(member.address), _PACE[member.link], peers, release))
 
 
-class SelfTestFault(NamedTuple):
-    """A fault that one line tells."""
-
-    pattern: str
-    """What is searched for in a line, for `re`."""
-    what: str
-    do: str
-
-
-FAULTS = (
-    SelfTestFault(
-        r"Unrecognized option or missing",
-        "this OpenVPN does not know a word of the profile: {line}",
-        "Install OpenVPN 2.5 or later. Where that cannot be, ask for a hand-out for OpenVPN 2.4.",
-    ),
-    SelfTestFault(
-        r"Cannot open TUN/TAP dev|Cannot ioctl TUNSETIFF|/dev/net/tun",
-        "this computer gives OpenVPN no tunnel device",
-        "Run the test as root. In a container or virtual machine its administrator has to allow /dev/net/tun.",
-    ),
-    SelfTestFault(
-        r"certificate is not yet valid",
-        "by this computer's clock ({now}) the control centre's certificate is not yet valid: the clock is behind",
-        "Set the clock, then run the test again.",
-    ),
-    SelfTestFault(
-        r"certificate has expired",
-        "by this computer's clock ({now}) the control centre's certificate has expired",
-        "Look whether the clock is right. If it is, tell the control centre.",
-    ),
-    SelfTestFault(
-        r"VERIFY (X509NAME )?ERROR|VERIFY KU ERROR|VERIFY EKU ERROR",
-        "what answers at {endpoint} is not the control centre's server",
-        "Do not use this network for the VPN, and tell the control centre what network it is.",
-    ),
-    SelfTestFault(
-        r"AUTH_FAILED",
-        "the control centre does not admit this device's certificate: it was revoked, or a newer one is in use",
-        "Use your newest hand-out. If this is the newest, ask the control centre.",
-    ),
-    SelfTestFault(
-        r"server-pushed-halt|Received control message: HALT",
-        "the control centre has just ended this device's session",
-        "Ask the control centre.",
-    ),
-    SelfTestFault(
-        r"ECONNREFUSED|Connection refused",
-        "the control centre's computer answers, and its VPN server does not run",
-        "Try again in some minutes, then tell the control centre.",
-    ),
-    SelfTestFault(
-        r"Network is unreachable|No route to host|ENETUNREACH|EHOSTUNREACH",
-        "this computer has no way to {endpoint}",
-        "Connect it to the internet, then run the test again.",
-    ),
-    SelfTestFault(
-        r"write UDP.*(Operation not permitted|Permission denied)|EPERM",
-        "a firewall on this computer forbids what the VPN sends",
-        "Allow {proto} to {endpoint}.",
-    ),
-    SelfTestFault(
-        r"Cannot load|no start line|PEM_read|Insufficient key material|tls-crypt-v2 .*(error|fail)",
-        "the profile is damaged: {line}",
-        "Unpack the hand-out again. If that does not help, ask for a new one.",
-    ),
-)
-REFUSED = (
-    "the control centre answers, and then says nothing more: it does not take this device's certificate",
-    (
-        "It was revoked or has expired, or one of the two clocks is wrong. Look at this computer's ({now}), then ask "
-        "the control centre."
-    ),
-)
-"""What is wrong and what to do where a first answer came: the key that wraps is right, and the way is open."""
-SILENCE = (
-    "nothing comes back from {endpoint}",
-    (
-        "From here it cannot be told which it is: the network that you are in lets no {proto} to {endpoint} pass, or "
-        "the control centre's server or its line is down, or it has another key (tls-crypt) than your profile. Try "
-        "from another network, such as a telephone's. If it works there, ask the first one's administrator to allow "
-        "{proto} to {endpoint}. If not, ask the control centre, and whether you need a new hand-out."
-    ),
-)
-"""The same where nothing came."""
-
-_WAIT_S = {MemberLink.FIBRE: 20, MemberLink.LTE: 40, MemberLink.SATELLITE: 120}
-"""How long the tunnel may take; by satellite it was seen up in 4 to 35 s (facts 9)."""
-_FEW = 3
-"""Computers that are pinged besides the server."""
-
-
-def program() -> str:
-    """The text of the self-test, the same for all members: Python 3.8, standard library alone."""
-    return (template_folder() / "handout" / "self_test.py").read_text(encoding="utf-8")
-
-
-def facts(declaration: Declaration, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
-    """What the self-test compares with, as JSON; of the profile only its hash."""
-    member, certificate, vpn = identity.member, identity.certificate, declaration.pilot.vpn
-    values: dict[str, Any] = {
-        "pilot": declaration.pilot.name,
-        "name": member.name,
-        "address": str(member.address),
-        "endpoint": str(remote(declaration, member)),
-        "port": vpn.port,
-        "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
-        "server": str(tunnel_of_server(declaration)),
-        "not_before": int(certificate.not_before.timestamp()),
-        "not_after": int(certificate.not_after.timestamp()),
-        "wrap": str(certificate.wrap),
-        "profile": file_name,
-        "profile_sha256": hashlib.sha256(profile.reveal().encode()).hexdigest(),
-        "wait_s": _WAIT_S[member.link],
-        "ping": _pinged(declaration, member),
-        "dds_port": dds_port(declaration, member),
-        "contact": contact,
-        "faults": [list(item) for item in FAULTS],
-        "refused": list(REFUSED),
-        "silence": list(SILENCE),
-    }
-    return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
-
-
-def _pinged(declaration: Declaration, member: Member) -> list[list[str]]:
-    """Computers of ours that answer pings, the server aside: it is asked first."""
-    server = tunnel_of_server(declaration)
-    found = {
-        address: name
-        for item in reach(declaration, member)
-        if item.ping
-        for name, address in item.hosts
-        if address not in {server, member.address}
-    }
-    return [[name, str(address)] for address, name in list(found.items())[:_FEW]]
+def _dds(declaration: Declaration, member: Member, names: set[str]) -> DdsSettings | None:
+    view = dds_view(declaration, member)
+    if view is None:
+        return None
+    files = tuple(name for name in DDS_FILES if name in names)
+    return DdsSettings(view, files)

@@ -13,7 +13,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
-from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
+from atlantis_netcfg.declaration.model import RosDistribution  # noqa: TC001 - as above
+from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
@@ -81,6 +82,8 @@ class Issued:
     wrap: Wrap
     key: KeyType
     request_id: str = ""
+    system: ClientSystem | None = None
+    distribution: RosDistribution | None = None
     der: str
     """The certificate, base64: its copy in `certs/` can be made again."""
 

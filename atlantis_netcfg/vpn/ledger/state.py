@@ -194,4 +194,6 @@ def _member(record: records.Issued) -> Member:
         link=record.link,
         vehicle=record.vehicle,
         certificates=(),
+        system=record.system,
+        distribution=record.distribution,
     )

@@ -52,6 +52,8 @@ table ip forwarded {
 """
 SILENT_PORT = 1197
 CLOSED_PORT = 1198
+REFUSED_PORT = 1196
+"""At which nobody listens; what goes there, the devices' own computer refuses."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""Debian's OpenVPN takes every profile that is handed out, and packets pass; NetworkManager reads them."""
+"""OpenVPN 2.5 and 2.6 of Debian take every profile that is handed out, and packets pass; NetworkManager reads them.
+
+`ATLANTIS_OPENVPN_2_4=PROGRAM` adds an OpenVPN 2.4, which no Debian here has: it takes what is wrapped for it, and
+refuses the rest.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import os
 import re
 import subprocess
 from contextlib import ExitStack
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,12 +23,43 @@ from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 pytestmark = pytest.mark.namespace
 
-_PLUGIN = Path(__file__).parents[3] / ".venv-setup" / "debian" / "network-manager-openvpn"
-"""`make test` has unpacked it there."""
+_UNPACKED = Path(__file__).parents[3] / ".venv-setup" / "debian"
+"""`make test` has unpacked the packages there."""
+_PLUGIN = _UNPACKED / "network-manager-openvpn"
+
+
+@dataclass(frozen=True)
+class Client:
+    """An OpenVPN, and where its libraries are."""
+
+    program: Path
+    libraries: Path | None = None
+    wraps: tuple[Wrap, ...] = tuple(Wrap)
+    """What it can read."""
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {} if self.libraries is None else {"LD_LIBRARY_PATH": str(self.libraries)}
+
+
+def _clients() -> dict[str, Client]:
+    older = _UNPACKED / "bullseye"
+    library = next((older / "libssl1.1").glob("usr/lib/*/libssl.so.1.1"), older)
+    found = {
+        "2.5.1": Client(older / "openvpn" / "usr" / "sbin" / "openvpn", library.parent),
+        "2.6.": Client(Path("/usr/sbin/openvpn")),
+    }
+    if oldest := os.environ.get("ATLANTIS_OPENVPN_2_4"):
+        found["2.4."] = Client(Path(oldest), wraps=(Wrap.TLS_CRYPT,))
+    return found
+
+
+CLIENTS = _clients()
+"""By the beginning of their version."""
 EVERY = {
     f"udg-{kind}-{link}-{wrap}-{key}": Wanted(f"udg-{kind}-{link}-{wrap}-{key}", kind, link, wrap, key)
     for kind, link, wrap, key in product((MemberKind.ROBOT, MemberKind.LAPTOP), MemberLink, Wrap, KeyType)
@@ -59,24 +95,44 @@ def stand(office: Office, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield made
 
 
-def test_each_profile_connects_and_pings(office: Office, profiles: dict[str, Path], stand: Stand) -> None:
+@pytest.mark.parametrize("version", CLIENTS)
+def test_each_profile_connects_and_pings(version: str, office: Office, profiles: dict[str, Path], stand: Stand) -> None:
     """A router's is read by OpenVPN here; its name leads nowhere in the namespace, so it is given the address."""
-    for path in profiles.values():
-        text = path.read_text().replace("remote vpn.example.org 1194", "remote 203.0.113.2 1194")
-        path.with_suffix(".conf").write_text(text)
-        stand.start("devices", ["openvpn", "--config", str(path.with_suffix(".conf"))], path.with_suffix(".log"))
-    for path in profiles.values():
+    client = CLIENTS[version]
+    readable = {name: path for name, path in profiles.items() if office.wanted[name].wrap in client.wraps}
+    running = [_started(stand, client, path) for path in readable.values()]
+    for path in readable.values():
         await_words(path.with_suffix(".log"), "Initialization Sequence Completed")
+        assert f" OpenVPN {version}" in path.with_suffix(".log").read_text()
     pings = {
         name: subprocess.Popen(
             stand.inside("devices", "ping", "-q", "-c1", "-W20", "-I", device_of(path.with_suffix(".log")), "10.80.0.1")
         )
-        for name, path in profiles.items()
+        for name, path in readable.items()
     }
     assert {name for name, ping in pings.items() if ping.wait() != 0} == set()
     shown = stand.run("devices", "ip", "-4", "-o", "address")
-    wanted = {str(one.member.address) for one in office.identities.values()}
-    assert set(re.findall(r"inet (10\.80\.19\.\d+)/16", shown)) == wanted
+    expected = {str(office.identities[name].member.address) for name in readable}
+    assert set(re.findall(r"inet (10\.80\.19\.\d+)/16", shown)) == expected
+    for process in running:
+        process.terminate()
+    for process in running:
+        process.wait(20)
+    _refused(stand, client, [path for name, path in profiles.items() if name not in readable])
+
+
+def _started(stand: Stand, client: Client, path: Path) -> subprocess.Popen[bytes]:
+    conf = path.with_suffix(".conf")
+    conf.write_text(path.read_text().replace("remote vpn.example.org 1194", "remote 203.0.113.2 1194"))
+    words = [str(client.program), "--config", str(conf)]
+    return stand.start("devices", words, path.with_suffix(".log"), client.environment)
+
+
+def _refused(stand: Stand, client: Client, profiles: Sequence[Path]) -> None:
+    """A client that cannot read a profile ends at once, and says so."""
+    for path in profiles:
+        assert _started(stand, client, path).wait(20) != 0
+        assert "Unrecognized option" in path.with_suffix(".log").read_text()
 
 
 def test_networkmanager_imports_each(office: Office, profiles: dict[str, Path], tmp_path: Path) -> None:

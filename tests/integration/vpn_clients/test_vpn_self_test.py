@@ -10,7 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from clients_stand import CLOSED_PORT, SILENT_PORT, Office, Stand, Wanted, await_words, declared, made_stand
+from clients_stand import (
+    CLOSED_PORT,
+    REFUSED_PORT,
+    SILENT_PORT,
+    Office,
+    Stand,
+    Wanted,
+    await_words,
+    declared,
+    made_stand,
+)
 
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.enrolment_package import contents
@@ -51,19 +61,24 @@ class Fault:
 
     @property
     def wait_s(self) -> int:
-        return SILENCE_S if "nothing" in self.said or "does not take" in self.said else WAIT_S
+        return SILENCE_S if "nothing" in self.said else WAIT_S
 
 
 FAULTS = {
-    "revoked by the list": Fault("it does not take this device's certificate", device="udg-revoked"),
+    "revoked by the list": Fault(
+        "a first answer came from 203.0.113.2 port 1194, and then nothing more", device="udg-revoked"
+    ),
     "no more admitted": Fault("does not admit this device's certificate", device="udg-gone"),
-    "server down": Fault("its VPN server does not run", port=CLOSED_PORT),
+    "server down": Fault(f"what is sent to 203.0.113.2 port {CLOSED_PORT} is refused at once", port=CLOSED_PORT),
+    "refused on the way": Fault(
+        f"what is sent to 203.0.113.2 port {REFUSED_PORT} is refused at once", port=REFUSED_PORT
+    ),
     "port blocked": Fault(f"nothing comes back from 203.0.113.2 port {SILENT_PORT}", port=SILENT_PORT),
     "another tls-crypt-v2 key": Fault("nothing comes back from 203.0.113.2 port 1194", foreign_key=True),
     "another tls-crypt key": Fault(
         "nothing comes back from 203.0.113.2 port 1194", device="udg-shared", foreign_key=True
     ),
-    "another server": Fault("is not the control centre's server", another_server=True),
+    "another server": Fault("does not show the certificate of the control centre's server", another_server=True),
     "own firewall": Fault("a firewall on this computer forbids", user=GAGGED),
     "no network": Fault("this computer has no way to 203.0.113.2", where="alone"),
     "clock of the year 2000": Fault("this computer's clock says 2000-01-01", clock="@2000-01-01 12:00:00"),
@@ -91,7 +106,8 @@ def stand(office: Office, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     with ExitStack() as stack:
         made = made_stand(stack)
         made.serve(office.furnish(tmp_path_factory.mktemp("server") / "etc"))
-        rule = f"table inet own {{ chain out {{ type filter hook output priority 0; meta skuid {GAGGED} drop; }}; }}"
+        rules = f"meta skuid {GAGGED} drop; udp dport {REFUSED_PORT} reject"
+        rule = f"table inet own {{ chain out {{ type filter hook output priority 0; {rules}; }}; }}"
         subprocess.run(made.inside("devices", "nft", "-f", "-"), input=rule, text=True, check=True)
         made.run("server", "ip", "address", "add", "10.80.0.2/32", "dev", "lo")  # for the control centre
         yield made
@@ -156,6 +172,8 @@ def test_every_fault_is_named(office: Office, stand: Stand, tmp_path: Path) -> N
     assert {case: process.returncode for case, process in running.items()} == dict.fromkeys(FAULTS, 6)
     assert all(text.endswith(f"Control centre: {CONTACT}\n") for text in said.values())
     assert not any("PASS:" in text or "Traceback" in text for text in said.values())
+    # The devices' own firewall refused it: no server, and no computer of the control centre, has heard anything.
+    assert "control centre" not in said["refused on the way"].partition("What to do:")[0]
 
 
 def test_pass_as_root_and_nothing_is_left(office: Office, stand: Stand, tmp_path: Path) -> None:
@@ -182,5 +200,5 @@ def test_pass_by_the_tunnel_that_is_up(office: Office, stand: Stand, tmp_path: P
     tunnel.terminate()
     tunnel.wait()
     assert (done.returncode, done.stderr) == (0, ""), done.stdout
-    assert "  ok    tunnel  is up, with this device's address 10.80.19.6" in done.stdout
+    assert "  ok    tunnel  an interface of this computer has this device's address 10.80.19.6" in done.stdout
     assert done.stdout.endswith("PASS: udg-shared is in the VPN.\n")

@@ -74,7 +74,7 @@ class Laptop:
         stick.mkdir()
         handed = self.type("vpn", "renew", f"name={self.member}", f"to={stick}")
         (passphrase,) = (line.split()[1] for line in handed.splitlines() if line.startswith("  passphrase"))
-        (file,) = stick.iterdir()
+        (file,) = stick.glob("*.age")
         with self.monkeypatch.context() as patch:
             patch.setattr(getpass, "getpass", lambda _question: passphrase)
             patch.setenv("ATLANTIS_STATE", str(self.folder / "another laptop"))
@@ -368,7 +368,7 @@ SITUATIONS: dict[str, Situation] = {
     "no certificate in use": (no_certificate, *LIST),
     "another wish": (
         another_wish,
-        "`provision vpn renew name={}` changes link, wrap and key; for the rest take another name",
+        "`provision vpn renew name={}` changes link, wrap, key and system; else take another name",
         0,
         "iqua-laptop.2",
     ),

@@ -125,7 +125,7 @@ def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) 
     code, out, err = desk.type(*onboarding("iqua", "sparus2", "robot"), passphrase=PASSPHRASE)
     assert (code, err) == (0, "")
     (shown,) = [line.split()[1] for line in out.splitlines() if line.startswith("  passphrase  ")]
-    (file,) = desk.authority.glob("handouts/*/*")
+    (file,) = desk.authority.glob("handouts/*/*.age")
     profile = open_handout(file.read_bytes(), Secret(shown))["iqua-sparus2.ovpn"]
     assert read_identity(profile).member.vehicle == "sparus"
     assert shown.encode() not in b"".join(desk.files().values())
@@ -177,7 +177,7 @@ def test_a_list_of_devices(suffix: str, text: str, desk: Desk, tmp_path: Path) -
         ("iqua-sparus2", "10.80.17.1", "satellite"),
         ("inesc-007", "10.80.16.1", "fibre"),
     ]
-    (sealed,) = desk.authority.glob("handouts/iqua-sparus2/*")
+    (sealed,) = desk.authority.glob("handouts/iqua-sparus2/*.age")
     assert open_handout(sealed.read_bytes(), Secret(str(key)))
     assert all(row["already"] for row in desk.told(*words)["members"])
 

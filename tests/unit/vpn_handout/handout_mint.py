@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
 
 from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric import ec, rsa
@@ -18,6 +19,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import (
     Certificate,
     CertificateStatus,
+    ClientSystem,
     Identity,
     KeyType,
     Member,
@@ -25,6 +27,9 @@ from atlantis_netcfg.vpn.identity import (
     MemberLink,
     Wrap,
 )
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration.model import RosDistribution
 
 NOT_BEFORE = datetime(2026, 11, 1, tzinfo=UTC)
 NOT_AFTER = datetime(2027, 12, 3, tzinfo=UTC)
@@ -44,6 +49,8 @@ class Wanted:
     wrap: Wrap = Wrap.TLS_CRYPT_V2
     key: KeyType = KeyType.EC
     generation: int = 1
+    system: ClientSystem | None = None
+    distribution: RosDistribution | None = None
     not_before: datetime = field(default=NOT_BEFORE)
     not_after: datetime = field(default=NOT_AFTER)
 
@@ -96,6 +103,8 @@ def _member(wanted: Wanted, certificate: Certificate) -> Member:
         link=wanted.link,
         vehicle=wanted.vehicle,
         certificates=(certificate,),
+        system=wanted.system,
+        distribution=wanted.distribution,
     )
 
 

@@ -14,9 +14,10 @@ from handout_mint import Wanted, identity
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, load
+from atlantis_netcfg.declaration.model import RosDistribution
 from atlantis_netcfg.vpn.enrolment_package import contents
 from atlantis_netcfg.vpn.enrolment_package.page import reach
-from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, MembershipList, Wrap
+from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, MembershipList, Wrap
 from atlantis_netcfg.vpn.policy import Flow, Party, Protocol, policy
 
 PAGES = Path(__file__).with_name("pages")
@@ -25,6 +26,15 @@ KINDS = {
     "laptop": Wanted(),
     "laptop-of-2.4-by-satellite": Wanted(wrap=Wrap.TLS_CRYPT, link=MemberLink.SATELLITE, generation=2),
     "robot": Wanted("udg-sparus2", MemberKind.ROBOT, "udg", "10.80.19.1", MemberLink.SATELLITE, vehicle="sparus"),
+    "robot-foxy": Wanted(
+        "inesc-zarco", MemberKind.ROBOT, vehicle="zarco", wrap=Wrap.TLS_CRYPT, distribution=RosDistribution.FOXY
+    ),
+    "laptop-linux": Wanted(system=ClientSystem.LINUX),
+    "laptop-ubuntu-desktop": Wanted(system=ClientSystem.UBUNTU_DESKTOP, distribution=RosDistribution.JAZZY),
+    "laptop-windows": Wanted(system=ClientSystem.WINDOWS),
+    "laptop-macos": Wanted(system=ClientSystem.MACOS, distribution=RosDistribution.HUMBLE),
+    "laptop-android": Wanted(system=ClientSystem.ANDROID),
+    "laptop-ios": Wanted(system=ClientSystem.IOS),
     "router": Wanted("vtt-router1", MemberKind.ROUTER, "vtt", "10.80.20.1", wrap=Wrap.TLS_CRYPT, key=KeyType.RSA),
     "host": Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21"),
 }
@@ -39,6 +49,7 @@ def declaration() -> Declaration:
 def test_the_page(kind: str, declaration: Declaration) -> None:
     told = contents(declaration, identity(KINDS[kind]), contact=CONTACT)["README.txt"]
     assert told == (PAGES / f"{kind}.txt").read_text()
+    assert [line for line in told.splitlines() if len(line) > 80 and not line.startswith("    ")] == []
     assert max(map(len, told.splitlines())) <= 100
 
 
@@ -70,9 +81,10 @@ def test_the_page_for_a_browser_says_the_same(kind: str, declaration: Declaratio
     reader = Reader()
     reader.feed(told["README.html"])
     assert (reader.open, reader.loads) == ([], [])
-    underlines = re.compile(r"^(=+|-+)$", re.MULTILINE)
-    text = underlines.sub("", told["README.txt"])
-    assert reader.text.split() == [word for word in text.split() if word != "-"]
+    assert '<html lang="en">' in told["README.html"]
+    marks = re.compile(r"^(=+|-+|- (.*))$", re.MULTILINE)
+    text = marks.sub(r"\2", told["README.txt"]).replace("`", "")
+    assert reader.text.split() == text.split()
 
 
 def test_what_the_operator_types_is_text(declaration: Declaration) -> None:

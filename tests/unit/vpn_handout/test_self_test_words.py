@@ -112,6 +112,24 @@ def test_of_openvpns_words(
     assert same(capsys, case)
 
 
+@pytest.mark.parametrize("case", [case for case, words in WORDS.items() if "TLS: Initial packet" not in words])
+def test_nothing_is_said_of_a_server_that_was_not_heard(
+    case: str,
+    program: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Without a first packet of the server, of what is at the other end nothing is known: not even that it is there."""
+    facts = unpacked(tmp_path)
+    in_openvpns_place(tmp_path, monkeypatch, WORDS[case])
+    program.main(["--facts", str(facts)])
+    found = capsys.readouterr().out.partition("What to do:")[0]
+    assert "  FAIL  tunnel  " in found
+    assert "control centre" not in found
+    assert "VPN server" not in found
+
+
 def rewritten(facts: Path, **other: Any) -> None:  # noqa: ANN401 - JSON
     facts.write_text(json.dumps(json.loads(facts.read_text()) | other))
 
@@ -202,7 +220,9 @@ class TestWithoutOpenvpn:
             port = one.getsockname()[1]
         rewritten(facts, endpoint="127.0.0.1", port=port)
         assert program.main(["--facts", str(facts)]) == 6
-        assert "its VPN server does not run" in capsys.readouterr().out
+        assert (
+            f"what is sent to 127.0.0.1 port {port} is refused at once: nobody listens there" in capsys.readouterr().out
+        )
 
 
 THROUGH: dict[str, tuple[set[tuple[str, int]], bool]] = {

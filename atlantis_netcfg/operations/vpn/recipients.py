@@ -1,0 +1,65 @@
+"""The public keys that hand-outs are sealed to, from the words of a command: checked, and no private one among them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.operations.vpn.requests import RequestRefused, shown
+from atlantis_netcfg.vpn.pki import check_recipient
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+
+_LONGEST = 20_000
+"""Characters of a file with a public key: RSA keys and comments have a few thousand."""
+_PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
+
+
+def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
+    """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
+    found: dict[str, str] = {}
+    errors: list[UsageError] = []
+    for item, name in zip(requested, names, strict=True):
+        if item.recipient is None:
+            continue
+        try:
+            found[name] = recipient_of(item.recipient)
+        except UsageError as error:
+            errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
+    if errors:
+        raise RequestRefused(errors)
+    return found
+
+
+def recipient_of(typed: str) -> str:
+    """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
+    _refuse_private(typed)
+    text = typed if typed.startswith(("age1", "ssh-")) else _in_file(typed)
+    _refuse_private(text)
+    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if len(lines) != 1:
+        raise UsageError(f"there are {len(lines)} keys in {shown(typed)}", hint="one file, one public key")
+    check_recipient(lines[0])
+    return lines[0]
+
+
+def _refuse_private(text: str) -> None:
+    if any(mark in text.upper() for mark in _PRIVATE):
+        raise UsageError(
+            "this is a private key, and was meant for nobody but its owner",
+            hint="let them make a new one (`age-keygen`), and send the line that begins with age1",
+        )
+
+
+def _in_file(typed: str) -> str:
+    hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
+    try:
+        with Path(typed).open(encoding="utf-8") as file:
+            return file.read(_LONGEST)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or "it is no text"
+        raise UsageError(f"no key to seal to: {shown(typed)} cannot be read: {why}", hint=hint) from error

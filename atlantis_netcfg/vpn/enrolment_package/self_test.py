@@ -1,0 +1,162 @@
+"""The self-test: its programs, the public facts about one member that they need, and the faults that they recognise.
+
+The patterns are those of openvpn 2.4 to 2.6 (its `src/openvpn/`). A server refuses a certificate by silence (facts 7):
+where causes cannot be told apart, the text says so. Filled in: `{endpoint}`, `{proto}`, `{now}`, `{line}`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from atlantis_netcfg.declaration.model import Transport
+from atlantis_netcfg.render import template_folder
+from atlantis_netcfg.vpn.enrolment_package.page import WAIT_S, dds_port, reach, tunnel_of_server
+from atlantis_netcfg.vpn.enrolment_package.profile import remote
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.vpn.identity import Identity, Member
+
+
+class SelfTestFault(NamedTuple):
+    """A fault that one line tells."""
+
+    pattern: str
+    """What is searched for in a line, for `re`."""
+    what: str
+    do: str
+
+
+FAULTS = (
+    SelfTestFault(
+        r"Unrecognized option or missing",
+        "this OpenVPN does not know a word of the profile: {line}",
+        "Install OpenVPN 2.5 or later. Where that cannot be, ask for a hand-out for OpenVPN 2.4.",
+    ),
+    SelfTestFault(
+        r"Cannot open TUN/TAP dev|Cannot ioctl TUNSETIFF|/dev/net/tun",
+        "this computer gives OpenVPN no tunnel device",
+        "Run the test as root. In a container or virtual machine its administrator has to allow /dev/net/tun.",
+    ),
+    SelfTestFault(
+        r"certificate is not yet valid",
+        "by this computer's clock ({now}) the control centre's certificate is not yet valid: the clock is behind",
+        "Set the clock, then run the test again.",
+    ),
+    SelfTestFault(
+        r"certificate has expired",
+        "by this computer's clock ({now}) the control centre's certificate has expired",
+        "Look whether the clock is right. If it is, tell the control centre.",
+    ),
+    SelfTestFault(
+        r"VERIFY (X509NAME )?ERROR|VERIFY KU ERROR|VERIFY EKU ERROR",
+        "what answers at {endpoint} does not show the certificate of the control centre's server",
+        "Do not use this network for the VPN, and tell the control centre what network it is.",
+    ),
+    SelfTestFault(
+        r"AUTH_FAILED",
+        "the control centre does not admit this device's certificate",
+        "Most often it was revoked, or a newer one is in use. Use your newest hand-out. If this is the newest, ask the "
+        "control centre.",
+    ),
+    SelfTestFault(
+        r"server-pushed-halt|Received control message: HALT",
+        "the control centre has just ended this device's session",
+        "Ask the control centre.",
+    ),
+    SelfTestFault(
+        r"ECONNREFUSED|Connection refused",
+        "what is sent to {endpoint} is refused at once: nobody listens there, or a firewall refuses it",
+        "From here it cannot be told which. Try again in some minutes, then from another network, then tell the "
+        "control centre.",
+    ),
+    SelfTestFault(
+        r"Network is unreachable|No route to host|ENETUNREACH|EHOSTUNREACH",
+        "this computer has no way to {endpoint}",
+        "Connect it to the internet, then run the test again.",
+    ),
+    SelfTestFault(
+        r"write UDP.*(Operation not permitted|Permission denied)|EPERM",
+        "a firewall on this computer forbids what the VPN sends",
+        "Allow {proto} to {endpoint}.",
+    ),
+    SelfTestFault(
+        r"Cannot load|no start line|PEM_read|Insufficient key material|tls-crypt-v2 .*(error|fail)",
+        "the profile is damaged: {line}",
+        "Unpack the hand-out again. If that does not help, ask for a new one.",
+    ),
+)
+REFUSED = (
+    "a first answer came from {endpoint}, and then nothing more",
+    (
+        "Most often the server does not take this device's certificate: it was revoked or has expired, or one of the "
+        "two clocks is wrong. Look at this computer's ({now}). A network that loses large packets looks the same: try "
+        "another one. Then ask the control centre."
+    ),
+)
+"""What is wrong and what to do where a first answer came: the key that wraps is right, and the way is open."""
+SILENCE = (
+    "nothing comes back from {endpoint}",
+    (
+        "From here it cannot be told which it is: the network that you are in lets no {proto} to {endpoint} pass, or "
+        "the control centre's server or its line is down, or it has another key (tls-crypt) than your profile. Try "
+        "from another network, such as a telephone's. If it works there, ask the first one's administrator to allow "
+        "{proto} to {endpoint}. If not, ask the control centre, and whether you need a new hand-out."
+    ),
+)
+"""The same where nothing came."""
+
+_FEW = 3
+"""Computers that are pinged besides the server."""
+
+
+def program(name: str) -> str:
+    """A self-test, the same for all members: `self-test.py` (Python 3.8, standard library alone), or `self-test.ps1`.
+
+    The second, for Windows PowerShell 5.1 and later, was never run: no Windows and no PowerShell are here. Tests read
+    its grammar, and hold it to a short list of commands and types.
+    """
+    return (template_folder() / "handout" / name.replace("-", "_")).read_text(encoding="utf-8")
+
+
+def facts(declaration: Declaration, identity: Identity, profile: Secret, file_name: str, contact: str) -> str:
+    """What the self-test compares with, as JSON; of the profile only its hash."""
+    member, certificate, vpn = identity.member, identity.certificate, declaration.pilot.vpn
+    values: dict[str, Any] = {
+        "pilot": declaration.pilot.name,
+        "name": member.name,
+        "address": str(member.address),
+        "endpoint": str(remote(declaration, member)),
+        "port": vpn.port,
+        "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
+        "server": str(tunnel_of_server(declaration)),
+        "not_before": int(certificate.not_before.timestamp()),
+        "not_after": int(certificate.not_after.timestamp()),
+        "wrap": str(certificate.wrap),
+        "profile": file_name,
+        "profile_sha256": hashlib.sha256(profile.reveal().encode()).hexdigest(),
+        "wait_s": WAIT_S[member.link],
+        "ping": _pinged(declaration, member),
+        "dds_port": dds_port(declaration, member),
+        "contact": contact,
+        "faults": [list(item) for item in FAULTS],
+        "refused": list(REFUSED),
+        "silence": list(SILENCE),
+    }
+    return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
+
+
+def _pinged(declaration: Declaration, member: Member) -> list[list[str]]:
+    """Computers of ours that answer pings, the server aside: it is asked first."""
+    server = tunnel_of_server(declaration)
+    found = {
+        address: name
+        for item in reach(declaration, member)
+        if item.ping
+        for name, address in item.hosts
+        if address not in {server, member.address}
+    }
+    return [[name, str(address)] for address, name in list(found.items())[:_FEW]]

@@ -1,0 +1,72 @@
+"""What a partner's device runs: its system, its release of ROS 2, its OpenVPN, and which key (`wrap`) that can read.
+
+OpenVPN 2.4 does not know tls-crypt-v2 and refuses such a profile (facts 10). Ubuntu 20.04, and with it ROS 2 Foxy, has
+2.4; the table below has the version that each Ubuntu ships.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import OpenVpnVersion, RosDistribution
+from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, Member, MemberKind, Wrap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from atlantis_netcfg.declaration import Declaration
+
+
+UBUNTU: Mapping[RosDistribution, tuple[str, OpenVpnVersion]] = {
+    RosDistribution.FOXY: ("20.04", OpenVpnVersion.V2_4),
+    RosDistribution.HUMBLE: ("22.04", OpenVpnVersion.V2_5),
+    RosDistribution.JAZZY: ("24.04", OpenVpnVersion.V2_6),
+}
+"""The Ubuntu that a release of ROS 2 is made for (REP 2000), and the OpenVPN in its archive."""
+
+
+def system_of(member: Member) -> ClientSystem | None:
+    """What the tunnel of a member is started on: what was said, or the only system of its kind; None: not known."""
+    possible = SYSTEMS[member.kind]
+    return possible[0] if len(possible) == 1 else member.system
+
+
+def distribution(
+    declaration: Declaration, vehicle: str | None, typed: RosDistribution | None = None
+) -> RosDistribution | None:
+    """The release of ROS 2 on a device: the vehicle's, else what was typed at onboarding, else the pilot's."""
+    declared = declaration.vehicles.get(vehicle or "")
+    pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
+    return (declared.distribution if declared is not None else None) or typed or pilot
+
+
+def openvpn(
+    declaration: Declaration,
+    kind: MemberKind,
+    vehicle: str | None,
+    *,
+    version: OpenVpnVersion | None = None,
+    release: RosDistribution | None = None,
+) -> OpenVpnVersion | None:
+    """The OpenVPN on a partner's device; None where nothing tells it: then it is taken for 2.5 or later.
+
+    `version` and `release` are the words of a command. A version counts more than what follows from a release of ROS 2,
+    and the vehicle more than the pilot.
+    """
+    if kind is not MemberKind.ROBOT:
+        return version or (UBUNTU[release][1] if release is not None else None)
+    declared = declaration.vehicles.get(vehicle or "")
+    if declared is not None and declared.openvpn is not None:
+        return declared.openvpn
+    if version is not None:
+        return version
+    chosen = (declared.distribution if declared is not None else None) or release
+    if chosen is None and declaration.pilot.vpn.robot_openvpn is not None:
+        return declaration.pilot.vpn.robot_openvpn
+    shipped = chosen or distribution(declaration, vehicle)
+    return UBUNTU[shipped][1] if shipped is not None else None
+
+
+def wrap_for(version: OpenVpnVersion | None) -> Wrap:
+    """The best key that a client of this version can read."""
+    return Wrap.TLS_CRYPT if version is OpenVpnVersion.V2_4 else Wrap.TLS_CRYPT_V2
