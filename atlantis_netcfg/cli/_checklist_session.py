@@ -26,12 +26,25 @@ from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
 from atlantis_netcfg.checklist.report import Document, Item, Phase, lines
 from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, PromptAborted, price_of, shown
+from atlantis_netcfg.cli._checklist_workflow import (
+    BACK,
+    LATER,
+    CheckWorkflow,
+    Listening,
+    Prompt,
+    PromptAborted,
+    PromptBack,
+    doubt_of_name,
+    price_of,
+    shown,
+)
+from atlantis_netcfg.cli._consent import shown_word
 from atlantis_netcfg.cli._output import progress, tell
 from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -227,29 +240,37 @@ def greet(prompt: Prompt, book: Book) -> None:
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
     if book.words:
-        prompt.say(book.words)
-    prompt.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
-    prompt.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+        prompt.say(translate(book.words))
+    later, back = shown_word(LATER), shown_word(BACK)
+    for words in (
+        f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.",
+        f"Every answer is kept at once. `{later}` leaves the rest for another time,",
+        f"as Ctrl+C does. `{back}` goes to the question before, to correct an answer.",
+    ):
+        prompt.say(translate(words))
 
 
 def note(words: str) -> None:
     """Tell something beside the result."""
-    print(f"note: {words}", file=sys.stderr)
+    print(translate(f"note: {words}"), file=sys.stderr)
 
 
-def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Prompt | None) -> str | None:
-    """Who signs; None: nobody, or something is open."""
-    if typed is not None:
-        return typed
-    if answers is not None:
-        return answers.sign_by
-    if prompt is None or any(item.open and item.override is None for item in book.items):
-        return None
-    prompt.say(f"\n{lines(book.document())}\n")
-    try:
-        return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
-    except PromptAborted:
-        return None
+def signer(answers: Answers | None, typed: str | None) -> str | None:
+    """Who signs where nobody is asked; None: nobody."""
+    return typed if typed is not None or answers is None else answers.sign_by
+
+
+def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book) -> str | None:
+    """Who signs, after a look at all of it; None: nobody, or something is open."""
+    while not any(item.open and item.override is None for item in book.items):
+        prompt.say(f"\n{lines(book.document())}\n")
+        try:
+            return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+        except PromptAborted:
+            return None
+        except PromptBack:
+            turn.go_back(prompt)
+    return None
 
 
 def close(
@@ -359,8 +380,10 @@ def taking_part(
 def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
-    if (name := arguments.value("sign-as")) is not None:
-        named(name)
+    if (name := arguments.value("sign-as")) is not None and doubt_of_name(named(name)):
+        raise UsageError(
+            f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
+        )
     prepared = PreparedCheck(arguments)
     if prompt is None and _somebody_is_here(arguments):
         prompt = Prompt()
@@ -389,14 +412,14 @@ def _scope(arguments: Arguments) -> Scope:
 def _sit(opened: CommandSession, prepared: PreparedCheck, prompt: Prompt | None) -> ExitCode:
     faults = opened.arguments.many("break")
     with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
-        _look(opened, prepared, book, prompt)
-        by = signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
+        by = _look(opened, prepared, book, prompt)
         leave = prepared.answers.leave if prepared.answers is not None else {}
         read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
         return close(opened.arguments, book, by, leave, read=read)
 
 
-def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> None:
+def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> str | None:
+    """Look and ask; who signs."""
     entries, faults = prepared.checklist.entries, opened.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
@@ -409,8 +432,8 @@ def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: P
         if prompt is None:
             for words in turn.alone(prepared.answers):
                 note(words)
-        else:
-            _with(prompt, turn, book)
+            return signer(prepared.answers, opened.arguments.value("sign-as"))
+        return _with(prompt, turn, book, opened.arguments.value("sign-as"))
 
 
 def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
@@ -428,9 +451,11 @@ def _anew(opened: CommandSession, prompt: Prompt | None) -> bool:
     return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 
 
-def _with(prompt: Prompt, turn: CheckWorkflow, book: Book) -> None:
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, typed: str | None) -> str | None:
+    """Go through it with a person; who signs (`typed`: whom `--sign-as` names)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
     except PromptAborted:
-        prompt.say("left for later")
+        prompt.say(translate("left for later"))
+    return typed if typed is not None else signer_at(prompt, turn, book)

@@ -259,7 +259,7 @@ class CommandSession:
             removes(many, ask=not self.as_json)
             self.remove_foreign = True
         changing = (name for name, item in planned.devices.items() if item["planned"] or item["status"] == "planned")
-        agreed(f"Change {', '.join(changing)} now")
+        agreed(f"Change {', '.join(changing)} now?")
         plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
         return self.perform(Mode.APPLY, plans=plans, paid=bool(dear))
 

@@ -462,7 +462,7 @@ def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) ->
         pays([prepared.cost.words], ask=not opened.as_json)
         request = request.model_copy(update={"accept_cost": True})
     if not opened.arguments.flag("yes"):
-        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now")
+        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now?")
     return request
 
 

@@ -172,7 +172,7 @@ def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) 
     code, said = at_desk("override", "spare cable", "N", "yes", "heard", "", "yes")
     assert code == 0
     assert "0 of 2 items are settled, 2 are open." in said
-    assert "Nothing is open. Sign it as it stands? Type yes, or anything else for no: " in said
+    assert "Nothing is open. Sign it as it stands?\n  Type yes to go on (the whole word), or no: " in said
     assert "Signed by N" in capsys.readouterr().out
 
 
