@@ -118,11 +118,9 @@ def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None
     if not prompt.agrees("Is that so, and shall it be done now?"):
         return None
     if price is not None:
-        due = price.due
-        prompt.say(
-            translate(f"  This goes {price.words}" if due else f"  a real one asks first: it goes {price.words}")
-        )
-        if due and not prompt.agrees("Pay for it?", PAY):
+        words = f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}"
+        prompt.say(translate(words))
+        if price.due and not prompt.agrees("Pay for it?", PAY):
             return None
     return prompt.name
 

@@ -5,7 +5,7 @@ Two kinds of questions end in yes or no:
 - `yes_or_no`: nothing happens by the answer alone; `y` and `n` are enough.
 - `whole_word`: devices change, money is spent, things move or somebody signs; only the whole word agrees.
 
-Case does not count. English words are always taken; where the person is addressed in Portuguese, Portuguese words as well.
+Case does not count. English words are always taken, and where people are addressed in Portuguese, Portuguese ones too.
 An empty or wrong answer agrees to nothing: the question comes again, and the third wrong answer is no. The end of the
 input is no. Ctrl-C stops the command.
 """
@@ -40,7 +40,7 @@ _PORTUGUESE = {
     "open": "aberto",
     "seen": "visto",
 }
-"""The words that a person answers with; each has another first letter than the others of its question, or is asked again."""
+"""The words that a person answers with."""
 _SHORT = {YES: ("y",), NO: ("n",), "sim": ("s",), "não": ("n", "nao")}
 _TRIES = 3
 _ROOM = 66
