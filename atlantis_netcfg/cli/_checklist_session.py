@@ -167,6 +167,7 @@ def opened_book(opened: CommandSession, checklist: Checklist, faults: Sequence[s
         drawing=drawing(opened.declaration, checklist),
         not_rehearsed=not_rehearsed(opened, checklist.entries),
         broken=broken(faults),
+        time_zone=opened.declaration.pilot.time_zone,
     )
     command = shlex.join(["provision", *sys.argv[1:]])
     return Book.open(folder, checklist, head, anew=anew, command=command)

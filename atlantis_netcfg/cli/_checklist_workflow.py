@@ -272,7 +272,7 @@ class CheckWorkflow:
     def _place(self, entry: PlanEntry) -> str:
         """Which item of how many, in the order of the phases."""
         order = sorted(self.entries, key=lambda each: tuple(Phase).index(each.item.phase))
-        return translate(f"{order.index(entry) + 1} of {len(order)}")
+        return translate(f"item {order.index(entry) + 1} of {len(order)}")
 
     def _ready(self, prompt: Prompt, phase: Phase) -> bool:
         while True:
@@ -393,7 +393,7 @@ class Prompt:
         """Given since `begin`."""
 
     def begin(self, place: str) -> None:
-        """Ask about another item from here on; `place`: `3 of 9`, which stands before each question."""
+        """Ask about another item from here on; `place`: `item 3 of 9`, which stands before each question."""
         self._place, self.answers = place, 0
 
     def say(self, text: str = "") -> None:

@@ -43,8 +43,8 @@ _PORTUGUESE = {
 """The words that a person answers with."""
 _SHORT = {YES: ("y",), NO: ("n",), "sim": ("s",), "não": ("n", "nao")}
 _TRIES = 3
-_ROOM = 66
-"""Columns of a question with the words that it takes; `(12 of 37)` stands before it, and an answer behind it."""
+_ROOM = 62
+"""Columns of a question with the words that it takes; `(item 7 of 37)` stands before it, and an answer behind it."""
 
 
 class Declined(DeviceFailed):

@@ -66,18 +66,18 @@ QUAY
 sparus/gps: title of sparus/gps
   do        look at the lamp
   look for  it is green
-(2 of 3) Does it hold? [yes, but, no, unclear, skip, back, later] yes
-(2 of 3) Note (may be empty): green for a minute
-(2 of 3) Your name, as it shall stand in the report: A. Technician
-(2 of 3) Photo or file that shows it (a path; empty: none or no more): PHOTO
-(2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
+(item 2 of 3) Does it hold? [yes, but, no, unclear, skip, back, later] yes
+(item 2 of 3) Note (may be empty): green for a minute
+(item 2 of 3) Your name, as it shall stand in the report: A. Technician
+(item 2 of 3) Photo or file that shows it (a path; empty: none or no more): PHOTO
+(item 2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
   PASS         sparus/gps: A. Technician has seen that it is well: green for a minute
 
 IN WATER
 
 sparus/usbl/ping: title of sparus/usbl/ping
   It is done only on your word: Sparus is in the water, and nobody dives near it.
-(3 of 3) Is that so, and shall it be done now?
+(item 3 of 3) Is that so, and shall it be done now?
   Type yes to go on (the whole word), or no: yes
   Now: hold the boat still.
   PASS         sparus/usbl/ping: answers"""[1:]
@@ -97,7 +97,7 @@ def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, 
     sure = ["y"] if verdict == "FAIL" else []
     sitting = Sitting(tmp_path, [word, *sure, "", "it is dark", "N", "", *more], entries=(LAMP,))
     assert verdicts(sitting) == {"sparus/gps": verdict}
-    asked = f"(1 of 1) {question}"
+    asked = f"(item 1 of 1) {question}"
     assert f"{asked} \n  something has to stand here; `later` leaves it open\n{asked} it is dark" in sitting.text
 
 
@@ -175,7 +175,7 @@ def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
     price = Price("over satellite: 20 kB, about 0.16 EUR", due=True)
     sitting = Sitting(tmp_path, ["yes", "yes", "no", "open"], (PING,), price=lambda _entry: price)
     assert [item.open for item in sitting.sit()] == [True]
-    asked = "(1 of 1) Pay for it? Type pay to go on (the whole word), or no: "
+    asked = "(item 1 of 1) Pay for it? Type pay to go on (the whole word), or no: "
     assert f"  This goes over satellite: 20 kB, about 0.16 EUR\n{asked}yes" in sitting.text
     words = {"sparus/usbl/ping": ["PASS answers"]}
     paid = Sitting(tmp_path, ["yes", "pay", "N"], (PING,), words, price=lambda _entry: price)
@@ -293,7 +293,7 @@ def test_back_between_phases_goes_to_the_item_before(tmp_path: Path) -> None:
 def test_an_accidental_no_is_asked_once_more(slip: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["no", slip, "yes", "", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert "(1 of 1) You answered no: FAIL is kept. Is that right? [yes, no]" in sitting.text
+    assert "(item 1 of 1) You answered no: FAIL is kept. Is that right? [yes, no]" in sitting.text
     assert records(sitting) == [("confirmed", "PASS", False)]
 
 
@@ -325,7 +325,9 @@ def test_names_of_people_are_taken_at_once(name: str) -> None:
 def test_choices_that_have_no_room_stand_below_their_question(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]})
     sitting.sit()
-    asked = "(1 of 1) Look `again`, `override` it on your word, or go `on`?\n  [again, override, on, back, later] on"
+    asked = (
+        "(item 1 of 1) Look `again`, `override` it on your word, or go `on`?\n  [again, override, on, back, later] on"
+    )
     assert asked in sitting.text
     assert max(map(len, sitting.text.splitlines())) <= 80
 

@@ -112,7 +112,7 @@ def test_the_end_of_the_input_is_no(ask: Callable[..., bool]) -> None:
 def test_the_question_says_that_the_whole_word_is_needed() -> None:
     typist = Typist("no")
     assert not whole_word("Change coastal-router?", typist.read)
-    assert typist.asked == ["Change coastal-router? Type yes to go on (the whole word), or no: "]
+    assert typist.asked == ["Change coastal-router?\n  Type yes to go on (the whole word), or no: "]
 
 
 @pytest.mark.parametrize("word", ["pay", "remove"])
