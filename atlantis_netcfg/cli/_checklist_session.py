@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, 
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Document, Item, Phase, lines
+from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli._checklist_workflow import (
     BACK,
@@ -45,6 +45,7 @@ from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import show
 from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -225,7 +226,7 @@ def as_json(document: Document) -> dict[str, Any]:
 def pages_in(folder: Path) -> Iterator[str]:
     """Where the pages of a checklist are, for people."""
     if (folder / "report.html").exists():
-        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"
+        yield translate(f"report: {folder / 'report.html'}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -288,8 +289,10 @@ def close(
         result = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
     else:
-        told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
-        print("\n".join([told_again, *_where(arguments, book, document)]))
+        last = [*_next(arguments, document), *pages_in(book.folder)]
+        above = seal(document) if read else body(document)
+        vouched = document.signed is not None or not document.items
+        show([*above, "", *ending(document, _LAST - len(last), vouched=vouched), *last], sys.stdout)
         tell(errors)
     return document.exit
 
@@ -310,20 +313,26 @@ def _draft(book: Book, document: Document) -> None:
             write_atomically(book.folder / name, data)
 
 
-def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str]:
-    yield from pages_in(book.folder)
-    if document.signed is None and document.items:
-        waiting = sum(item.open and item.override is None for item in document.items)
-        yield f"on a terminal, `{again(arguments, _NOT_AT_A_TERMINAL)}` {_next(waiting)}"
+_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json", "sign-as"})
+_LAST = 8
+"""Lines at the end that alone tell what has happened and what to do."""
 
 
-_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json"})
-
-
-def _next(waiting: int) -> str:
-    if not waiting:
-        return "lets a person sign it"
-    return f"asks for what is open ({waiting} item{'s' if waiting > 1 else ''}), and lets a person sign it"
+def _next(arguments: Arguments, document: Document) -> Iterator[str]:
+    """What to type next, and for what."""
+    if not document.items or (document.signed is not None and document.exit is ExitCode.DONE):
+        return
+    waiting = sum(item.open and item.override is None for item in document.items)
+    if document.signed is not None:
+        words = "Mend what has failed, then begin a new checklist; type:"
+    elif waiting == 1:
+        words = "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:"
+    elif waiting:
+        words = f"NOT SIGNED: {waiting} items are open. To go on and to sign, type on a terminal:"
+    else:
+        words = "NOT SIGNED: nothing is open. To sign, type on a terminal:"
+    yield translate(words)
+    yield f"  {again(arguments, _NOT_AT_A_TERMINAL)}"
 
 
 def _pages(document: Document, book: Book) -> Mapping[str, bytes]:

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, GridCell, Gri
 from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.core.printable import Row, Style, Styled, visible
 from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
@@ -179,10 +179,11 @@ _BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 
 def lines(document: Document) -> str:
     """The text, without a line feed at the end."""
-    return "\n".join(_lines(document))
+    return "\n".join([*body(document), "", *map(_plain, ending(document))])
 
 
-def _lines(document: Document) -> Iterator[str]:
+def body(document: Document) -> Iterator[str]:
+    """All but its last lines."""
     yield from _wrapped("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
     if document.rehearsed:
         yield from _wrapped("", translate("REHEARSED on emulated devices: nothing real was checked"))
@@ -196,12 +197,87 @@ def _lines(document: Document) -> Iterator[str]:
     yield ""
     yield from _brief(document)
     yield from _beside(document)
-    yield ""
-    yield from _wrapped("", closing(document, translate))
-    yield from _wrapped("", translate(signed(document)))
+    if document.signed is not None:
+        yield ""
+        yield from seal(document)
+
+
+def seal(document: Document) -> Iterator[str]:
+    """By what the signature is known."""
     if document.signed is not None:
         yield from _wrapped("", translate(f"digest {document.signed.digest}"))
         yield from _wrapped("", translate(f"key {document.signed.key}"))
+
+
+def ending(document: Document, room: int = 8, *, vouched: bool = True) -> list[Row]:
+    """How it ended, in at most `room` lines: verdict, counts, the worst item with what to do.
+
+    `vouched`: and who has signed.
+    """
+    rows: list[Row] = [*_verdict_rows(document), *_counts_rows(document)]
+    last = [*_wrapped("", translate(signed(document)))] if vouched else []
+    return [*rows, *_worst_rows(document, room - len(rows) - len(last)), *last]
+
+
+_STYLES = {
+    ShownState.PASS: Style.GOOD,
+    ShownState.WARN: Style.WARNING,
+    ShownState.OVERRIDDEN: Style.WARNING,
+    ShownState.INCONCLUSIVE: Style.WARNING,
+    ShownState.OPEN: Style.WARNING,
+    ShownState.FAIL: Style.BAD,
+    ShownState.ERROR: Style.BAD,
+}
+
+
+def _plain(row: Row) -> str:
+    pieces = row if isinstance(row, tuple) else (row,)
+    return "".join(piece.text if isinstance(piece, Styled) else piece for piece in pieces)
+
+
+def _coloured(shown: ShownState, text: str) -> str | Styled:
+    return Styled(text, _STYLES[shown]) if shown in _STYLES else text
+
+
+def _verdict_rows(document: Document) -> Iterator[Row]:
+    shown, words = headline(document)
+    mark = f"{ASCII[shown]} {shown}"
+    first, *rest = _wrapped("", f"{mark}: {translate(words)}")
+    yield (_coloured(shown, mark), first.removeprefix(mark))
+    yield from rest
+
+
+def _counts_rows(document: Document) -> Iterator[Row]:
+    """How many of each, the exit code, and whether it was rehearsed."""
+    found = [(shown, f"{number} {shown}") for shown, number in counts(document.items).items()]
+    words = ", ".join(text for _, text in found) or translate(PageText.NO_ITEMS)
+    rest = f"; {translate(f'exit {int(document.exit)}')}"
+    if document.rehearsed:
+        rest += f"; {translate('rehearsed')}"
+    if not found or len(words + rest) > _WIDTH:
+        yield from _wrapped("", words + rest)
+        return
+    pieces = [piece for shown, text in found for piece in (", ", _coloured(shown, text))]
+    yield (*pieces[1:], rest)
+
+
+def _worst_rows(document: Document, room: int) -> Iterator[Row]:
+    """The item to look at first; of a long text as many lines as there are, the rest stands above."""
+    every = first(document)[1]
+    if not every:
+        return
+    worst, hint = every[0], every[0].hint
+    told = [*_wrapped("", f"{worst.id}: {translate(worst.message)}")]
+    advice = [*_wrapped("", f"-> {translate(hint)}", indent=2)] if hint else []
+    for_advice = min(len(advice), max(room - len(told), room // 2))
+    yield from _shortened(told, room - for_advice)
+    yield from _shortened(advice, for_advice)
+
+
+def _shortened(text: list[str], most: int) -> list[str]:
+    if len(text) <= most:
+        return text
+    return [*text[: most - 1], f"{text[most - 1][: _WIDTH - 4]} ..."] if most > 0 else []
 
 
 def _grid(document: Document) -> Iterator[str]:
