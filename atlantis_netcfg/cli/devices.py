@@ -106,6 +106,7 @@ def _report(opened: CommandSession, devices: Mapping[str, Mapping[str, Any]]) ->
         left_out=opened.left_out,
         unfinished={host: run.id for host, run in unfinished.items()},
         next_commands={host: run.next_command for host, run in unfinished.items()},
+        time_zone=opened.declaration.pilot.time_zone,
     )
 
 
@@ -353,8 +354,10 @@ def _tell(opened: CommandSession, state: Confirmed) -> None:
     """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
     if opened.as_json:
         return
+    from atlantis_netcfg.core.times import time_text
+
     run = opened.store.run(opened.site, state.run) if not opened.rehearsed else None
-    when = f"{state.at:%Y-%m-%d %H:%M} UTC"
+    when = time_text(state.at, opened.declaration.pilot.time_zone)
     print(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}", flush=True)
     if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
         print(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now", flush=True)

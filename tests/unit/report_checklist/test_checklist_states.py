@@ -75,9 +75,9 @@ def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) ->
     assert xml.count(b"OVERRIDDEN by B. Captain: the crew stands beside it") == (3 if taken else 0)
 
     told = lines(document)
-    assert f"(exit {int(document.exit)}): " in told
+    assert f"; exit {int(document.exit)}" in told
     assert all(item.id in told for item in items)
-    assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown}") == 3
+    assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown} ") == 3
 
 
 def test_the_worst_of_none_is_that_nothing_was_checked() -> None:
