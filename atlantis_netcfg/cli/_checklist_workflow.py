@@ -14,6 +14,7 @@ import re
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
@@ -398,7 +399,7 @@ class Prompt:
 
     def say(self, text: str = "") -> None:
         """Print lines, in the person's language already; what came from a device or a file cannot move the cursor."""
-        self._say(printable.lines(text))
+        self._say(_fitted(printable.lines(text)))
 
     def refuses(self, refused: SigningRefused) -> None:
         """Say why an answer is not taken, and what to do."""
@@ -412,7 +413,7 @@ class Prompt:
         """The answer to a question that is in the person's language already."""
         place = f"({self._place}) " if self._place else ""
         try:
-            answer = self._ask(f"{place}{printable.lines(question).rstrip()} ").strip()
+            answer = self._ask(f"{_fitted(place + printable.lines(question).rstrip())} ").strip()
         except EOFError:
             raise PromptAborted from None
         if plain(answer) in taken_words(LATER):
@@ -481,6 +482,23 @@ class Prompt:
             else:
                 self.say(translate(f"  there is no file {typed}"))
         return tuple(found)
+
+
+_LABEL = re.compile(r" *\S+ {2,}| *")
+"""What the words of a line stand behind: the label of a column, or blanks."""
+
+
+def _fitted(text: str) -> str:
+    """Lines that are wider than a terminal are broken between words; the rest stands below the first words."""
+    return "\n".join(_broken(line) if len(line) > _WIDTH else line for line in text.split("\n"))
+
+
+def _broken(line: str) -> str:
+    label = _LABEL.match(line)
+    below = " " * max(label.end() if label is not None else 0, 2)
+    start = line[: len(below)] if label is not None and label.end() else ""
+    parts = wrap(line[len(start) :], _WIDTH - len(below), break_long_words=False, break_on_hyphens=False)
+    return start + f"\n{below}".join(parts)
 
 
 def _meant(typed: str, words: Sequence[str]) -> str | None:

@@ -71,7 +71,8 @@ sparus/gps: title of sparus/gps
 (item 2 of 3) Your name, as it shall stand in the report: A. Technician
 (item 2 of 3) Photo or file that shows it (a path; empty: none or no more): PHOTO
 (item 2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
-  PASS         sparus/gps: A. Technician has seen that it is well: green for a minute
+  PASS         sparus/gps: A. Technician has seen that it is well: green for a
+               minute
 
 IN WATER
 
@@ -197,7 +198,7 @@ def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, typed, (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert "  there is no file nowhere.jpg" in sitting.text
-    assert "empty.jpg` is empty: give a file with something in it" in sitting.text
+    assert "empty.jpg` is empty: give a file with something in it" in sitting.words_said
 
 
 def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
@@ -310,7 +311,7 @@ def test_an_accidental_no_is_asked_once_more(slip: str, tmp_path: Path) -> None:
 def test_what_is_hardly_a_name_is_asked_about(name: str, what: str, tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, ["yes", "", name, "no", "N", ""], (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
-    assert f"`{name}` looks like {what}. Is it your name? [yes, no]" in sitting.text
+    assert f"`{name}` looks like {what}. Is it your name? [yes, no]" in sitting.words_said
     assert sitting.desk.name == "N"
     taken = Sitting(tmp_path / "taken", ["yes", "", name, "y", ""], (LAMP,))
     taken.sit()
