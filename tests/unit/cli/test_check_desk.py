@@ -77,7 +77,8 @@ sparus/gps: title of sparus/gps
 IN WATER
 
 sparus/usbl/ping: title of sparus/usbl/ping
-  It is done only on your word: Sparus is in the water, and nobody dives near it.
+  It is done only on your word: Sparus is in the water, and nobody dives near
+  it.
 (item 3 of 3) Is that so, and shall it be done now?
   Type yes to go on (the whole word), or no: yes
   Now: hold the boat still.
