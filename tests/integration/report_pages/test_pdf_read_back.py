@@ -128,7 +128,7 @@ def test_any_document_can_be_printed(document: Document) -> None:
 def families(document: Document, tmp_path: Path) -> dict[str, str]:
     """Piece of text -> the font of its letters, as poppler's pdftohtml finds them."""
     (tmp_path / "page.pdf").write_bytes(pdf(document, {}))
-    command = ["pdftohtml", "-xml", "-i", "-stdout", tmp_path / "page.pdf"]
+    command = ["pdftohtml", "-xml", "-i", "-stdout", str(tmp_path / "page.pdf")]
     told = subprocess.run(command, check=True, capture_output=True).stdout.decode()
     names = dict(re.findall(r'<fontspec id="(\d+)"[^>]* family="([^"]*)"', told))
     texts = re.findall(r'<text[^>]* font="(\d+)">(.*?)</text>', told)

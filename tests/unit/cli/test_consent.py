@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.cli import _consent
+from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.cli._consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.operations.costs import CostRefused
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -172,6 +171,6 @@ def test_ctrl_c_at_a_question_stops_before_anything_is_changed(
 
 
 def test_with_nobody_there_nobody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_consent.sys.stdin, "isatty", lambda: False, raising=False)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(UsageError, match="nobody is here"):
         agreed("Change it now?")

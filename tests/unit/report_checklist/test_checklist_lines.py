@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
@@ -14,6 +15,9 @@ from atlantis_netcfg.checklist.report._shapes import ASCII, state
 from atlantis_netcfg.checklist.report._words import first
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 GOLDEN = Path(__file__).with_name("golden")
 
@@ -67,7 +71,7 @@ def ends(document: Document, room: int = 8) -> list[str]:
 
 
 LONG = "the far end does not answer at all, " * 9
-ENDS = {
+ENDS: dict[str, Callable[[], Document]] = {
     **CASES,
     "long": lambda: made.example(items=(made.item("sparus/wifi", Verdict.FAIL, LONG, hint=LONG), *made.items())),
     "long message": lambda: made.green(items=(made.item("sparus/wifi", Verdict.FAIL, LONG, hint="mend it"),)),
