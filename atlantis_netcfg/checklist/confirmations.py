@@ -116,7 +116,7 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
                     type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
                 ),
                 *(_filed(file, by, at) for file in files),
-                *earlier(item, Said(confirmation.verdict, by, note)),
+                *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
             "at": at,
             "seconds": None,
@@ -129,7 +129,7 @@ EARLIER = "earlier answer, replaced"
 EARLIER_OVERRIDE = "earlier override, replaced"
 
 
-class Said(NamedTuple):
+class PersonAnswer(NamedTuple):
     """A person's answer in short, to tell whether another is the same."""
 
     verdict: Verdict
@@ -137,34 +137,34 @@ class Said(NamedTuple):
     note: str
 
 
-def earlier(item: Item, said: Said | None = None) -> tuple[Evidence, ...]:
+def earlier(item: Item, answer: PersonAnswer | None = None) -> tuple[Evidence, ...]:
     """What people have said of an item before, where another result takes its place: the report shows both.
 
-    `said`: the new answer; the same answer once more replaces nothing.
+    `answer`: the new one; the same answer once more replaces nothing.
     """
     kept = [evidence for evidence in item.evidence if evidence.what in {EARLIER, EARLIER_OVERRIDE}]
     before = _answer_of(item)
-    if before is not None and before == said:
+    if before is not None and before == answer:
         return tuple(kept)
     if (override := item.override) is not None:
-        kept.append(_said_before(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at))
+        kept.append(_earlier_evidence(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at))
     if before is not None:
         words = f"{before.verdict}: {before.note}" if before.note else str(before.verdict)
-        kept.append(_said_before(EARLIER, words, before.by, item.at))
+        kept.append(_earlier_evidence(EARLIER, words, before.by, item.at))
     return tuple(kept)
 
 
-def _said_before(what: str, value: str, by: str, at: datetime | None) -> Evidence:
+def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> Evidence:
     return Evidence(type=EvidenceType.CONFIRMED, what=what, value=value, at=at, by=by)
 
 
-def _answer_of(item: Item) -> Said | None:
+def _answer_of(item: Item) -> PersonAnswer | None:
     """The answer that an item stands on; None: it is open, or a program has looked."""
     answered = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
     first = item.evidence[0] if item.evidence else None
     if not answered or first is None or first.type is not EvidenceType.CONFIRMED or first.by is None:
         return None
-    return Said(item.verdict, first.by, "" if first.value == item.verdict else first.value)
+    return PersonAnswer(item.verdict, first.by, "" if first.value == item.verdict else first.value)
 
 
 def _filed(copied: Copied, by: str, at: datetime) -> Evidence:
@@ -188,4 +188,4 @@ def _with_override(item: Item, taken: Override) -> tuple[Evidence, ...]:
     if before is None or (before.reason, before.by) == (taken.reason, taken.by):
         return item.evidence
     words = f"{item.verdict}: {before.reason}"
-    return (*item.evidence, _said_before(EARLIER_OVERRIDE, words, before.by, before.at))
+    return (*item.evidence, _earlier_evidence(EARLIER_OVERRIDE, words, before.by, before.at))

@@ -93,9 +93,9 @@ def whole_word(
     shown = shown_word(word)
     how = translate(f"Type {shown} to go on (the whole word), or {shown_word(NO)}:")
     again = translate(f"  type the whole word {shown}, or {shown_word(NO)}")
-    asked = translate(question)
-    gap = " " if len(f"{asked} {how}") <= _ROOM else "\n  "
-    return _decided(f"{asked}{gap}{how} ", taken_words(word), again, read, say)
+    shown_question = translate(question)
+    gap = " " if len(f"{shown_question} {how}") <= _ROOM else "\n  "
+    return _decided(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
 
 
 def _with_short(word: str) -> tuple[str, ...]:

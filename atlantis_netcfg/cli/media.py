@@ -135,8 +135,8 @@ def _typed(card: Card) -> str:
             f"nobody is here to type the {what} of the card, so nothing was written",
             hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
         )
-    asked = translate(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on:")
-    return typed(f"{asked} ") or ""
+    question = translate(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on:")
+    return typed(f"{question} ") or ""
 
 
 def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, Any]:

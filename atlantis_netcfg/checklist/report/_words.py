@@ -267,10 +267,10 @@ def _worst_rows(document: Document, room: int) -> Iterator[Row]:
     if not every:
         return
     worst, hint = every[0], every[0].hint
-    told = [*_wrapped("", f"{worst.id}: {translate(worst.message)}")]
+    message = [*_wrapped("", f"{worst.id}: {translate(worst.message)}")]
     advice = [*_wrapped("", f"-> {translate(hint)}", indent=2)] if hint else []
-    for_advice = min(len(advice), max(room - len(told), room // 2))
-    yield from _shortened(told, room - for_advice)
+    for_advice = min(len(advice), max(room - len(message), room // 2))
+    yield from _shortened(message, room - for_advice)
     yield from _shortened(advice, for_advice)
 
 
