@@ -32,6 +32,8 @@ class BookHead:
     drawing: Drawing
     not_rehearsed: tuple[str, ...] = ()
     broken: tuple[str, ...] = ()
+    time_zone: str = ""
+    """The pilot's, for the times that people read."""
     run: str = ""
     """Name of a new book, if it is free; empty: by the time. One that is gone on with keeps its own."""
 
@@ -141,4 +143,5 @@ def _document(run: str, started: datetime, checklist: Checklist, head: BookHead)
         not_rehearsed=head.not_rehearsed,
         broken=head.broken,
         drawing=head.drawing,
+        time_zone=head.time_zone,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from atlantis_netcfg.checklist._signing import SigningRefused
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
@@ -116,12 +116,55 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
                     type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
                 ),
                 *(_filed(file, by, at) for file in files),
+                *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
             "at": at,
             "seconds": None,
             "override": None,
         }
     )
+
+
+EARLIER = "earlier answer, replaced"
+EARLIER_OVERRIDE = "earlier override, replaced"
+
+
+class PersonAnswer(NamedTuple):
+    """A person's answer in short, to tell whether another is the same."""
+
+    verdict: Verdict
+    by: str
+    note: str
+
+
+def earlier(item: Item, answer: PersonAnswer | None = None) -> tuple[Evidence, ...]:
+    """What people have said of an item before, where another result takes its place: the report shows both.
+
+    `answer`: the new one; the same answer once more replaces nothing.
+    """
+    kept = [evidence for evidence in item.evidence if evidence.what in {EARLIER, EARLIER_OVERRIDE}]
+    before = _answer_of(item)
+    if before is not None and before == answer:
+        return tuple(kept)
+    if (override := item.override) is not None:
+        kept.append(_earlier_evidence(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at))
+    if before is not None:
+        words = f"{before.verdict}: {before.note}" if before.note else str(before.verdict)
+        kept.append(_earlier_evidence(EARLIER, words, before.by, item.at))
+    return tuple(kept)
+
+
+def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> Evidence:
+    return Evidence(type=EvidenceType.CONFIRMED, what=what, value=value, at=at, by=by)
+
+
+def _answer_of(item: Item) -> PersonAnswer | None:
+    """The answer that an item stands on; None: it is open, or a program has looked."""
+    answered = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
+    first = item.evidence[0] if item.evidence else None
+    if not answered or first is None or first.type is not EvidenceType.CONFIRMED or first.by is None:
+        return None
+    return PersonAnswer(item.verdict, first.by, "" if first.value == item.verdict else first.value)
 
 
 def _filed(copied: Copied, by: str, at: datetime) -> Evidence:
@@ -136,4 +179,13 @@ def overridden(item: Item, reason: str, by: str, at: datetime) -> Item:
         hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
         raise SigningRefused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
     taken = Override(reason=spoken(reason, "the reason of an override"), by=named(by), at=at)
-    return item.model_copy(update={"override": taken})
+    return item.model_copy(update={"override": taken, "evidence": _with_override(item, taken)})
+
+
+def _with_override(item: Item, taken: Override) -> tuple[Evidence, ...]:
+    """Its evidence, and the override that another one replaces; the same once more replaces nothing."""
+    before = item.override
+    if before is None or (before.reason, before.by) == (taken.reason, taken.by):
+        return item.evidence
+    words = f"{item.verdict}: {before.reason}"
+    return (*item.evidence, _earlier_evidence(EARLIER_OVERRIDE, words, before.by, before.at))

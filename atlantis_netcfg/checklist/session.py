@@ -17,7 +17,7 @@ from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import BookHead, begin, found
 from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import NotSigned, SigningKey, SigningRefused, signed
-from atlantis_netcfg.checklist.confirmations import Confirmation, confirmed, named, overridden, spoken
+from atlantis_netcfg.checklist.confirmations import Confirmation, confirmed, earlier, named, overridden, spoken
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut, Phase
 from atlantis_netcfg.checklist.verifying import close_book
@@ -112,8 +112,8 @@ class Book:
 
     def settle(self, item: Item) -> Item:
         """Write down what a probe has found; a second result takes the place of the first, which stays in the log."""
-        self.item(item.id)
-        return self._record("settled", item.model_copy(update={"open": False, "override": None}))
+        evidence = (*item.evidence, *earlier(self.item(item.id)))
+        return self._record("settled", item.model_copy(update={"open": False, "override": None, "evidence": evidence}))
 
     def confirm(self, name: str, confirmation: Confirmation) -> Item:
         """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""

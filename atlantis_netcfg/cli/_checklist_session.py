@@ -24,14 +24,28 @@ from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, 
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Document, Item, Phase, lines
+from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal
 from atlantis_netcfg.checklist.runner import RealEars
-from atlantis_netcfg.cli._checklist_workflow import CheckWorkflow, Listening, Prompt, PromptAborted, price_of, shown
+from atlantis_netcfg.cli._checklist_workflow import (
+    BACK,
+    LATER,
+    CheckWorkflow,
+    Listening,
+    Prompt,
+    PromptAborted,
+    PromptBack,
+    doubt_of_name,
+    price_of,
+    shown,
+)
+from atlantis_netcfg.cli._consent import shown_word
 from atlantis_netcfg.cli._output import progress, tell
 from atlantis_netcfg.cli._session import CommandSession, session
 from atlantis_netcfg.core import paths
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import show
 from atlantis_netcfg.journal import Store, os_errors_as, write_atomically
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -154,6 +168,7 @@ def opened_book(opened: CommandSession, checklist: Checklist, faults: Sequence[s
         drawing=drawing(opened.declaration, checklist),
         not_rehearsed=not_rehearsed(opened, checklist.entries),
         broken=broken(faults),
+        time_zone=opened.declaration.pilot.time_zone,
     )
     command = shlex.join(["provision", *sys.argv[1:]])
     return Book.open(folder, checklist, head, anew=anew, command=command)
@@ -211,7 +226,7 @@ def as_json(document: Document) -> dict[str, Any]:
 def pages_in(folder: Path) -> Iterator[str]:
     """Where the pages of a checklist are, for people."""
     if (folder / "report.html").exists():
-        yield f"report: {folder / 'report.html'} (report.pdf and junit.xml are beside it)"
+        yield translate(f"report: {folder / 'report.html'}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -227,29 +242,37 @@ def greet(prompt: Prompt, book: Book) -> None:
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
     if book.words:
-        prompt.say(book.words)
-    prompt.say(f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.")
-    prompt.say("Every answer is kept at once. `later` leaves the rest for another time, as Ctrl+C does.")
+        prompt.say(translate(book.words))
+    later, back = shown_word(LATER), shown_word(BACK)
+    for words in (
+        f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.",
+        f"Every answer is kept at once. `{later}` leaves the rest for another time,",
+        f"as Ctrl+C does. `{back}` goes to the question before, to correct an answer.",
+    ):
+        prompt.say(translate(words))
 
 
 def note(words: str) -> None:
     """Tell something beside the result."""
-    print(f"note: {words}", file=sys.stderr)
+    print(translate(f"note: {words}"), file=sys.stderr)
 
 
-def signer(book: Book, answers: Answers | None, typed: str | None, prompt: Prompt | None) -> str | None:
-    """Who signs; None: nobody, or something is open."""
-    if typed is not None:
-        return typed
-    if answers is not None:
-        return answers.sign_by
-    if prompt is None or any(item.open and item.override is None for item in book.items):
-        return None
-    prompt.say(f"\n{lines(book.document())}\n")
-    try:
-        return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
-    except PromptAborted:
-        return None
+def signer(answers: Answers | None, typed: str | None) -> str | None:
+    """Who signs where nobody is asked; None: nobody."""
+    return typed if typed is not None or answers is None else answers.sign_by
+
+
+def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book) -> str | None:
+    """Who signs, after a look at all of it; None: nobody, or something is open."""
+    while not any(item.open and item.override is None for item in book.items):
+        prompt.say(f"\n{lines(book.document())}\n")
+        try:
+            return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+        except PromptAborted:
+            return None
+        except PromptBack:
+            turn.go_back(prompt)
+    return None
 
 
 def close(
@@ -266,8 +289,10 @@ def close(
         result = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
     else:
-        told_again = lines(document).rpartition("\n\n")[2] if read else lines(document)
-        print("\n".join([told_again, *_where(arguments, book, document)]))
+        last = [*_next(arguments, document), *pages_in(book.folder)]
+        above = seal(document) if read else body(document)
+        vouched = document.signed is not None or not document.items
+        show([*above, "", *ending(document, _LAST - len(last), vouched=vouched), *last], sys.stdout)
         tell(errors)
     return document.exit
 
@@ -288,20 +313,26 @@ def _draft(book: Book, document: Document) -> None:
             write_atomically(book.folder / name, data)
 
 
-def _where(arguments: Arguments, book: Book, document: Document) -> Iterator[str]:
-    yield from pages_in(book.folder)
-    if document.signed is None and document.items:
-        waiting = sum(item.open and item.override is None for item in document.items)
-        yield f"on a terminal, `{again(arguments, _NOT_AT_A_TERMINAL)}` {_next(waiting)}"
+_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json", "sign-as"})
+_LAST = 8
+"""Lines at the end that alone tell what has happened and what to do."""
 
 
-_NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json"})
-
-
-def _next(waiting: int) -> str:
-    if not waiting:
-        return "lets a person sign it"
-    return f"asks for what is open ({waiting} item{'s' if waiting > 1 else ''}), and lets a person sign it"
+def _next(arguments: Arguments, document: Document) -> Iterator[str]:
+    """What to type next, and for what."""
+    if not document.items or (document.signed is not None and document.exit is ExitCode.DONE):
+        return
+    waiting = sum(item.open and item.override is None for item in document.items)
+    if document.signed is not None:
+        words = "Mend what has failed, then begin a new checklist; type:"
+    elif waiting == 1:
+        words = "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:"
+    elif waiting:
+        words = f"NOT SIGNED: {waiting} items are open. To go on and to sign, type on a terminal:"
+    else:
+        words = "NOT SIGNED: nothing is open. To sign, type on a terminal:"
+    yield translate(words)
+    yield f"  {again(arguments, _NOT_AT_A_TERMINAL)}"
 
 
 def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
@@ -359,8 +390,10 @@ def taking_part(
 def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
-    if (name := arguments.value("sign-as")) is not None:
-        named(name)
+    if (name := arguments.value("sign-as")) is not None and doubt_of_name(named(name)):
+        raise UsageError(
+            f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
+        )
     prepared = PreparedCheck(arguments)
     if prompt is None and _somebody_is_here(arguments):
         prompt = Prompt()
@@ -389,14 +422,14 @@ def _scope(arguments: Arguments) -> Scope:
 def _sit(opened: CommandSession, prepared: PreparedCheck, prompt: Prompt | None) -> ExitCode:
     faults = opened.arguments.many("break")
     with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
-        _look(opened, prepared, book, prompt)
-        by = signer(book, prepared.answers, opened.arguments.value("sign-as"), prompt)
+        by = _look(opened, prepared, book, prompt)
         leave = prepared.answers.leave if prepared.answers is not None else {}
         read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
         return close(opened.arguments, book, by, leave, read=read)
 
 
-def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> None:
+def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> str | None:
+    """Look and ask; who signs."""
     entries, faults = prepared.checklist.entries, opened.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
@@ -409,8 +442,8 @@ def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: P
         if prompt is None:
             for words in turn.alone(prepared.answers):
                 note(words)
-        else:
-            _with(prompt, turn, book)
+            return signer(prepared.answers, opened.arguments.value("sign-as"))
+        return _with(prompt, turn, book, opened.arguments.value("sign-as"))
 
 
 def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
@@ -428,9 +461,11 @@ def _anew(opened: CommandSession, prompt: Prompt | None) -> bool:
     return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 
 
-def _with(prompt: Prompt, turn: CheckWorkflow, book: Book) -> None:
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, typed: str | None) -> str | None:
+    """Go through it with a person; who signs (`typed`: whom `--sign-as` names)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
     except PromptAborted:
-        prompt.say("left for later")
+        prompt.say(translate("left for later"))
+    return typed if typed is not None else signer_at(prompt, turn, book)

@@ -10,27 +10,26 @@ What an active step costs where it goes over a link that is paid by the byte.
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
-from atlantis_netcfg.checklist.confirmations import named
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
 from atlantis_netcfg.checklist.runner import Ears, examine
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
+from atlantis_netcfg.cli._consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from atlantis_netcfg.cli._session import CommandSession
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -39,11 +38,10 @@ if TYPE_CHECKING:
 
 
 GREEN = frozenset({Verdict.PASS, Verdict.WARN, Verdict.SKIP})
-_PAY = "pay"
 _WORDS: Mapping[str, Verdict] = {
-    "yes": Verdict.PASS,
+    YES: Verdict.PASS,
     "but": Verdict.WARN,
-    "no": Verdict.FAIL,
+    NO: Verdict.FAIL,
     "unclear": Verdict.INCONCLUSIVE,
     "skip": Verdict.SKIP,
 }
@@ -58,27 +56,34 @@ _NOTES: Mapping[Verdict, str] = {
 
 def shown(item: Item) -> str:
     """Tell a result, and what to do about it."""
-    hint = f"\n  {'':<12} {item.hint}" if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else ""
-    return f"  {item.verdict:<12} {item.id}: {item.message}{hint}"
+    hint = item.hint if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else None
+    return f"  {item.verdict:<12} {item.id}: {translate(item.message)}" + (
+        f"\n  {'':<12} {translate(hint)}" if hint is not None else ""
+    )
 
 
 def ready(prompt: Prompt, phase: Phase) -> bool:
     """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
-    return prompt.choose(f"Is everything {_WHERE[phase]} and switched on?", {"yes": True, "skip": False})
+    return prompt.choose(_READY[phase], {YES: True, "skip": False})
 
 
-_WHERE: Mapping[Phase, str] = {
-    Phase.BENCH: "on the bench",
-    Phase.QUAY: "at the quay",
-    Phase.WATER: "in the water",
+_READY: Mapping[Phase, str] = {
+    Phase.BENCH: "Is everything on the bench and switched on?",
+    Phase.QUAY: "Is everything at the quay and switched on?",
+    Phase.WATER: "Is everything in the water and switched on?",
 }
 
 
 def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
-    prompt.say(f"\n{entry.item.id}: {entry.item.title}")
-    prompt.say(f"  do        {entry.step.do}\n  look for  {entry.step.look_for}")
+    _title(prompt, entry)
+    prompt.say(translate(f"  do        {entry.step.do}"))
+    prompt.say(translate(f"  look for  {entry.step.look_for}"))
     _confirm(book, prompt, entry)
+
+
+def _title(prompt: Prompt, entry: PlanEntry) -> None:
+    prompt.say(f"\n{entry.item.id}: {translate(entry.item.title)}")
 
 
 def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
@@ -86,27 +91,37 @@ def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
         try:
             prompt.say(shown(book.confirm(entry.item.id, _answer(prompt))))
         except SigningRefused as refused:
-            prompt.say(f"  {refused}: {refused.hint}")
+            prompt.refuses(refused)
         else:
             return
 
 
 def _answer(prompt: Prompt) -> Confirmation:
-    verdict = prompt.choose("Does it hold?", _WORDS)
+    verdict = _verdict(prompt)
     note = prompt.needs(_NOTES[verdict]) if verdict in _NOTES else prompt.ask("Note (may be empty):")
     return Confirmation(verdict=verdict, by=prompt.name, note=note, files=prompt.files())
+
+
+def _verdict(prompt: Prompt) -> Verdict:
+    """What was seen; that it failed is asked once more, since a slip of the finger says so too."""
+    while True:
+        verdict = prompt.choose("Does it hold?", _WORDS)
+        if verdict is not Verdict.FAIL or prompt.is_so(f"You answered {shown_word(NO)}: FAIL is kept. Is that right?"):
+            return verdict
 
 
 def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
     needed = entry.step.consent
     assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
-    prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  It is done only on your word: {needed.question}.")
+    _title(prompt, entry)
+    prompt.say(translate(f"  It is done only on your word: {needed.question}."))
     if not prompt.agrees("Is that so, and shall it be done now?"):
         return None
     if price is not None:
-        prompt.say(f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}")
-        if price.due and prompt.ask(f"Pay for it? Type {_PAY} to go on:").lower() != _PAY:
+        words = f"  This goes {price.words}" if price.due else f"  a real one asks first: it goes {price.words}"
+        prompt.say(translate(words))
+        if price.due and not prompt.agrees("Pay for it?", PAY):
             return None
     return prompt.name
 
@@ -115,7 +130,9 @@ def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
-    match prompt.choose("Leave it `open`, answer it as `seen` otherwise, or `override` it on your word?", _ELSE):
+    left, seen, override = map(shown_word, _ELSE)
+    question = f"Leave it `{left}`, answer it as `{seen}` otherwise, or `{override}` it on your word?"
+    match prompt.choose(question, _ELSE):
         case "seen":
             _confirm(book, prompt, entry)
         case "override":
@@ -129,26 +146,43 @@ def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntr
     """
     if not read and book.item(entry.item.id).counts not in GREEN:
         prompt.say(shown(book.item(entry.item.id)))
-    while (item := book.item(entry.item.id)).counts not in GREEN:
-        match prompt.choose("Look `again`, `override` it on your word, or go `on`?", _AFTER):
-            case "on":
-                return
-            case "override":
-                _override(book, prompt, item)
-            case _ if entry.item.kind is ItemKind.PERSON:
-                confirm(book, prompt, entry)
-            case _:
-                probe(entry)
+    while book.item(entry.item.id).counts not in GREEN and _mended(book, prompt, entry, probe):
+        pass
+
+
+def correct(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> None:
+    """Show how an item stands, and let it be looked at or answered again, whatever it is. Raises Later."""
+    prompt.say(shown(book.item(entry.item.id)))
+    if _mended(book, prompt, entry, probe):
+        mend(book, prompt, entry, probe, read=True)
+
+
+def _mended(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> bool:
+    """Ask what becomes of an item; False: it stays as it is."""
+    item = book.item(entry.item.id)
+    again, override, on = map(shown_word, _AFTER)
+    if item.verdict in OVERRIDABLE:
+        chosen = prompt.choose(f"Look `{again}`, `{override}` it on your word, or go `{on}`?", _AFTER)
+    else:
+        chosen = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
+    if chosen == "override":
+        _override(book, prompt, item)
+    elif chosen == "again" and item.kind is ItemKind.PERSON:
+        confirm(book, prompt, entry)
+    elif chosen == "again":
+        probe(entry)
+    return chosen != "on"
 
 
 def _override(book: Book, prompt: Prompt, item: Item) -> None:
     try:
         book.override(item.id, prompt.needs("The reason, which stands in the report:"), prompt.name)
     except SigningRefused as refused:
-        prompt.say(f"  {refused}: {refused.hint}")
+        prompt.refuses(refused)
 
 
 _AFTER = {word: word for word in ("again", "override", "on")}
+_AGAIN = {word: word for word in ("again", "on")}
 _ELSE = {word: word for word in ("open", "seen", "override")}
 
 
@@ -165,6 +199,8 @@ class CheckWorkflow:
     """What an active step costs on a metered link. Raises CostRefused."""
     at_once: bool = False
     """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
+    _visited: list[PlanEntry] = field(default_factory=list)
+    """What a person was asked about in this sitting, for `back`."""
 
     def alone(self, answers: Answers | None) -> tuple[str, ...]:
         """Look at all that needs no person, and at what the answers consent to; then write the answers down.
@@ -185,21 +221,66 @@ class CheckWorkflow:
             entries = [entry for entry in self.entries if entry.item.phase is phase and not self._green(entry)]
             if not entries:
                 continue
-            prompt.say(f"\n{str(phase).upper()}")
-            if before is None or not self._unseen(entries) or ready(prompt, phase):
+            prompt.say(f"\n{translate(_PHASES[phase])}")
+            if before is None or not self._unseen(entries) or self._ready(prompt, phase):
                 self._phase(prompt, entries)
             before = phase
 
     def _phase(self, prompt: Prompt, entries: Sequence[PlanEntry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
-            is_requested = self._open(entry)
-            if entry.item.kind is ItemKind.PERSON and self._open(entry):
-                confirm(self.book, prompt, entry)
-            elif entry.item.kind is ItemKind.ACTIVE and self._open(entry):
-                self._act(prompt, entry)
-            if not self._open(entry):
-                mend(self.book, prompt, entry, lambda item: self._again(prompt, item), read=is_requested)
+            self._visit(prompt, entry, partial(self._settle, prompt, entry))
+
+    def _settle(self, prompt: Prompt, entry: PlanEntry) -> None:
+        """Ask what one item needs."""
+        is_requested = self._open(entry)
+        if entry.item.kind is ItemKind.PERSON and is_requested:
+            confirm(self.book, prompt, entry)
+        elif entry.item.kind is ItemKind.ACTIVE and is_requested:
+            self._act(prompt, entry)
+        if not self._open(entry):
+            mend(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
+
+    def _visit(self, prompt: Prompt, entry: PlanEntry, ask: Callable[[], None]) -> None:
+        """Ask about one item; `back` begins it anew, at its first question it leads to the one before. Raises Later."""
+        while True:
+            prompt.begin(self._place(entry))
+            try:
+                ask()
+            except PromptBack:
+                if not prompt.answers:
+                    self.go_back(prompt)
+                elif not self._open(entry):
+                    ask = partial(correct, self.book, prompt, entry, partial(self._again, prompt))
+            else:
+                break
+        if prompt.answers:
+            self._visited.append(entry)
+        prompt.begin("")
+
+    def go_back(self, prompt: Prompt) -> None:
+        """Ask about the last item again; what was answered before stays in the log. Raises Later."""
+        if not self._visited:
+            prompt.say(translate("  this is the first question"))
+            return
+        entry = self._visited.pop()
+        _title(prompt, entry)
+        if self._open(entry):
+            self._visit(prompt, entry, partial(self._settle, prompt, entry))
+        else:
+            self._visit(prompt, entry, partial(correct, self.book, prompt, entry, partial(self._again, prompt)))
+
+    def _place(self, entry: PlanEntry) -> str:
+        """Which item of how many, in the order of the phases."""
+        order = sorted(self.entries, key=lambda each: tuple(Phase).index(each.item.phase))
+        return translate(f"item {order.index(entry) + 1} of {len(order)}")
+
+    def _ready(self, prompt: Prompt, phase: Phase) -> bool:
+        while True:
+            try:
+                return ready(prompt, phase)
+            except PromptBack:
+                self.go_back(prompt)
 
     def _unseen(self, entries: Sequence[PlanEntry]) -> list[PlanEntry]:
         return [entry for entry in entries if entry.item.kind is ItemKind.AUTOMATIC and self._open(entry)]
@@ -214,19 +295,22 @@ class CheckWorkflow:
         """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
         sick = self._sick(entry)
         if sick is not None:
-            prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  not now: {sick.message} ({sick.id})")
+            _title(prompt, entry)
+            prompt.say(f"{translate(f'  not now: {sick.message}')} ({sick.id})")
             otherwise(self.book, prompt, entry)
             return
         try:
             by = consent(prompt, entry, self.price(entry))
         except CostRefused as refused:
-            prompt.say(f"\n{entry.item.id}: {entry.item.title}\n  {refused}\n  {refused.hint or ''}".rstrip())
+            _title(prompt, entry)
+            for words in filter(None, (str(refused), refused.hint)):
+                prompt.say(f"  {translate(words)}")
             by = None
         if by is None:
             otherwise(self.book, prompt, entry)
             return
         if entry.step.consent is not None and entry.step.consent.prompt:
-            prompt.say(f"  Now: {entry.step.consent.prompt}.")
+            prompt.say(translate(f"  Now: {entry.step.consent.prompt}."))
         self._examine([entry], {entry.item.id: by}, paid=True)
 
     def _sick(self, entry: PlanEntry) -> Item | None:
@@ -281,13 +365,21 @@ def _with_consent(item: Item, entry: PlanEntry, by: str) -> Item:
     return item.model_copy(update={"evidence": (*item.evidence, word)})
 
 
+_PHASES: Mapping[Phase, str] = {Phase.BENCH: "BENCH", Phase.QUAY: "QUAY", Phase.WATER: "IN WATER"}
 T = TypeVar("T")
-LATER = "later"
-"""Typed in answer to any question: what is answered stays, the rest is open."""
+LATER, BACK = "later", "back"
+"""Typed in answer to any question: what is answered stays, the rest is open; and: to the question before."""
+_WIDTH = 80
+_ANSWER = 9
+"""Columns that stay for an answer behind its choices."""
 
 
 class PromptAborted(Exception):
     """The person goes on another time."""
+
+
+class PromptBack(Exception):
+    """The person goes to the question before."""
 
 
 class Prompt:
@@ -297,39 +389,74 @@ class Prompt:
         self._ask = ask
         self._say = say
         self._name = ""
+        self._place = ""
+        self.answers = 0
+        """Given since `begin`."""
+
+    def begin(self, place: str) -> None:
+        """Ask about another item from here on; `place`: `item 3 of 9`, which stands before each question."""
+        self._place, self.answers = place, 0
 
     def say(self, text: str = "") -> None:
-        """Print lines; what came from a device or a file cannot move the cursor."""
-        self._say(printable.lines(text))
+        """Print lines, in the person's language already; what came from a device or a file cannot move the cursor."""
+        self._say(_fitted(printable.lines(text)))
+
+    def refuses(self, refused: SigningRefused) -> None:
+        """Say why an answer is not taken, and what to do."""
+        self.say(f"  {translate(str(refused))}: {translate(refused.hint or '')}")
 
     def ask(self, question: str) -> str:
-        """One answer, which may be empty. Raises Later."""
+        """One answer, which may be empty. Raises Later, Back."""
+        return self._read(translate(question))
+
+    def _read(self, question: str) -> str:
+        """The answer to a question that is in the person's language already."""
+        place = f"({self._place}) " if self._place else ""
         try:
-            answer = self._ask(f"{printable.lines(question)} ").strip()
+            answer = self._ask(f"{_fitted(place + printable.lines(question).rstrip())} ").strip()
         except EOFError:
             raise PromptAborted from None
-        if answer.lower() == LATER:
+        if plain(answer) in taken_words(LATER):
             raise PromptAborted
+        if plain(answer) in taken_words(BACK):
+            raise PromptBack
+        self.answers += 1
         return answer
 
     def choose(self, question: str, words: Mapping[str, T], default: str = "") -> T:
         """One of these words, or what `default` means for an empty answer; a first letter is enough if it is alone."""
+        every = (*words, BACK, LATER)
+        choices = ", ".join(map(shown_word, every))
         while True:
-            typed = self.ask(f"{question} [{', '.join(words)}, {LATER}]").lower() or default
-            known = [word for word in words if typed and word.startswith(typed)]
-            if typed in words or len(known) == 1:
-                return words[typed if typed in words else known[0]]
-            near = nearest(typed, words)
-            self.say(f"  type one of: {', '.join(words)}, {LATER}{f' (`{near}`?)' if near else ''}")
+            typed = plain(self._read(self._with_choices(translate(question), choices))) or default
+            word = _meant(typed, every)
+            if word == LATER:
+                raise PromptAborted
+            if word == BACK:
+                self.answers -= 1
+                raise PromptBack
+            if word is not None:
+                return words[word]
+            near = nearest(typed, map(shown_word, words))
+            self.say(translate(f"  type one of: {choices}") + (f" (`{near}`?)" if near else ""))
 
-    def agrees(self, question: str) -> bool:
+    def _with_choices(self, question: str, choices: str) -> str:
+        """Beside the question where a terminal has room for both, else below it."""
+        room = len(f"({self._place}) {question} [{choices}]") + _ANSWER <= _WIDTH
+        return f"{question}{' ' if room else chr(10) + '  '}[{choices}]"
+
+    def agrees(self, question: str, word: str = YES) -> bool:
         """Whether the whole word is given: a slip of the finger is no consent."""
-        return self.ask(f"{question} Type yes, or anything else for no:").lower() == "yes"
+        return whole_word(question, self._read, self.say, word=word)
+
+    def is_so(self, question: str) -> bool:
+        """Yes or no, where nothing happens by the answer."""
+        return yes_or_no(question, self._read, self.say)
 
     def needs(self, question: str) -> str:
         """An answer that is not empty."""
         while not (answer := self.ask(question)):
-            self.say(f"  something has to stand here; `{LATER}` leaves it open")
+            self.say(translate(f"  something has to stand here; `{shown_word(LATER)}` leaves it open"))
         return answer
 
     @property
@@ -337,9 +464,12 @@ class Prompt:
         """Who answers: asked once."""
         while not self._name:
             try:
-                self._name = named(self.needs("Your name, as it shall stand in the report:"))
+                name = named(self.needs("Your name, as it shall stand in the report:"))
             except SigningRefused as refused:
-                self.say(f"  {refused}: {refused.hint}")
+                self.refuses(refused)
+                continue
+            if (doubt := doubt_of_name(name)) is None or self.is_so(doubt):
+                self._name = name
         return self._name
 
     def files(self) -> tuple[Path, ...]:
@@ -350,8 +480,46 @@ class Prompt:
             if path.is_file():
                 found.append(path)
             else:
-                self.say(f"  there is no file {typed}")
+                self.say(translate(f"  there is no file {typed}"))
         return tuple(found)
+
+
+_LABEL = re.compile(r" *\S+ {2,}| *")
+"""What the words of a line stand behind: the label of a column, or blanks."""
+
+
+def _fitted(text: str) -> str:
+    """Lines that are wider than a terminal are broken between words; the rest stands below the first words."""
+    return "\n".join(_broken(line) if len(line) > _WIDTH else line for line in text.split("\n"))
+
+
+def _broken(line: str) -> str:
+    label = _LABEL.match(line)
+    below = " " * max(label.end() if label is not None else 0, 2)
+    start = line[: len(below)] if label is not None and label.end() else ""
+    parts = wrap(line[len(start) :], _WIDTH - len(below), break_long_words=False, break_on_hyphens=False)
+    return start + f"\n{below}".join(parts)
+
+
+def _meant(typed: str, words: Sequence[str]) -> str | None:
+    """The word that is typed whole, or that alone begins so."""
+    begun = [word for word in words if typed and any(known.startswith(typed) for known in taken_words(word))]
+    return next((word for word in words if typed in taken_words(word)), begun[0] if len(begun) == 1 else None)
+
+
+_FILE_NAME = re.compile(r"[/\\~]|\.(jpe?g|png|heic|gif|webp|tiff?|pdf|txt|log|ya?ml|json|html|cfg|zip)$", re.IGNORECASE)
+
+
+def doubt_of_name(name: str) -> str | None:
+    """What to ask where a name is hardly one: the answer to another question, or a piece of the command; else None."""
+    if name.startswith("-"):
+        return f"`{name}` looks like a flag. Is it your name?"
+    if re.match(r"[\w-]+=", name):
+        return f"`{name}` looks like a word of the command. Is it your name?"
+    if _FILE_NAME.search(name):
+        return f"`{name}` looks like a file. Is it your name?"
+    answers = {known for word in (*_WORDS, *_AFTER, *_ELSE, PAY) for known in taken_words(word)}
+    return f"`{name}` looks like an answer to another question. Is it your name?" if plain(name) in answers else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,24 +1,122 @@
-"""A person's word before devices change, money is spent, or many rows of others go: no question answers another."""
+"""Questions of the command line, and the answers that they take: the same everywhere.
+
+Two kinds of questions end in yes or no:
+
+- `yes_or_no`: nothing happens by the answer alone; `y` and `n` are enough.
+- `whole_word`: devices change, money is spent, things move or somebody signs; only the whole word agrees.
+
+Case does not count. English words are always taken, and where people are addressed in Portuguese, Portuguese ones too.
+An empty or wrong answer agrees to nothing: the question comes again, and the third wrong answer is no. The end of the
+input is no. Ctrl-C stops the command.
+"""
 
 from __future__ import annotations
 
 import sys
+import unicodedata
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._output import signal_of
-from atlantis_netcfg.core import printable
+from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations.costs import unpaid
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-
-_PAY, _REMOVE = "pay", "remove"
+YES, NO, PAY, REMOVE = "yes", "no", "pay", "remove"
+_PORTUGUESE = {
+    YES: "sim",
+    NO: "não",
+    "but": "mas",
+    "unclear": "incerto",
+    "skip": "saltar",
+    "later": "depois",
+    "back": "voltar",
+    "again": "repetir",
+    "override": "assumir",
+    "on": "continuar",
+    "open": "aberto",
+    "seen": "visto",
+}
+"""The words that a person answers with."""
+_SHORT = {YES: ("y",), NO: ("n",), "sim": ("s",), "não": ("n", "nao")}
+_TRIES = 3
+_ROOM = 62
+"""Columns of a question with the words that it takes; `(item 7 of 37)` stands before it, and an answer behind it."""
 
 
 class Declined(DeviceFailed):
     """The person said no: every device is as it was."""
+
+
+def shown_word(word: str) -> str:
+    """A word to answer with, as a question shows it."""
+    return _PORTUGUESE.get(word, word) if language.current() is language.Language.PORTUGUESE else word
+
+
+def taken_words(word: str) -> tuple[str, ...]:
+    """What a person may type for it."""
+    return tuple(dict.fromkeys((word, shown_word(word))))
+
+
+def plain(answer: str) -> str:
+    """An answer as it is compared: without the blanks around it, and case does not count."""
+    return unicodedata.normalize("NFC", answer).strip().lower()
+
+
+def typed(question: str) -> str | None:
+    """What a person types; None at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
+    try:
+        return input(printable.lines(question))
+    except EOFError:
+        return None
+    except KeyboardInterrupt as stop:
+        raise Declined(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
+
+
+def yes_or_no(question: str, read: Callable[[str], str | None] = typed, say: Callable[[str], None] = print) -> bool:
+    """Ask what changes no device and costs nothing: `y` or `n` is enough."""
+    words = f"[{shown_word(YES)}, {shown_word(NO)}]"
+    return _decided(f"{translate(question)} {words} ", _with_short(YES), translate("  type yes or no"), read, say)
+
+
+def whole_word(
+    question: str,
+    read: Callable[[str], str | None] = typed,
+    say: Callable[[str], None] = print,
+    *,
+    word: str = YES,
+) -> bool:
+    """Ask what has consequences: only the whole word agrees, and the question says so."""
+    shown = shown_word(word)
+    how = translate(f"Type {shown} to go on (the whole word), or {shown_word(NO)}:")
+    again = translate(f"  type the whole word {shown}, or {shown_word(NO)}")
+    shown_question = translate(question)
+    gap = " " if len(f"{shown_question} {how}") <= _ROOM else "\n  "
+    return _decided(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
+
+
+def _with_short(word: str) -> tuple[str, ...]:
+    return tuple(item for known in taken_words(word) for item in (known, *_SHORT.get(known, ())))
+
+
+def _decided(
+    question: str,
+    agreeing: Sequence[str],
+    again: str,
+    read: Callable[[str], str | None],
+    say: Callable[[str], None],
+) -> bool:
+    for _ in range(_TRIES):
+        answer = read(question)
+        if answer is None or plain(answer) in _with_short(NO):
+            return False
+        if plain(answer) in agreeing:
+            return True
+        say(again)
+    return False
 
 
 def agreed(question: str) -> None:
@@ -28,19 +126,8 @@ def agreed(question: str) -> None:
             "nobody is here to agree to these changes, so nothing was changed",
             hint="look at what would change, then type the same with `--yes`",
         )
-    answer = _answer(f"{question}? Type yes to go on: ")
-    if answer.strip().lower() not in {"yes", "y"}:
+    if not whole_word(question):
         raise Declined("not agreed, so nothing was changed")
-
-
-def _answer(question: str) -> str:
-    """What a person types; nothing at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
-    try:
-        return input(printable.lines(question))
-    except EOFError:
-        return ""
-    except KeyboardInterrupt as stop:
-        raise Declined(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
 
 
 def pay(words: Sequence[str], *, accepted: bool, as_json: bool) -> None:
@@ -48,17 +135,20 @@ def pay(words: Sequence[str], *, accepted: bool, as_json: bool) -> None:
     if words and not accepted:
         pays(words, ask=not as_json)
     elif words and not as_json:
-        print("".join(f"This goes {each}\n" for each in words), end="", flush=True)
+        _show_costs(words)
+
+
+def _show_costs(words: Sequence[str]) -> None:
+    for each in words:
+        print(translate(f"This goes {each}"), flush=True)
 
 
 def pays(words: Sequence[str], *, ask: bool) -> None:
     """Return when the person pays for what the words tell. Raises CostRefused (`ask`: not where a program reads)."""
     if not ask or not sys.stdin.isatty():
         raise unpaid(words)
-    for each in words:
-        print(f"This goes {each}")
-    answer = _answer(f"Pay for it? Type {_PAY} to go on: ")
-    if answer.strip().lower() != _PAY:
+    _show_costs(words)
+    if not whole_word("Pay for it?", word=PAY):
         raise unpaid(words)
 
 
@@ -70,7 +160,6 @@ def removes(words: Sequence[str], *, ask: bool) -> None:
             hint="look at them with `--plan`, then type the same with `--yes --remove-foreign`",
         )
     for each in words:
-        print(each)
-    answer = _answer(f"Remove them? Type {_REMOVE} to go on: ")
-    if answer.strip().lower() != _REMOVE:
+        print(translate(each))
+    if not whole_word("Remove them?", word=REMOVE):
         raise Declined("not agreed, so nothing was changed")

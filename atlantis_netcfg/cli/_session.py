@@ -290,7 +290,7 @@ class CommandSession:
             removes(many, ask=not self.as_json)
             self.remove_foreign = True
         changing = (name for name, item in planned.devices.items() if item["planned"] or item["status"] == "planned")
-        agreed(f"Change {', '.join(changing)} now")
+        agreed(f"Change {', '.join(changing)} now?")
 
     @staticmethod
     def _plannable(planned: RunReport) -> Iterator[ExitCode]:

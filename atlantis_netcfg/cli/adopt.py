@@ -185,7 +185,7 @@ def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
         if not arguments.flag("json"):
             _show(found.standing.value, found.steps)
         if not (arguments.flag("yes") or arguments.flag("rehearse")):
-            agreed("Adopt the router now")
+            agreed("Adopt the router now?")
 
     return agree
 
@@ -296,7 +296,7 @@ def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
         )
     )
     print(translate(f"  {identity.compare}"), flush=True)
-    agreed(f"Is this {identity.device}, and no other")
+    agreed(f"Is this {identity.device}, and no other?")
     agree(identity, request)
     print(
         translate(f"kept on this computer; for all others declare `{field}: {identity.seen}` under its `access`"),

@@ -107,7 +107,7 @@ def run_report_list(arguments: Arguments) -> ExitCode:
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
         print(json.dumps(values, ensure_ascii=False))
     else:
-        print(translate("\n".join([*map(_line, rows), *_changes(since)])))
+        print("\n".join([*(line for row in rows for line in _listed_lines(row)), *_changes(since)]))
     return ExitCode.DONE
 
 
@@ -134,6 +134,7 @@ def _listed_row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
         "scope": {name: list(chosen) for name, chosen in document.scope.items()},
         "signed_by": signed.by if signed is not None else None,
         "signed_at": signed.at.isoformat() if signed is not None else None,
+        "time_zone": document.time_zone,
         "folder": str(entry.folder),
     }
 
@@ -152,13 +153,16 @@ def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | Non
     return found.model_dump(mode="json") if found is not None else None
 
 
-def _line(row: Mapping[str, Any]) -> str:
+def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
     from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.language import translate
 
     if "exit" not in row:
-        return printable.line(f"{row['run']}  {row['state']}: {row['why']}")
+        yield printable.line(f"{row['run']}  {row['state']}: {translate(row['why'])}")
+        return
     scope = "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
-    return printable.line(f"{row['run']}  {_green(row)}, {_standing(row)}{scope}")
+    yield printable.line(f"{row['run']}  {translate(_green(row))}{scope}")
+    yield printable.line(f"  {translate(_standing(row))}")
 
 
 def _green(row: Mapping[str, Any]) -> str:
@@ -167,8 +171,12 @@ def _green(row: Mapping[str, Any]) -> str:
 
 
 def _standing(row: Mapping[str, Any]) -> str:
+    from datetime import datetime
+
+    from atlantis_netcfg.core.times import time_text
+
     if row["state"] == "signed":
-        return f"signed by {row['signed_by']}"
+        return f"signed by {row['signed_by']}, {time_text(datetime.fromisoformat(row['signed_at']), row['time_zone'])}"
     waiting = f", {row['open']} items open" if row["open"] else ""
     why = f": {row['why']}" if row["why"] else ""
     return f"{row['state']}{waiting}{why}, not signed"
@@ -176,15 +184,16 @@ def _standing(row: Mapping[str, Any]) -> str:
 
 def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
     from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.language import translate
 
     if since is None:
-        yield "there was no green one before the newest"
+        yield translate("there was no green one before the newest")
         return
-    yield f"since {since['run']}, which was green:{'' if since['changes'] else ' nothing has changed'}"
+    unchanged = f"since {since['run']}, which was green: nothing has changed"
+    yield translate(f"since {since['run']}, which was green:" if since["changes"] else unchanged)
     for item in since["changes"]:
-        yield printable.line(
-            f"  {item['id']}: {item['before'] or 'none'} -> {item['after'] or 'none'}: {item['message']}"
-        )
+        before, after = (item[key] or translate("none") for key in ("before", "after"))
+        yield printable.line(f"  {item['id']}: {before} -> {after}: {translate(item['message'])}")
 
 
 REPORT_SHOW = CommandSpec(
@@ -203,10 +212,12 @@ REPORT_SHOW = CommandSpec(
 def run_report_show(arguments: Arguments) -> ExitCode:
     """Print what its end has printed."""
     import json
+    import sys
 
-    from atlantis_netcfg.checklist.report import lines
+    from atlantis_netcfg.checklist.report import body, ending
     from atlantis_netcfg.cli import _checklist_session
     from atlantis_netcfg.core.errors import DeviceFailed
+    from atlantis_netcfg.core.printable import show
 
     site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
     every = _checklist_session.kept_of(_checklist_session.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
@@ -218,7 +229,8 @@ def run_report_show(arguments: Arguments) -> ExitCode:
     if arguments.flag("json"):
         print(json.dumps({**_checklist_session.as_json(item.document), "errors": []}, ensure_ascii=False))
     else:
-        print(translate("\n".join([lines(item.document), *_checklist_session.pages_in(item.folder)])))
+        last = [*_checklist_session.pages_in(item.folder)]
+        show([*body(item.document), "", *ending(item.document), *last], sys.stdout)
     return item.document.exit
 
 
@@ -319,22 +331,27 @@ def _verified_row(
         "site": document.site if document is not None else None,
         "run": document.run if document is not None else None,
         "rehearsed": document.rehearsed if document is not None else None,
+        "time_zone": document.time_zone if document is not None else "",
         "signed": signed.model_dump(mode="json") if signed is not None else None,
         "troubles": [{"file": trouble.file, "what": trouble.what, "hint": trouble.hint} for trouble in troubles],
     }
 
 
 def _lines(row: Mapping[str, Any]) -> Iterator[str]:
+    from datetime import datetime
+
     from atlantis_netcfg.core import printable
+    from atlantis_netcfg.core.language import translate
+    from atlantis_netcfg.core.times import time_text
 
     rehearsed = ", rehearsed" if row["rehearsed"] else ""
     if not row["troubles"]:
         signed = row["signed"]
-        yield printable.line(
-            f"{row['name']}{rehearsed}: as {signed['by']} signed it at {signed['at']}, key {signed['key']}"
-        )
+        at = time_text(datetime.fromisoformat(signed["at"]), row["time_zone"])
+        words = f"{row['name']}{rehearsed}: as {signed['by']} signed it at {at}, key {signed['key']}"
+        yield printable.line(translate(words))
         return
-    yield printable.line(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})")
+    yield printable.line(translate(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})"))
     for item in row["troubles"]:
-        yield printable.line(f"  {item['file']}: {item['what']}")
-        yield printable.line(f"    -> {item['hint']}")
+        yield printable.line(f"  {item['file']}: {translate(item['what'])}")
+        yield printable.line(f"    -> {translate(item['hint'])}")

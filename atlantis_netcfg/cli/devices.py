@@ -110,6 +110,7 @@ def _report(opened: CommandSession, devices: Mapping[str, Mapping[str, Any]]) ->
         left_out=opened.left_out,
         unfinished={host: run.id for host, run in unfinished.items()},
         next_commands={host: run.next_command for host, run in unfinished.items()},
+        time_zone=opened.declaration.pilot.time_zone,
     )
 
 
@@ -383,8 +384,10 @@ def _tell(opened: CommandSession, state: Confirmed) -> None:
     """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
     if opened.as_json:
         return
+    from atlantis_netcfg.core.times import time_text
+
     run = opened.store.run(opened.site, state.run) if not opened.rehearsed else None
-    when = f"{state.at:%Y-%m-%d %H:%M} UTC"
+    when = time_text(state.at, opened.declaration.pilot.time_zone)
     print(translate(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
     if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
         print(
@@ -498,7 +501,7 @@ def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) ->
         pays([prepared.cost.words], ask=not opened.as_json)
         request = request.model_copy(update={"accept_cost": True})
     if not opened.arguments.flag("yes"):
-        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now")
+        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now?")
     return request
 
 

@@ -114,7 +114,8 @@ def _report(opened: CommandSession, status: LinksStatus) -> LinksReport:
     title = opened.declaration.sites[opened.site].title
     twins = opened.rehearsal
     missing = twins.not_rehearsed if twins is not None else ()
-    return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing)
+    zone = opened.declaration.pilot.time_zone
+    return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing, time_zone=zone)
 
 
 _NOT_REHEARSED = "what is beyond the satellite: nobody answers there, no TCP connection is tried, nobody tells the time"

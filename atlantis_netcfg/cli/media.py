@@ -129,7 +129,7 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     if not arguments.flag("yes"):
         from atlantis_netcfg.cli._consent import agreed
 
-        agreed(f"Write {device}: all that is on it is lost. Go on")
+        agreed(f"Write {device}: all that is on it is lost. Go on?")
     return card
 
 
@@ -137,8 +137,9 @@ def _typed(card: Card) -> str:
     """What a person types at the question. Raises UsageError when nobody is there to be asked."""
     import sys
 
-    from atlantis_netcfg.core import printable
+    from atlantis_netcfg.cli._consent import typed
     from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.core.language import translate
 
     what = "serial" if card.shown.serial else "name and size"
     if not sys.stdin.isatty():
@@ -146,11 +147,8 @@ def _typed(card: Card) -> str:
             f"nobody is here to type the {what} of the card, so nothing was written",
             hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
         )
-    try:
-        question = f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on: "
-        return input(printable.lines(translate(question)))
-    except EOFError:
-        return ""
+    question = translate(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on:")
+    return typed(f"{question} ") or ""
 
 
 def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, Any]:

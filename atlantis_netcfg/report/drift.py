@@ -22,6 +22,7 @@ from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.events import worst as worst_verdict
 from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.report.run import cost_lines
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ class DriftReport:
     """Device name to what is typed to go on with that run."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Rehearsal: device name to why nothing stands for it here."""
+    time_zone: str = ""
+    """The pilot's (IANA name), for the times that people read."""
 
     @property
     def skipped(self) -> Mapping[str, str]:
@@ -104,7 +107,7 @@ class DriftReport:
 
     def _beside(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
         if result["comparison"] is not None:
-            yield _last(result["comparison"])
+            yield _last(result["comparison"], self.time_zone)
         if result["hint"]:
             yield result["hint"]
         yield from cost_lines(result, rehearsed=self.rehearsed)
@@ -113,11 +116,11 @@ class DriftReport:
             yield f"note: run {self.unfinished[name]} left its outcome open: `{self.next_commands[name]}` goes on"
 
 
-def _last(comparison: Mapping[str, Any]) -> str:
+def _last(comparison: Mapping[str, Any], zone: str) -> str:
     confirmed = comparison["confirmed"]
     if confirmed is None:
         return "since when is unknown: no run has confirmed a state of this device"
-    return f"last confirmed by run {confirmed['run']} of {_time(confirmed['at'])}"
+    return f"last confirmed by run {confirmed['run']} of {time_text(datetime.fromisoformat(confirmed['at']), zone)}"
 
 
 def verdict(result: Mapping[str, Any]) -> str:
@@ -179,10 +182,6 @@ def _since(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -
 
 def _shown(value: str) -> str:
     return value or "nothing"
-
-
-def _time(at: str) -> str:
-    return f"{datetime.fromisoformat(at):%Y-%m-%d %H:%M} UTC"
 
 
 def _kind(kind: str) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,6 +39,8 @@ class LinksReport:
     """Metered bearer to what the look itself has cost on it: its bill as data, and its `words`."""
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
+    time_zone: str = ""
+    """The pilot's (IANA name), for the times that people read."""
 
     @property
     def exit(self) -> ExitCode:
@@ -76,7 +80,7 @@ class LinksReport:
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
         for number, (name, bearer) in enumerate(self.bearers.items(), start=1):
             yield ""
-            yield from _block(number, name, bearer)
+            yield from _block(number, name, bearer, self.time_zone)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
         cost_of = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
@@ -104,7 +108,7 @@ class LinksReport:
         return f"{words}: it is NOT the preferred link, which is {preferred}{paid}"
 
 
-def _block(number: int, name: str, bearer: Mapping[str, Any]) -> Iterator[str]:
+def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iterator[str]:
     kind, box = _KINDS.get(bearer["kind"], bearer["kind"]), f", {bearer['box']}" if bearer["box"] else ""
     yield f"{number}. {name}: {kind}{box}"
     yield from _lines("state", ", ".join(_state(bearer)))
@@ -113,7 +117,7 @@ def _block(number: int, name: str, bearer: Mapping[str, Any]) -> Iterator[str]:
     if bearer["probe_bytes"]:
         paid = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
         yield from _lines("probe", f"{_probe(bearer['quality'])}{paid}")
-    yield from _lines("this month", _month(bearer))
+    yield from _lines("this month", _month(bearer, zone))
     for finding in bearer["findings"]:
         yield from _lines(finding["verdict"], finding["message"])
         if finding["hint"]:
@@ -145,12 +149,21 @@ def _probe(quality: Mapping[str, Any]) -> str:
     return f"canaries answer{time}" + (f", {loss} % lost" if loss else "")
 
 
-def _month(bearer: Mapping[str, Any]) -> str:
+def _month(bearer: Mapping[str, Any], zone: str) -> str:
     if bearer["month_bytes"] is None:
         return "not counted yet"
     gaps = len(bearer["month_gaps"])
     more = f"; at least, there are {gaps} gaps" if gaps > 1 else "; at least, there is a gap" if gaps else ""
-    return f"{_size(bearer['month_bytes'])}, counted since {bearer['month_since']}{more}"
+    return f"{_size(bearer['month_bytes'])}, counted since {_since(bearer['month_since'], zone)}{more}"
+
+
+def _since(stamp: str | None, zone: str) -> str:
+    """`2026-11-01 10:00 UTC`, as JSON has it, for a person."""
+    try:
+        moment = datetime.strptime(stamp or "", "%Y-%m-%d %H:%M UTC").replace(tzinfo=UTC)
+    except ValueError:
+        return str(stamp)
+    return time_text(moment, zone)
 
 
 def _quality(kind: str, quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

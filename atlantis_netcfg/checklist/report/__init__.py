@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._words import lines
+from atlantis_netcfg.checklist.report._words import body, ending, lines, seal
 from atlantis_netcfg.checklist.report.document import (
     Document,
     Drawing,
@@ -46,7 +46,10 @@ __all__ = [
     "Row",
     "Signature",
     "SinceGreen",
+    "body",
     "drawing_svg",
+    "ending",
     "lines",
     "pages",
+    "seal",
 ]

@@ -28,12 +28,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 from PIL import Image, ImageOps
 
+from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
+from atlantis_netcfg.checklist.report._texts import coded, page_language, unread
 from atlantis_netcfg.checklist.report._words import (
-    clock,
+    circumstances,
     closing,
     counts,
+    english,
     evidence_groups,
     evidence_words,
     first,
@@ -43,6 +46,8 @@ from atlantis_netcfg.checklist.report._words import (
     title,
 )
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
 
 if TYPE_CHECKING:
@@ -72,7 +77,7 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, f"run {document.run}", closing(document), signed(document), *document.notes)
+    tell(case, f"run {document.run}", closing(document, english), signed(document), *document.notes)
     count(suite)
     return suite
 
@@ -220,7 +225,14 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
             document=document,
             style=Markup(style),  # noqa: S704 - a template of ours without anything from outside
             style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
-            svg=Markup(drawing_svg(document)),  # noqa: S704 - made by ElementTree, which escapes
+            # Made by ElementTree, which escapes.
+            svg=Markup(drawing_svg(document) + drawing_svg(document, wide=True)),  # noqa: S704
+            language=page_language(),
+            unread=unread(),
+            heading=_texts.heading(document),
+            name=_texts.name_of_page(document),
+            zone=document.time_zone,
+            signed=signed(document),
             grid=grid(document),
             headline=headline(document),
             counts=counts(document.items),
@@ -254,9 +266,35 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(title_of=title, clock=clock, css=css_class, data_uri=_data_uri)
-    made.globals.update(state=state, symbols=SYMBOLS, ident=id, evidence_groups=evidence_groups)
+    made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_said, code=_with_code)
+    made.globals.update(
+        state=state,
+        symbols=SYMBOLS,
+        ident=id,
+        evidence_groups=evidence_groups,
+        circumstances=circumstances,
+        text=_texts.PageText,
+        subtitle=_texts.subtitle,
+        also=_texts.also,
+        differs=_texts.differs,
+        was=_texts.was,
+        photo=_texts.photo,
+        overridden_by=_texts.overridden_by,
+        was_green=_texts.was_green,
+        time=time_text,
+        translate=translate,
+    )
     return made
+
+
+def _said(message: str) -> Markup:
+    """A message in the language of the page, with its code shown as code."""
+    return _with_code(translate(message))
+
+
+def _with_code(text: str) -> Markup:
+    shapes = {False: Markup("{}"), True: Markup("<code>{}</code>")}
+    return Markup().join(shapes[is_code].format(clean(piece)) for piece, is_code in coded(text))
 
 
 def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints

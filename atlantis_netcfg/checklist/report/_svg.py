@@ -4,9 +4,10 @@ Colours stand at each shape for whoever shows the file alone; a page may replace
 
 Where the things of a drawing stand: far ends above, what carries the site below them, vehicles at the bottom.
 
-The drawing is narrow and tall, so that a telephone shows it whole. Nodes stand in rows by what they are; links between
-neighbouring rows run over a common line in the gap, longer ones along the left margin. Each vehicle has a line of its
-own, with its links as badges, which ends at the line of whoever sees it on the right.
+On a telephone the drawing is narrow and tall; elsewhere the vehicles stand beside the devices. Nodes stand in rows by
+what they are; links between neighbouring rows run over a common line in the gap, longer ones along the left margin.
+Each vehicle has a line of its own, with its links as badges, which ends at the line of whoever sees it, right of the
+devices.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from atlantis_netcfg.checklist.report._shapes import (
     letters_of,
     worst_state,
 )
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.report.drift import clean
 
 if TYPE_CHECKING:
@@ -97,8 +99,11 @@ def states(document: Document) -> tuple[dict[str, ShownState | None], list[tuple
     return nodes, [(link, sheet.state(link.items)) for link in document.drawing.links]
 
 
-def layout(document: Document) -> DrawingLayout:
-    """Arrange the drawing of a document; the same for the same document."""
+def layout(document: Document, *, wide: bool = False) -> DrawingLayout:
+    """Arrange the drawing of a document; the same for the same document.
+
+    `wide`: the vehicles stand beside the devices, not below them, for a page that is wider than a telephone.
+    """
     sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: node for node in document.drawing.nodes}
     vehicles = [node for node in nodes.values() if node.kind == _VEHICLE]
@@ -106,10 +111,12 @@ def layout(document: Document) -> DrawingLayout:
     links = document.drawing.links
     inner = [link for link in links if link.a != link.b and {link.a, link.b} <= {device.key for device in devices}]
     bottom = _devices(sheet, devices, inner)
-    height = _vehicles(sheet, vehicles, links, bottom)
+    wide = wide and bool(vehicles) and bool(devices)
+    left, top = (_WIDTH, 0.0) if wide else (0.0, bottom)
+    height = max(bottom, _vehicles(sheet, vehicles, links, left, top))
     height = max([height, *(badge.y + BADGE_HEIGHT + 4 for badge in sheet.badges)])
     boxes = tuple(place.box for place in sheet.places.values())
-    return DrawingLayout(_WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
+    return DrawingLayout(left + _WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
 
 
 def _others(link: DrawnLink, ends: set[str]) -> set[str]:
@@ -196,7 +203,8 @@ def _fan(links: Sequence[DrawnLink], key: str, row_of: dict[str, int], row: int)
 
 
 def _layout_box(sheet: _SvgSheet, node: DrawnNode, x: float, y: float, width: float) -> DrawnBox:
-    label, detail = cut(node.label, _NAME_LETTERS), cut(node.detail, _DETAIL_LETTERS)
+    words = node.detail or _kind(node.kind)
+    label, detail = cut(node.label, _NAME_LETTERS), cut(words, _DETAIL_LETTERS)
     return DrawnBox(x, y, width, _BOX_HEIGHT, label, detail, node.kind, sheet.state(node.items))
 
 
@@ -205,7 +213,7 @@ def _layout_wire(sheet: _SvgSheet, slots: _Slots, row_of: dict[str, int]) -> Non
         box = sheet.places[key].box
         for number, link in enumerate(links):
             state = sheet.state(link.items)
-            badge = _layout_badge(link, state, *_spot(box, side, number))
+            badge = _layout_badge(link, state, _spot(box, side, number), (0.0, _WIDTH))
             route = _route(sheet, *_ends(link, row_of), badge.y + BADGE_HEIGHT / 2)
             sheet.wires.append(DrawnWire(route, state, link.kind in _THROUGH))
             if link.label.strip():
@@ -221,11 +229,15 @@ def _spot(box: DrawnBox, side: _Side, number: int) -> tuple[float, float]:
     return box.middle, box.y - _SLOT * (number + 1)
 
 
-def _layout_badge(link: DrawnLink, state: ShownState | None, middle: float, y: float) -> Badge:
-    label = cut(link.label, _BADGE_LETTERS)
+def _layout_badge(
+    link: DrawnLink, state: ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
+) -> Badge:
+    """`spot`: middle and top; `edges`: between which it has to stay."""
+    label = cut(translate(link.label), _BADGE_LETTERS)
     width = badge_width(label, state)
-    x = min(max(middle - width / 2, 1), max(_WIDTH - width - 1, 1))
-    return Badge(x, y, width, badge_text(label, state), state)
+    left, right = edges
+    x = min(max(spot[0] - width / 2, left + 1), max(right - width - 1, left + 1))
+    return Badge(x, spot[1], width, badge_text(label, state), state)
 
 
 def _route(sheet: _SvgSheet, upper: str, lower: str, badge: float) -> tuple[tuple[float, float], ...]:
@@ -241,36 +253,42 @@ def _route(sheet: _SvgSheet, upper: str, lower: str, badge: float) -> tuple[tupl
     return ((a.x, start), (x, start), (x, end), (b.x, end))
 
 
-def _vehicles(sheet: _SvgSheet, vehicles: Sequence[DrawnNode], links: Sequence[DrawnLink], y: float) -> float:
-    """Place the vehicles, one below the other; the bottom of the drawing."""
+def _vehicles(
+    sheet: _SvgSheet, vehicles: Sequence[DrawnNode], links: Sequence[DrawnLink], left: float, y: float
+) -> float:
+    """Place the vehicles, one below the other, from `left` on; the bottom of the last."""
     lanes: dict[str, float] = {}
     for node in vehicles:
         y += 6
         local = [link for link in links if node.key in {link.a, link.b}]
-        box = _layout_box(sheet, node, 4, y, _VEHICLE_WIDTH)
+        box = _layout_box(sheet, node, left + 4, y, _VEHICLE_WIDTH)
         sheet.places[node.key] = _DrawnPlace(-1, box)
-        low = _flow(sheet, [link for link in local if link.label.strip()], y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
+        low = _flow(sheet, [link for link in local if link.label.strip()], left, y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
         middle = y + _BOX_HEIGHT / 2
         ends = dict.fromkeys(link.b if link.a == node.key else link.a for link in local)
         for end in ends:
             if end in sheet.places and sheet.places[end].row >= 0:
                 lane = lanes.setdefault(end, _WIDTH - 8 - 5 * (len(lanes) % 3))
                 both = [item for link in local if end in {link.a, link.b} for item in link.items]
-                sheet.wires.append(DrawnWire(((box.x + box.width, middle), (lane, middle)), sheet.state(both)))
+                if left and sheet.badges:
+                    sheet.wires.append(DrawnWire(((box.x + box.width, middle), (box.x + box.width + 12, middle)), None))
+                side = box.x if left else box.x + box.width
+                sheet.wires.append(DrawnWire(((side, middle), (lane, middle)), sheet.state(both)))
                 sheet.wires.append(DrawnWire(_down(sheet.places[end].box, lane, middle), None))
         y = max(y + _BOX_HEIGHT, low)
     return y + 6
 
 
-def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], y: float) -> float:
+def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], left: float, y: float) -> float:
     """Set badges side by side, and in a new line where there is no room; the bottom of the last."""
-    start = x = _VEHICLE_WIDTH + 12
+    start = x = left + _VEHICLE_WIDTH + 12
+    edges = (left, left + _WIDTH)
     for link in links:
         state = sheet.state(link.items)
-        width = badge_width(cut(link.label, _BADGE_LETTERS), state)
-        if x > start and x + width > _WIDTH - _RIGHT:
+        width = badge_width(cut(translate(link.label), _BADGE_LETTERS), state)
+        if x > start and x + width > left + _WIDTH - _RIGHT:
             x, y = start, y + _SLOT
-        sheet.badges.append(_layout_badge(link, state, x + width / 2, y))
+        sheet.badges.append(_layout_badge(link, state, (x + width / 2, y), edges))
         x += width + 4
     return y + _SLOT + (_BOX_HEIGHT - BADGE_HEIGHT) / 2
 
@@ -282,6 +300,9 @@ def _down(box: DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ..
 
 _KINDS = {
     "cpe": "Wi-Fi bridge",
+    "router": "router",
+    "gateway": "gateway",
+    "partner": "partners",
     "lte_router": "4G router",
     "satellite_terminal": "satellite",
     "vpn_server": "VPN server",
@@ -291,22 +312,29 @@ _KINDS = {
 }
 
 
-def drawing_svg(document: Document) -> str:
-    """The drawing of a document, to stand alone or inside a page."""
-    shapes = layout(document)
+def _kind(kind: str) -> str:
+    """A kind of node in words; some need none."""
+    words = _KINDS.get(kind, kind)
+    return translate(words) if words else ""
+
+
+def drawing_svg(document: Document, *, wide: bool = False) -> str:
+    """The drawing of a document, to stand alone or inside a page; `wide`: for a page that is no telephone's."""
+    shapes = layout(document, wide=wide)
+    name = "drawing-wide" if wide else "drawing-narrow"
     root = ET.Element(
         "svg",
         {
             "xmlns": "http://www.w3.org/2000/svg",
             "viewBox": f"0 0 {shapes.width:g} {shapes.height:g}",
             "role": "img",
-            "aria-labelledby": "drawing-title drawing-words",
-            "class": "drawing",
+            "aria-labelledby": f"{name}-title {name}-words",
+            "class": f"drawing {name}",
             "font-family": "system-ui, 'DejaVu Sans', sans-serif",
         },
     )
-    ET.SubElement(root, "title", id="drawing-title").text = clean(f"Drawing of {document.title}")
-    ET.SubElement(root, "desc", id="drawing-words").text = clean("\n".join(described(document)))
+    ET.SubElement(root, "title", id=f"{name}-title").text = clean(translate(f"Drawing of {document.title}"))
+    ET.SubElement(root, "desc", id=f"{name}-words").text = clean("\n".join(described(document)))
     for wire in shapes.wires:
         _wire(root, wire)
     for box in shapes.boxes:
@@ -325,9 +353,10 @@ def described(document: Document) -> list[str]:
         found = nodes[node.key]
         result.append(f"{node.label}{_beside(node.detail)}{_beside(str(found) if found is not None else '')}.")
     for link, found in links:
-        ends = f"{labels.get(link.a, link.a)} to {labels.get(link.b, link.b)}"
-        result.append(f"{ends}: {link.label}{_beside(str(found) if found is not None else '')}.")
-    return result or ["Nothing is declared."]
+        label = translate(link.label) if link.label.strip() else ""
+        ends = f"{labels.get(link.a, link.a)}, {labels.get(link.b, link.b)}"
+        result.append(f"{ends}: {label}{_beside(str(found) if found is not None else '')}.")
+    return result or [translate("Nothing is declared.")]
 
 
 def _beside(words: str) -> str:
@@ -353,7 +382,7 @@ def _box(root: ET.Element, box: DrawnBox) -> None:
     shape = {"x": f"{box.x:g}", "y": f"{box.y:g}", "width": f"{box.width:g}", "height": f"{box.height:g}", "rx": "5"}
     ET.SubElement(group, "rect", shape | {"fill": tint.paper, "stroke": tint.edge, "class": "face"})
     sign = f"{SYMBOLS[box.state]} " if box.state is not None else ""
-    detail = box.detail or _KINDS.get(box.kind, box.kind)
+    detail = box.detail
     size = min(11.0, (box.width - 6) / (0.66 * max(letters_of(sign + box.label), 1)))
     name = {"font-size": f"{size:.2f}", "font-weight": "bold", "fill": tint.ink}
     _write(group, f"{sign}{box.label}", (box.middle, box.y + (16 if detail else 23)), name)

@@ -5,17 +5,21 @@ What a console shows of a checklist: 80 columns, signs of ASCII, the worst first
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, GridCell, GridRow, ShownState, cut, grid, state
-from atlantis_netcfg.checklist.report.document import Document, Evidence, EvidenceType, Item
+from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.printable import visible
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import Row, Style, Styled, visible
+from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from datetime import datetime
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from atlantis_netcfg.checklist.report.document import Document, Evidence, Item, ItemChange
 
 
 _TITLES = {
@@ -35,11 +39,6 @@ _TITLES = {
 def title(endpoint: str) -> str:
     """A column in the words of Table 3."""
     return _TITLES.get(endpoint, endpoint)
-
-
-def clock(at: datetime) -> str:
-    """A time as people compare it with their notes."""
-    return f"{at:%Y-%m-%d %H:%M:%S} {at.tzname() or 'no time zone'}"
 
 
 def counts(items: Iterable[Item]) -> dict[ShownState, int]:
@@ -67,25 +66,28 @@ _SETTLED = frozenset({ShownState.PASS, ShownState.SKIP, ShownState.OVERRIDDEN})
 def headline(document: Document) -> tuple[ShownState, str]:
     """The verdict of the whole in one word and one sentence."""
     values = counts(document.items)
-    narrowed = f", for {scope(document)} alone" if document.scope else ""
     if document.exit is ExitCode.NOTHING:
         return ShownState.NOT_CHECKED, "Nothing was checked"
-    if document.exit is not ExitCode.DONE:
-        return next(iter(values)), f"The checklist has not passed{narrowed}"
-    unpleasant = (
-        ShownState.OVERRIDDEN
-        if ShownState.OVERRIDDEN in values
-        else ShownState.WARN
-        if ShownState.WARN in values
-        else ShownState.PASS
-    )
-    return unpleasant, f"The checklist has passed{narrowed}{_AND[unpleasant]}"
+    shown = next(iter(values)) if document.exit is not ExitCode.DONE else _passed(values)
+    of_all, of_some = _HEADLINES.get(shown, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
+    return shown, of_some.format(scope=scope(document)) if document.scope else of_all
 
 
-_AND = {
-    ShownState.OVERRIDDEN: ", with what a person has overruled",
-    ShownState.WARN: ", with warnings",
-    ShownState.PASS: "",
+def _passed(values: Mapping[ShownState, int]) -> ShownState:
+    return next((state for state in (ShownState.OVERRIDDEN, ShownState.WARN) if state in values), ShownState.PASS)
+
+
+_NOT_PASSED = ("The checklist has not passed", "The checklist has not passed, for {scope} alone")
+_HEADLINES = {
+    ShownState.OVERRIDDEN: (
+        "The checklist has passed, with what a person has overruled",
+        "The checklist has passed, for {scope} alone, with what a person has overruled",
+    ),
+    ShownState.WARN: (
+        "The checklist has passed, with warnings",
+        "The checklist has passed, for {scope} alone, with warnings",
+    ),
+    ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} alone"),
 }
 
 
@@ -94,40 +96,40 @@ def scope(document: Document) -> str:
     return " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())
 
 
-def closing(document: Document) -> str:
+def english(text: str) -> str:
+    """For pages that a program reads: words as they are."""
+    return text
+
+
+Say = Callable[[str], str]
+"""Gives a message in the language of the page: `translate`, or `english`."""
+
+
+def closing(document: Document, say: Say) -> str:
     """The exit in words."""
     words = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
-    return f"{headline(document)[1]} (exit {int(document.exit)}): {words or 'no items'}"
+    return f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(PageText.NO_ITEMS)}"
 
 
 def signed(document: Document) -> str:
     """Who vouches for it."""
     if document.signed is None:
         return "NOT SIGNED: nobody vouches for it"
-    return f"Signed by {visible(document.signed.by)}, {clock(document.signed.at)}"
+    return f"Signed by {visible(document.signed.by)}, {time_text(document.signed.at, document.time_zone)}"
 
 
-_EVIDENCE = {
-    EvidenceType.MEASURED: "measured",
-    EvidenceType.READ: "read from the device",
-    EvidenceType.CONFIRMED: "confirmed by a person",
-    EvidenceType.DECLARED: "declared in the inventory",
-    EvidenceType.FILE: "file",
-}
-
-
-def evidence_type(evidence: Evidence) -> str:
+def evidence_type(evidence: Evidence, say: Say, zone: str) -> str:
     """What it stands on, and whose and when it is."""
     by = f", {evidence.by}" if evidence.by is not None else ""
-    at = f", {clock(evidence.at)}" if evidence.at is not None else ""
-    return f"{_EVIDENCE[evidence.type]}{by}{at}"
+    at = f", {time_text(evidence.at, zone)}" if evidence.at is not None else ""
+    return f"{say(EVIDENCE[evidence.type])}{by}{at}"
 
 
-def evidence_groups(item: Item) -> list[tuple[str, list[Evidence]]]:
+def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evidence]]]:
     """Evidence that lies side by side and is of one kind, person and time, under its words; a file is on its own."""
     result: list[tuple[str, list[Evidence]]] = []
     for evidence in item.evidence:
-        words = evidence_type(evidence)
+        words = evidence_type(evidence, say, zone)
         if result and result[-1][0] == words and evidence.file is None and result[-1][1][-1].file is None:
             result[-1][1].append(evidence)
         else:
@@ -136,10 +138,22 @@ def evidence_groups(item: Item) -> list[tuple[str, list[Evidence]]]:
 
 
 def evidence_words(evidence: Evidence) -> str:
-    """One line of evidence."""
+    """One line of evidence, in English."""
     kept = f"; kept as {evidence.file}" if evidence.file is not None else ""
     digest = f", SHA-256 {evidence.sha256}" if evidence.sha256 is not None else ""
-    return f"{evidence.what}: {evidence.value} ({evidence_type(evidence)}){kept}{digest}"
+    return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){kept}{digest}"
+
+
+def circumstances(item: Item, say: Say, zone: str) -> str:
+    """Who looks, where, when, how long, and whether it belongs to the table."""
+    words = [say(KINDS[item.kind]), say(PHASES[item.phase])]
+    if item.at is not None:
+        words.append(time_text(item.at, zone))
+    if item.seconds is not None:
+        words.append(f"{item.seconds:.1f} s")
+    if not item.table3:
+        words.append(say(PageText.BESIDE_TABLE))
+    return ", ".join(words)
 
 
 _WIDTH = 80
@@ -165,36 +179,112 @@ _BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 
 def lines(document: Document) -> str:
     """The text, without a line feed at the end."""
-    return "\n".join(_lines(document))
+    return "\n".join([*body(document), "", *map(_plain, ending(document))])
 
 
-def _lines(document: Document) -> Iterator[str]:
-    yield from _wrapped("", f"Checklist of {document.site} ({document.title}), run {document.run}")
+def body(document: Document) -> Iterator[str]:
+    """All but its last lines."""
+    yield from _wrapped("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
     if document.rehearsed:
-        yield from _wrapped("", "REHEARSED on emulated devices: nothing real was checked")
-        yield from _listed("broken on purpose: ", document.broken)
+        yield from _wrapped("", translate("REHEARSED on emulated devices: nothing real was checked"))
+        yield from _listed(f"broken on purpose: {item}" for item in document.broken)
     yield ""
     yield from _grid(document)
     for item in by_state(document.items):
         if state(item) not in _BRIEF:
             yield ""
-            yield from _item(item)
+            yield from _item(item, document.time_zone)
     yield ""
     yield from _brief(document)
     yield from _beside(document)
-    yield ""
-    yield from _wrapped("", closing(document))
-    yield from _wrapped("", signed(document))
     if document.signed is not None:
-        yield from _wrapped("", f"digest {document.signed.digest}")
-        yield from _wrapped("", f"key {document.signed.key}")
+        yield ""
+        yield from seal(document)
+
+
+def seal(document: Document) -> Iterator[str]:
+    """By what the signature is known."""
+    if document.signed is not None:
+        yield from _wrapped("", translate(f"digest {document.signed.digest}"))
+        yield from _wrapped("", translate(f"key {document.signed.key}"))
+
+
+def ending(document: Document, room: int = 8, *, vouched: bool = True) -> list[Row]:
+    """How it ended, in at most `room` lines: verdict, counts, the worst item with what to do.
+
+    `vouched`: and who has signed.
+    """
+    rows: list[Row] = [*_verdict_rows(document), *_counts_rows(document)]
+    last = [*_wrapped("", translate(signed(document)))] if vouched else []
+    return [*rows, *_worst_rows(document, room - len(rows) - len(last)), *last]
+
+
+_STYLES = {
+    ShownState.PASS: Style.GOOD,
+    ShownState.WARN: Style.WARNING,
+    ShownState.OVERRIDDEN: Style.WARNING,
+    ShownState.INCONCLUSIVE: Style.WARNING,
+    ShownState.OPEN: Style.WARNING,
+    ShownState.FAIL: Style.BAD,
+    ShownState.ERROR: Style.BAD,
+}
+
+
+def _plain(row: Row) -> str:
+    pieces = row if isinstance(row, tuple) else (row,)
+    return "".join(piece.text if isinstance(piece, Styled) else piece for piece in pieces)
+
+
+def _coloured(shown: ShownState, text: str) -> str | Styled:
+    return Styled(text, _STYLES[shown]) if shown in _STYLES else text
+
+
+def _verdict_rows(document: Document) -> Iterator[Row]:
+    shown, words = headline(document)
+    mark = f"{ASCII[shown]} {shown}"
+    first, *rest = _wrapped("", f"{mark}: {translate(words)}")
+    yield (_coloured(shown, mark), first.removeprefix(mark))
+    yield from rest
+
+
+def _counts_rows(document: Document) -> Iterator[Row]:
+    """How many of each, the exit code, and whether it was rehearsed."""
+    found = [(shown, f"{number} {shown}") for shown, number in counts(document.items).items()]
+    words = ", ".join(text for _, text in found) or translate(PageText.NO_ITEMS)
+    rest = f"; {translate(f'exit {int(document.exit)}')}"
+    if document.rehearsed:
+        rest += f"; {translate('rehearsed')}"
+    if not found or len(words + rest) > _WIDTH:
+        yield from _wrapped("", words + rest)
+        return
+    pieces = [piece for shown, text in found for piece in (", ", _coloured(shown, text))]
+    yield (*pieces[1:], rest)
+
+
+def _worst_rows(document: Document, room: int) -> Iterator[Row]:
+    """The item to look at first; of a long text as many lines as there are, the rest stands above."""
+    every = first(document)[1]
+    if not every:
+        return
+    worst, hint = every[0], every[0].hint
+    message = [*_wrapped("", f"{worst.id}: {translate(worst.message)}")]
+    advice = [*_wrapped("", f"-> {translate(hint)}", indent=2)] if hint else []
+    for_advice = min(len(advice), max(room - len(message), room // 2))
+    yield from _shortened(message, room - for_advice)
+    yield from _shortened(advice, for_advice)
+
+
+def _shortened(text: list[str], most: int) -> list[str]:
+    if len(text) <= most:
+        return text
+    return [*text[: most - 1], f"{text[most - 1][: _WIDTH - 4]} ..."] if most > 0 else []
 
 
 def _grid(document: Document) -> Iterator[str]:
     table = grid(document)
     if not table.rows:
         return
-    names = [_HEADS.get(column, title(column))[: _CELL - 1] for column in (*table.columns, *table.beside)]
+    names = [translate(_HEADS.get(column, title(column)))[: _CELL - 1] for column in (*table.columns, *table.beside)]
     yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if table.beside else names)
     for row in table.rows:
         yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(table.beside)))
@@ -222,25 +312,25 @@ def _legend(document: Document) -> Iterator[str]:
     cells = [cell for row in grid(document).rows for cell in row.cells if not cell.empty]
     result = []
     if any(not cell.table3 for cell in cells):
-        result.append("( ) not part of Table 3")
-    result += [text for item, text in _WORDS.items() if any(cell.state is item for cell in cells)]
+        result.append(translate("( ) not part of Table 3"))
+    result += [translate(text) for item, text in _WORDS.items() if any(cell.state is item for cell in cells)]
     if result:
         yield from _wrapped("", ", ".join(result))
     for row in document.rows:
         if row.deviation is not None:
-            yield from _wrapped("", f"{row.name} differs from the report: {row.deviation}")
+            yield from _wrapped("", translate(differs(row)))
 
 
-def _item(item: Item) -> Iterator[str]:
+def _item(item: Item, zone: str) -> Iterator[str]:
     shown = state(item)
-    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {item.title}")
-    yield from _wrapped("", item.message, indent=_MARGIN)
+    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {translate(item.title)}")
+    yield from _wrapped("", translate(item.message), indent=_MARGIN)
     if item.hint:
-        yield from _wrapped("", f"-> {item.hint}", indent=_MARGIN)
+        yield from _wrapped("", f"-> {translate(item.hint)}", indent=_MARGIN)
     if item.override is not None:
-        at = clock(item.override.at)
+        at = time_text(item.override.at, zone)
         words = f"{item.verdict}, overridden by {item.override.by}, {at}: {item.override.reason}"
-        yield from _wrapped("", words, indent=_MARGIN)
+        yield from _wrapped("", translate(words), indent=_MARGIN)
 
 
 def _brief(document: Document) -> Iterator[str]:
@@ -248,7 +338,8 @@ def _brief(document: Document) -> Iterator[str]:
     for entry in (ShownState.OPEN, ShownState.SKIP):
         for item in document.items:
             if state(item) is entry:
-                yield from _wrapped(f"{ASCII[entry]} {entry}", f"{item.id}: {item.title} ({item.message})")
+                words = f"{item.id}: {translate(item.title)} ({translate(item.message)})"
+                yield from _wrapped(f"{ASCII[entry]} {entry}", words)
     passed = [item.id for item in document.items if state(item) is ShownState.PASS]
     if passed:
         yield from _wrapped(f"{ASCII[ShownState.PASS]} PASS", ", ".join(passed))
@@ -258,22 +349,28 @@ def _beside(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
         what = ", ".join(item.what for item in document.left_out if item.why == why)
-        yield from _listed("not checked: ", [f"{what} ({why})"])
-    yield from _listed("note: ", document.notes)
+        yield from _listed([f"not checked: {what} ({why})"])
+    yield from _listed(f"note: {note}" for note in document.notes)
     if document.since_green is not None:
         green = document.since_green
-        yield from _wrapped("", f"since run {green.run} of {clock(green.at)}, which was green:")
+        at = time_text(green.at, document.time_zone)
+        yield from _listed([f"since run {green.run} of {at}, which was green:"])
         for change in green.changes:
-            words = f"{change.id}: {change.before or 'none'} -> {change.after or 'none'}: {change.message}"
-            yield from _wrapped("", words, indent=2)
+            yield from _wrapped("", change_line(change, translate), indent=2)
         if not green.changes:
-            yield "  nothing has changed"
-    yield from _listed("not rehearsed: ", document.not_rehearsed if document.rehearsed else ())
+            yield translate("  nothing has changed")
+    yield from _listed(f"not rehearsed: {item}" for item in (document.not_rehearsed if document.rehearsed else ()))
 
 
-def _listed(what: str, every: tuple[str, ...] | list[str]) -> Iterator[str]:
+def change_line(change: ItemChange, say: Say) -> str:
+    """What was otherwise when all was green."""
+    before, after = (str(word) if word is not None else say("none") for word in (change.before, change.after))
+    return f"{change.id}: {before} -> {after}: {say(change.message)}"
+
+
+def _listed(every: Iterable[str]) -> Iterator[str]:
     for item in every:
-        yield from _wrapped("", f"{what}{item}")
+        yield from _wrapped("", translate(item))
 
 
 def _wrapped(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:

@@ -233,6 +233,8 @@ class Document(_Data):
     broken: tuple[str, ...] = ()
     """Rehearsal: what was broken on purpose."""
     drawing: Drawing
+    time_zone: str = ""
+    """The pilot's (IANA name), for people beside UTC; empty in documents of before it was kept: UTC alone."""
     since_green: SinceGreen | None = None
     signed: Signature | None = None
 

@@ -271,7 +271,7 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
                 (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
             )
             print(translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}"), flush=True)
-    agreed("Cut them off now, for good" if len(members) > 1 else f"Cut {members[0].name} off now, for good")
+    agreed("Cut them off now, for good?" if len(members) > 1 else f"Cut {members[0].name} off now, for good?")
 
 
 VPN_ACCEPT = CommandSpec(

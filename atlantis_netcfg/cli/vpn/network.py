@@ -100,7 +100,7 @@ def _installed(opened: CommandSession) -> ExitCode:
     if found.exit is ExitCode.CHANGES and not arguments.flag("plan"):
         if not (arguments.flag("yes") or opened.rehearsed):
             _show(opened, found)
-            agreed(f"Change {host.name} now")
+            agreed(f"Change {host.name} now?")
         with progress(quiet=opened.as_json) as notify:
             found = install(opened.declaration, host, identity, request, notify)
     if opened.as_json:

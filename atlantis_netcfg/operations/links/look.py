@@ -258,7 +258,9 @@ class LinksStatus:
     notes: tuple[str, ...] = ()
     """What went wrong beside the links."""
 
-    def report(self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = ()) -> LinksReport:
+    def report(
+        self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = (), time_zone: str = ""
+    ) -> LinksReport:
         """For whoever reads it."""
         return LinksReport(
             site=site,
@@ -274,6 +276,7 @@ class LinksStatus:
             costs={name: {**bill.as_dict(), "words": bill.words} for name, bill in self.bills.items()},
             notes=self.notes,
             not_rehearsed=not_rehearsed,
+            time_zone=time_zone,
         )
 
     def as_dict(self) -> dict[str, dict[str, Any]]:

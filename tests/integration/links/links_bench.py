@@ -105,7 +105,7 @@ class Bench:
 
 def masked(text: str) -> str:
     """Everything that is new with every look, and what the looks themselves have sent."""
-    text = re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC", "TIME", text)
+    text = re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d (UTC|\w+ \([\d :-]+ UTC\))", "TIME", text)
     text = re.sub(r"(this month +)[0-9.]+ k?B", r"\1BYTES", text)
     return re.sub(r"127\.0\.0\.1(:| port )\d+", "ADDRESS", text)
 

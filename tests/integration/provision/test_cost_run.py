@@ -76,11 +76,11 @@ def test_what_is_agreed_to_is_sent_counted_and_billed(at: Quay) -> None:
 
 
 def test_paying_and_changing_are_two_questions(at: Quay) -> None:
-    said_yes = at.typed(*DEAR, answer="yes", code=4)
+    said_yes = at.typed(*DEAR, answer="yes\nno", code=4)
     assert "Type pay to go on" in said_yes
     assert "nothing was sent" in said_yes
     assert connections(at) == 0
-    at.typed(*DEAR, answer="pay\nyes", code=4)
+    at.typed(*DEAR, answer="pay\nyes\nno", code=4)
     before = at.export()
     told = at.typed(*DEAR, answer="pay\npay\nno", code=4)
     assert "not agreed, so nothing was changed" in told

@@ -67,6 +67,7 @@ def masked(text: str) -> str:
     """Everything that is new with every run."""
     text = re.sub(r"\b\d{8}T\d{6}Z\b", "RUN", text)
     text = re.sub(r"\b2\d{3}-\d\d-\d\d[ T]\d\d:\d\d(:\d\d)?(\+00:00)?", "TIME", text)
+    text = re.sub(r"TIME WES?T \((TIME|\d\d:\d\d) UTC\)", "TIME UTC", text)
     text = re.sub(r'time="\d+\.\d+"', 'time="SECONDS"', text)
     text = re.sub(r'"seconds": \d+\.\d+', '"seconds": 0.0', text)
     return re.sub(r'"(sent|received)": \d+', r'"\1": 0', text)

@@ -31,7 +31,7 @@ def left(at: Quay) -> int:
 
 
 def test_they_go_when_a_person_types_both_words(at: Quay) -> None:
-    declined = at.typed("site=coastal", answer="yes", code=4)
+    declined = at.typed("site=coastal", answer="yes\nno", code=4)
     assert f"{ROUTER}: {WORDS}" in declined
     assert "Remove them? Type remove to go on" in declined
     assert "Change coastal-router now" not in declined

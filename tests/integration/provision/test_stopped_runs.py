@@ -172,7 +172,7 @@ def test_ctrl_c_at_the_question_has_changed_nothing(at: Quay) -> None:
         os.close(terminal)
         assert process.stdout is not None
         text = b""
-        while not text.endswith(b"Type yes to go on: "):
+        while not text.endswith(b"Type yes to go on (the whole word), or no: "):
             more = process.stdout.read(65536)
             assert more, text.decode()
             text += more

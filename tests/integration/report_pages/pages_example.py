@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import checklist_example as made
+from checklist_marks import marked
 from checklist_strategies import SHORT, documents, hostile
 
-__all__ = ["SHORT", "documents", "hostile", "made"]
+__all__ = ["SHORT", "documents", "hostile", "made", "marked"]

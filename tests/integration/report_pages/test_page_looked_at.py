@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from chromium_pipe import Chromium, chromium
-from pages_example import SHORT, hostile, made
+from pages_example import SHORT, hostile, made, marked
 
 from atlantis_netcfg.checklist.report._pages import html
+from atlantis_netcfg.checklist.report._pdf import pdf
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -29,7 +30,10 @@ WIDEST = (
     "[...document.querySelectorAll('body *')].map(e => e.getBoundingClientRect().right).reduce((a, b) => a > b ? a : b)"
 )
 HOSTILE = hostile((*SHORT, "x" * 2_000))
-DOCUMENTS = {"example": made.example(), "green": made.green(), "empty": made.empty(), "hostile": HOSTILE}
+MANY = made.example(items=tuple(item.model_copy(update={"message": f"{item.message}. " * 6}) for item in made.items()))
+"""Long messages, so that paper is full of text."""
+DOCUMENTS = {"example": made.example(), "green": made.green(), "empty": made.empty(), "hostile": HOSTILE, "many": MANY}
+A4_PIXELS = 297 / 25.4 * 96
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("pages")
     for name, document in DOCUMENTS.items():
         (folder / f"{name}.html").write_bytes(html(document, made.files()))
+    with pytest.MonkeyPatch.context() as monkeypatch, marked(monkeypatch, longer):
+        (folder / "longer.html").write_bytes(html(made.example(), made.files()))
     return folder
+
+
+def longer(text: str) -> str:
+    """A message as another language may have it: a third longer."""
+    return text + "x" * (len(text) // 3)
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +83,9 @@ def test_the_page_fits_asks_for_nothing_and_can_be_printed(browser: Chromium, fo
             fits_and_asks_for_nothing(browser, folder, name, SCREENS[screen])
     the_grid_is_on_a_telephone(browser, folder)
     the_print_is_black_and_white_and_whole(browser, folder)
+    the_print_is_no_longer_than_the_pdf(browser, folder)
+    the_drawing_takes_less_than_half_a_page(browser, folder)
+    longer_words_have_room(browser, folder)
     what_is_asked_for_is_counted(browser, folder)
     the_policy_holds(browser, folder)
 
@@ -147,6 +161,53 @@ def the_print_is_black_and_white_and_whole(browser: Chromium, folder: Path) -> N
     assert browser.run(wide) == []
 
 
+def the_print_is_no_longer_than_the_pdf(browser: Chromium, folder: Path) -> None:
+    for name in ("example", "green", "empty", "many"):
+        show(browser, folder, name, SCREENS["desktop"])
+        browser.look(media="print")
+        browser.printed(folder / f"{name}-print.pdf")
+        (folder / f"{name}.pdf").write_bytes(pdf(DOCUMENTS[name], made.files()))
+        printed, made_here = (sheets(folder / file) for file in (f"{name}-print.pdf", f"{name}.pdf"))
+        assert 1 <= printed <= made_here, (name, printed, made_here)
+
+
+def sheets(file: Path) -> int:
+    """Pages, as poppler counts them."""
+    told = subprocess.run(["pdfinfo", file], check=True, capture_output=True, text=True).stdout
+    return int(told.partition("Pages:")[2].split()[0])
+
+
+def the_drawing_takes_less_than_half_a_page(browser: Chromium, folder: Path) -> None:
+    for name in ("example", "many"):
+        show(browser, folder, name, SCREENS["desktop"])
+        assert drawn(browser) == ["drawing-wide"]
+        browser.look(media="print")
+        browser("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
+        assert drawn(browser) == ["drawing-wide"]
+        high = browser.run("document.querySelector('.drawing-wide').getBoundingClientRect().height")
+        assert 50 < high < A4_PIXELS / 2
+    show(browser, folder, "example", SCREENS["telephone"])
+    assert drawn(browser) == ["drawing-narrow"]
+
+
+def drawn(browser: Chromium) -> list[str]:
+    """Which drawings are to be seen."""
+    shown = "[...document.querySelectorAll('svg')].filter(one => one.getBoundingClientRect().height > 0)"
+    return [str(name).split()[-1] for name in browser.run(f"{shown}.map(one => one.getAttribute('class'))")]
+
+
+def longer_words_have_room(browser: Chromium, folder: Path) -> None:
+    """Texts that are a third longer, as Portuguese ones are, do not leave the page."""
+    for screen in SCREENS.values():
+        show(browser, folder, "longer", screen)
+        assert browser.run("document.documentElement.scrollWidth") <= screen.width
+        assert browser.run(WIDEST) <= screen.width
+    show(browser, folder, "longer", SCREENS["desktop"])
+    browser.look(media="print")
+    browser("Emulation.setDeviceMetricsOverride", width=703, height=1000, deviceScaleFactor=1, mobile=False)
+    assert browser.run(WIDEST) <= 703
+
+
 def what_is_asked_for_is_counted(browser: Chromium, folder: Path) -> None:
     """Else the counts above would say nothing."""
     (folder / "asks.html").write_text('<img src="http://asks.example/a">', encoding="utf-8")
@@ -161,7 +222,7 @@ def the_policy_holds(browser: Chromium, folder: Path) -> None:
     put_in = '<img src="http://evil.example/b"><script>document.title = "ran"</script><style>body{width:9px}</style>'
     (folder / "put-in.html").write_text(page.replace("</main>", f"{put_in}</main>"), encoding="utf-8")
     show(browser, folder, "put-in", SCREENS["desktop"])
-    assert browser.run("document.title").startswith("PASS: checklist of")
+    assert browser.run("document.title").startswith("PASS: Checklist of")
     assert browser.run("document.body.clientWidth") > 1000
     assert [line for line in outside(browser) if "evil" in line] == []
     refused = [event for event in browser.events if event["method"] == "Log.entryAdded"]

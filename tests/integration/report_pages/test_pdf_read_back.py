@@ -13,9 +13,11 @@ from pages_example import SHORT, documents, hostile, made
 
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import printable
+from atlantis_netcfg.checklist.report._texts import uncoded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
     from atlantis_netcfg.checklist.report import Document
 
@@ -28,7 +30,7 @@ def read(document: Document, files: Mapping[str, bytes]) -> list[str]:
 
 
 def plain(text: str) -> str:
-    return "".join(printable(text).split())
+    return "".join(uncoded(printable(text)).split())
 
 
 def holds(document: Document, files: Mapping[str, bytes]) -> list[str]:
@@ -60,10 +62,10 @@ def test_what_counts_stands_on_the_first_page(example: list[str]) -> None:
     for words in (
         "Pre-test checklist: Coastal testbed",
         "REHEARSAL: nothing real was checked.",
-        "Broken on purpose: a second DHCP server at 10.64.1.77",
+        "Broken on purpose: • a second DHCP server at 10.64.1.77",
         "The checklist has not passed",
         "1 ERROR, 2 FAIL, 1 INCONCLUSIVE, 2 OPEN, 1 OVERRIDDEN, 1 WARN, 25 PASS, 1 SKIP",
-        "Signed by A. Technician, 2026-05-04 10:12:00 UTC",
+        "Signed by A. Technician, 2026-05-04 11:12 WEST (10:12 UTC)",
         made.signature().digest,
         made.signature().key,
         "not in Table 3",
@@ -75,8 +77,8 @@ def test_what_counts_stands_on_the_first_page(example: list[str]) -> None:
 def test_evidence_overrides_and_hashes_are_in_it(example: list[str]) -> None:
     words = "".join(example)
     for one in (
-        "signal at coastal-gateway, wlan1: -22 dBm (read from the device, 2026-05-04 09:30:00 UTC)",
-        "Overridden by A. Technician, 2026-05-04 09:30:00 UTC:",
+        "signal at coastal-gateway, wlan1: -22 dBm (read from the device, 2026-05-04 10:30 WEST (09:30 UTC))",
+        "Overridden by A. Technician, 2026-05-04 10:30 WEST (09:30 UTC):",
         "Zarco stays ashore today; its crew replaces the radio",
         f"failsafe.png: SHA-256 {made.sha256(made.photo())}",
         "sparus/wifi: ✓ PASS → ✗ FAIL: -22 dBm, was -50 dBm",
@@ -121,3 +123,36 @@ def test_ten_thousand_letters_are_all_there() -> None:
 @settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_any_document_can_be_printed(document: Document) -> None:
     read(document, made.files())
+
+
+def families(document: Document, tmp_path: Path) -> dict[str, str]:
+    """Piece of text -> the font of its letters, as poppler's pdftohtml finds them."""
+    (tmp_path / "page.pdf").write_bytes(pdf(document, {}))
+    command = ["pdftohtml", "-xml", "-i", "-stdout", str(tmp_path / "page.pdf")]
+    told = subprocess.run(command, check=True, capture_output=True).stdout.decode()
+    names = dict(re.findall(r'<fontspec id="(\d+)"[^>]* family="([^"]*)"', told))
+    texts = re.findall(r'<text[^>]* font="(\d+)">(.*?)</text>', told)
+    return {re.sub(r"<[^>]*>", "", text).strip(): names[number] for number, text in texts}
+
+
+def test_back_ticks_are_printed_as_code(example: list[str], tmp_path: Path) -> None:
+    assert "`" not in "".join(example)
+    shown = made.green(items=(made.item("sparus/wifi", message="type `provision check` now"),))
+    found = families(shown, tmp_path)
+    assert "Mono" in found["provision check"]
+    assert "Mono" not in found["type"]
+    assert "typeprovisionchecknow" in "".join(read(shown, {}))
+
+
+@pytest.mark.parametrize("code", ["`Ωmega`", "`日`", "`\u202e`", "odd ` one", "``", f"`{'x' * 400}`", "`a` " * 900])
+def test_code_of_any_kind_is_all_there(code: str) -> None:
+    shown = made.green(items=(made.item("sparus/wifi", message=code),))
+    assert plain(code) in re.sub(r"page\d+of\d+|coastal,run\S+?NOTSIGNED", "", "".join(read(shown, {})))
+
+
+def test_a_paragraph_with_code_goes_on_on_the_next_page() -> None:
+    words = " ".join(f"word{number} `code{number}`" for number in range(1_500))
+    pages = holds(made.green(items=(made.item("sparus/gps", message="none"),), notes=(words,)), {})
+    assert len(pages) > 2
+    lost = [number for number in range(1_500) if f"word{number}code{number}" not in "".join(pages)]
+    assert len(lost) < len(pages), "more than those through which a page's end goes"

@@ -171,3 +171,8 @@ class Sitting:
     @property
     def text(self) -> str:
         return "\n".join(self.said)
+
+    @property
+    def words_said(self) -> str:
+        """The text, wherever its lines are broken."""
+        return " ".join(self.text.split())

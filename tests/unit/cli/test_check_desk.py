@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING
 
 import pytest
@@ -9,7 +10,8 @@ from check_desk import LAMP, PING, RADIO, Sitting, entry
 
 from atlantis_netcfg.bearers.cost import CostRefused
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted
+from atlantis_netcfg.cli._checklist_workflow import Price, Prompt, PromptAborted, doubt_of_name
+from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
@@ -64,18 +66,21 @@ QUAY
 sparus/gps: title of sparus/gps
   do        look at the lamp
   look for  it is green
-Does it hold? [yes, but, no, unclear, skip, later] yes
-Note (may be empty): green for a minute
-Your name, as it shall stand in the report: A. Technician
-Photo or file that shows it (a path; empty: none or no more): PHOTO
-Photo or file that shows it (a path; empty: none or no more):EMPTY
-  PASS         sparus/gps: A. Technician has seen that it is well: green for a minute
+(item 2 of 3) Does it hold? [yes, but, no, unclear, skip, back, later] yes
+(item 2 of 3) Note (may be empty): green for a minute
+(item 2 of 3) Your name, as it shall stand in the report: A. Technician
+(item 2 of 3) Photo or file that shows it (a path; empty: none or no more): PHOTO
+(item 2 of 3) Photo or file that shows it (a path; empty: none or no more):EMPTY
+  PASS         sparus/gps: A. Technician has seen that it is well: green for a
+               minute
 
 IN WATER
 
 sparus/usbl/ping: title of sparus/usbl/ping
-  It is done only on your word: Sparus is in the water, and nobody dives near it.
-Is that so, and shall it be done now? Type yes, or anything else for no: yes
+  It is done only on your word: Sparus is in the water, and nobody dives near
+  it.
+(item 3 of 3) Is that so, and shall it be done now?
+  Type yes to go on (the whole word), or no: yes
   Now: hold the boat still.
   PASS         sparus/usbl/ping: answers"""[1:]
 
@@ -91,9 +96,11 @@ Is that so, and shall it be done now? Type yes, or anything else for no: yes
 )
 def test_everything_but_yes_needs_words(word: str, verdict: str, question: str, tmp_path: Path) -> None:
     more = ["on"] if verdict in {"FAIL", "INCONCLUSIVE"} else []
-    sitting = Sitting(tmp_path, [word, "", "it is dark", "N", "", *more], entries=(LAMP,))
+    sure = ["y"] if verdict == "FAIL" else []
+    sitting = Sitting(tmp_path, [word, *sure, "", "it is dark", "N", "", *more], entries=(LAMP,))
     assert verdicts(sitting) == {"sparus/gps": verdict}
-    assert f"{question} \n  something has to stand here; `later` leaves it open\n{question} it is dark" in sitting.text
+    asked = f"(item 1 of 1) {question}"
+    assert f"{asked} \n  something has to stand here; `later` leaves it open\n{asked} it is dark" in sitting.text
 
 
 @pytest.mark.parametrize("kept", range(5))
@@ -135,8 +142,9 @@ def test_what_failed_at_the_last_sitting_is_offered_again(tmp_path: Path) -> Non
     ("typed", "verdict"),
     [
         (["no", "open"], "open"),
-        (["y", "open"], "open"),
-        (["", "override", "it was pinged yesterday", "N"], "WARN"),
+        (["y", "No", "open"], "open"),
+        (["y", "ye", "", "open"], "open"),
+        (["", "n", "override", "it was pinged yesterday", "N"], "WARN"),
         (["no", "seen", "yes", "by the diver", "N", ""], "PASS"),
     ],
 )
@@ -155,7 +163,7 @@ def test_the_next_phase_waits_until_things_are_there(typed: str, asked: int, tmp
     words = {"sparus/wifi": [WELL], "sparus/acoustic": [WELL]}
     sitting = Sitting(tmp_path, [typed], (RADIO, SHIP), words)
     assert [item.open for item in sitting.sit()] == [False, asked == 1]
-    assert "Is everything in the water and switched on? [yes, skip, later] " in sitting.text
+    assert "Is everything in the water and switched on? [yes, skip, back, later] " in sitting.text
     assert len(sitting.ears.asked) == asked
 
 
@@ -167,9 +175,10 @@ def test_in_a_rehearsal_all_is_looked_at_together(tmp_path: Path) -> None:
 
 def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
     price = Price("over satellite: 20 kB, about 0.16 EUR", due=True)
-    sitting = Sitting(tmp_path, ["yes", "yes", "open"], (PING,), price=lambda _entry: price)
+    sitting = Sitting(tmp_path, ["yes", "yes", "no", "open"], (PING,), price=lambda _entry: price)
     assert [item.open for item in sitting.sit()] == [True]
-    assert "  This goes over satellite: 20 kB, about 0.16 EUR\nPay for it? Type pay to go on: yes" in sitting.text
+    asked = "(item 1 of 1) Pay for it? Type pay to go on (the whole word), or no: "
+    assert f"  This goes over satellite: 20 kB, about 0.16 EUR\n{asked}yes" in sitting.text
     words = {"sparus/usbl/ping": ["PASS answers"]}
     paid = Sitting(tmp_path, ["yes", "pay", "N"], (PING,), words, price=lambda _entry: price)
     assert verdicts(paid) == {"sparus/usbl/ping": "PASS"}
@@ -190,7 +199,7 @@ def test_a_file_that_is_not_there_is_asked_for_again(tmp_path: Path) -> None:
     sitting = Sitting(tmp_path, typed, (LAMP,))
     assert verdicts(sitting) == {"sparus/gps": "PASS"}
     assert "  there is no file nowhere.jpg" in sitting.text
-    assert "empty.jpg` is empty: give a file with something in it" in sitting.text
+    assert "empty.jpg` is empty: give a file with something in it" in sitting.words_said
 
 
 def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
@@ -199,9 +208,9 @@ def test_words_are_known_by_their_beginning_and_near_misses_are_told() -> None:
     desk = Prompt(lambda _question: next(typed), said.append)
     assert desk.choose("?", {"yes": 1, "unclear": 2, "override": 3}) == 2
     assert said == [
-        "  type one of: yes, unclear, override, later",
-        "  type one of: yes, unclear, override, later (`override`?)",
-        "  type one of: yes, unclear, override, later (`unclear`?)",
+        "  type one of: yes, unclear, override, back, later",
+        "  type one of: yes, unclear, override, back, later (`override`?)",
+        "  type one of: yes, unclear, override, back, later (`unclear`?)",
     ]
 
 
@@ -224,3 +233,115 @@ def test_what_is_said_cannot_move_the_cursor() -> None:
     said: list[str] = []
     Prompt(say=said.append).say("one\x1b[2Jtwo\nthree")
     assert said == ["one\\u001b[2Jtwo\nthree"]
+
+
+def records(sitting: Sitting) -> list[tuple[str, str, bool]]:
+    """What the log has, in its order: how, verdict, whether it was overridden."""
+    (log,) = sitting.folder.rglob("records.jsonl")
+    rows = [json.loads(line) for line in log.read_text().splitlines()]
+    found = [row for row in rows if "item" in row]
+    return [(row["record"], row["item"]["verdict"], row["item"]["override"] is not None) for row in found]
+
+
+def test_back_corrects_an_answer_and_both_are_kept(tmp_path: Path) -> None:
+    typed = ["yes", "green", "N", "", "back", "again", "unclear", "fog", "", "on", "yes"]
+    words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
+    sitting = Sitting(tmp_path, typed, words=words)
+    assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "INCONCLUSIVE", "sparus/usbl/ping": "PASS"}
+    assert records(sitting) == [
+        ("settled", "PASS", False),
+        ("confirmed", "PASS", False),
+        ("confirmed", "INCONCLUSIVE", False),
+        ("settled", "PASS", False),
+    ]
+    with sitting.book() as book:
+        evidence = book.item("sparus/gps").evidence
+    assert [(each.what, each.value, each.by) for each in evidence] == [
+        ("title of sparus/gps", "fog", "N"),
+        ("earlier answer, replaced", "PASS: green", "N"),
+    ]
+
+
+def test_back_at_a_later_question_of_an_item_begins_it_anew(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["but", "back", "yes", "", "N", ""], (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert len(records(sitting)) == 1
+    assert sitting.text.count("Does it hold?") == 2
+
+
+def test_back_at_the_first_question_says_so(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["back", "yes", "", "N", ""], (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert "  this is the first question" in sitting.text
+
+
+def test_back_takes_an_override_away_and_it_is_shown(tmp_path: Path) -> None:
+    typed = ["override", "it is spare", "N", "back", "again", "yes", "", ""]
+    sitting = Sitting(tmp_path, typed, (RADIO, LAMP), {"sparus/wifi": ["FAIL silent", WELL]})
+    assert verdicts(sitting) == {"sparus/wifi": "PASS", "sparus/gps": "PASS"}
+    with sitting.book() as book:
+        (evidence,) = book.item("sparus/wifi").evidence
+    assert (evidence.what, evidence.value, evidence.by) == ("earlier override, replaced", "FAIL: it is spare", "N")
+
+
+def test_back_between_phases_goes_to_the_item_before(tmp_path: Path) -> None:
+    typed = ["yes", "", "N", "", "back", "on", "yes"]
+    sitting = Sitting(tmp_path, typed, (LAMP, SHIP), {"sparus/acoustic": [WELL]})
+    assert verdicts(sitting) == {"sparus/gps": "PASS", "sparus/acoustic": "PASS"}
+    assert records(sitting) == [("confirmed", "PASS", False), ("settled", "PASS", False)]
+
+
+@pytest.mark.parametrize("slip", ["n", "no"])
+def test_an_accidental_no_is_asked_once_more(slip: str, tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["no", slip, "yes", "", "N", ""], (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert "(item 1 of 1) You answered no: FAIL is kept. Is that right? [yes, no]" in sitting.text
+    assert records(sitting) == [("confirmed", "PASS", False)]
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [
+        ("photos/lamp.jpg", "a file"),
+        ("lamp.JPG", "a file"),
+        ("--rehearse", "a flag"),
+        ("site=coastal", "a word of the command"),
+        ("Yes", "an answer to another question"),
+    ],
+)
+def test_what_is_hardly_a_name_is_asked_about(name: str, what: str, tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["yes", "", name, "no", "N", ""], (LAMP,))
+    assert verdicts(sitting) == {"sparus/gps": "PASS"}
+    assert f"`{name}` looks like {what}. Is it your name? [yes, no]" in sitting.words_said
+    assert sitting.desk.name == "N"
+    taken = Sitting(tmp_path / "taken", ["yes", "", name, "y", ""], (LAMP,))
+    taken.sit()
+    assert taken.desk.name == name
+
+
+@pytest.mark.parametrize("name", ["A. Technician", "João d'Ávila", "M. Silva-Pinto", "N"])
+def test_names_of_people_are_taken_at_once(name: str) -> None:
+    assert doubt_of_name(name) is None
+
+
+def test_choices_that_have_no_room_stand_below_their_question(tmp_path: Path) -> None:
+    sitting = Sitting(tmp_path, ["on"], (RADIO,), {"sparus/wifi": ["FAIL silent"]})
+    sitting.sit()
+    asked = (
+        "(item 1 of 1) Look `again`, `override` it on your word, or go `on`?\n  [again, override, on, back, later] on"
+    )
+    assert asked in sitting.text
+    assert max(map(len, sitting.text.splitlines())) <= 80
+
+
+def test_in_portuguese_words_of_both_languages_are_taken(tmp_path: Path) -> None:
+    language.use(language.Language.PORTUGUESE)
+    try:
+        sitting = Sitting(tmp_path, ["não", "s", "escuro", "N", "", "repetir", "sim", "", "", "Sim"], (LAMP, PING))
+        sitting.words = {"sparus/usbl/ping": ["PASS answers"]}
+        sitting.ears.words = sitting.words
+        assert verdicts(sitting) == {"sparus/gps": "PASS", "sparus/usbl/ping": "PASS"}
+    finally:
+        language.use(language.Language.ENGLISH)
+    assert "[sim, mas, não, incerto, saltar, voltar, depois]" in sitting.text
+    assert records(sitting)[0] == ("confirmed", "FAIL", False), "what is kept is the same in every language"

@@ -56,7 +56,7 @@ def test_what_was_signed_is_verified(state: Path, capsys: pytest.CaptureFixture[
         "coastal 20260504T120000Z",
         "coastal 20260504T120000Z, rehearsed",
     ]
-    assert lines[0].partition(", key SHA256:")[0].endswith(": as A. Technician signed it at 2026-05-04T12:00:00Z")
+    assert lines[0].partition(", key SHA256:")[0].endswith(": as A. Technician signed it at 2026-05-04 12:00 UTC")
     rows = told(capsys, "verify", "site=coastal", "run=20260504T120000Z", code=0)["verified"]
     assert [(row["site"], row["signed"]["by"], row["troubles"]) for row in rows] == [
         ("coastal", "A. Technician", [])
@@ -132,8 +132,10 @@ def test_the_history_says_what_has_changed_since_green(state: Path, capsys: pyte
 
 
 HISTORY = """\
-20260504T120000Z  passed (PASS, 1 items), signed by A. Technician
-20260504T120000Z-02  not passed (FAIL, 1 items), signed by A. Technician
+20260504T120000Z  passed (PASS, 1 items)
+  signed by A. Technician, 2026-05-04 12:00 UTC
+20260504T120000Z-02  not passed (FAIL, 1 items)
+  signed by A. Technician, 2026-05-04 12:00 UTC
 since 20260504T120000Z, which was green:
   sparus/wifi: PASS -> FAIL: hears nobody
 """
@@ -145,7 +147,7 @@ def test_a_kept_one_is_shown_again(state: Path, capsys: pytest.CaptureFixture[st
     assert main(["report", "show", "site=coastal", f"run={folder.name}"]) == 0
     said = capsys.readouterr().out
     assert "Signed by A. Technician" in said
-    assert said.endswith(f"report: {folder}/report.html (report.pdf and junit.xml are beside it)\n")
+    assert said.endswith(f"report: {folder}/report.html\n")
     newest = told(capsys, "show", "site=coastal", code=6)
     assert (newest["run"], newest["signed"]["by"]) == ("20260504T120000Z-02", "A. Technician")
     assert main(["report", "show", "site=coastal", "run=20260504T120000Z-2"]) == 7

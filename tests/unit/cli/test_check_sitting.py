@@ -133,10 +133,17 @@ def test_without_a_terminal_people_are_told_how_to_go_on(capsys: pytest.CaptureF
     said = capsys.readouterr()
     assert "eca-rov/ethernet" in said.err
     (folder,) = (tmp_path / "state" / "rehearsal" / "coastal" / "checks").glob("2*")
-    assert said.out.splitlines()[-2:] == [
-        f"report: {folder}/report.html (report.pdf and junit.xml are beside it)",
-        f"on a terminal, `provision check {' '.join(ROV)}` asks for what is open (1 item), and lets a person sign it",
+    last = said.out.splitlines()[-7:]
+    assert last == [
+        "? INCONCLUSIVE: The checklist has not passed, for vehicle=eca-rov alone",
+        "1 INCONCLUSIVE, 1 OPEN; exit 6; rehearsed",
+        "eca-rov/ethernet: the gateway could not be asked: nobody is there",
+        "  -> make the gateway reachable first, then ask again",
+        "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:",
+        f"  provision check {' '.join(ROV)}",
+        f"report: {folder}/report.html",
     ]
+    assert max(map(len, last[:-1])) <= 80
     assert (folder / "report.html").read_bytes() == b"<p>page</p>"
 
 
@@ -172,7 +179,7 @@ def test_a_person_goes_through_it_and_signs(capsys: pytest.CaptureFixture[str]) 
     code, said = at_desk("override", "spare cable", "N", "yes", "heard", "", "yes")
     assert code == 0
     assert "0 of 2 items are settled, 2 are open." in said
-    assert "Nothing is open. Sign it as it stands? Type yes, or anything else for no: " in said
+    assert "Nothing is open. Sign it as it stands?\n  Type yes to go on (the whole word), or no: " in said
     assert "Signed by N" in capsys.readouterr().out
 
 

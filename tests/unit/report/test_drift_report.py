@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -86,6 +87,8 @@ def test_the_device_that_needs_you_most_decides(codes: list[int], worst: ExitCod
 def test_a_person_reads_what_whose_and_since_when() -> None:
     found = report(result(ExitCode.CHECKS_FAILED, difference("changed"), difference("hidden", counts=False)), LOST)
     going_on = {"d0": "provision resume site=coastal run=OPEN"}
+    beside = replace(found, time_zone="Europe/Lisbon").as_text()
+    assert "  last confirmed by run RUN of 2026-05-04 04:02 WEST (03:02 UTC)" in beside.splitlines()
     told = DriftReport(found.site, True, found.devices, found.not_handled, {"d0": "OPEN"}, going_on)
     assert told.as_text().splitlines() == [
         "d0: as read",

@@ -104,6 +104,13 @@ def test_the_bytes_of_the_month(month: dict[str, Any], said: str) -> None:
     assert f"   this month    {said}" in report(bearer(**month)).as_text().splitlines()
 
 
+def test_a_person_reads_the_times_of_the_pilot_and_a_program_those_of_utc() -> None:
+    counted = report(bearer(month_bytes=999, month_since="2026-06-30 23:30 UTC"), time_zone="Europe/Lisbon")
+    said = "   this month    999 B, counted since 2026-07-01 00:30 WEST (2026-06-30 23:30 UTC)"
+    assert said in counted.as_text().splitlines()
+    assert counted.as_json()["bearers"]["link1"]["month_since"] == "2026-06-30 23:30 UTC"
+
+
 @pytest.mark.parametrize(
     ("kind", "quality", "lines"),
     [

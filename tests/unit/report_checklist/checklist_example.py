@@ -259,6 +259,7 @@ def example(**changes: Any) -> Document:  # noqa: ANN401 - fields
         "tool": "0.7.0",
         "inventory": sha256(b"the example inventory"),
         "started": AT,
+        "time_zone": "Europe/Lisbon",
         "ended": AT + timedelta(minutes=41),
         "scope": {},
         "columns": COLUMNS,

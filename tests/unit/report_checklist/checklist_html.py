@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.report._texts import uncoded
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.report.drift import clean
 
@@ -121,7 +122,7 @@ def safe(page: Page) -> None:
 
 def shown(text: str) -> str:
     """Somebody's words as a page or file holds them, without the blanks where lines are broken."""
-    return "".join(clean(visible(text)).split())
+    return "".join(uncoded(clean(visible(text))).split())
 
 
 def holds(page: Page, document: Document) -> None:

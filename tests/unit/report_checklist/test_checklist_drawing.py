@@ -58,9 +58,10 @@ def apart(one: DrawnBox | Badge, other: DrawnBox | Badge, heights: tuple[float, 
 SITES = ["coastal", "te4sea", "scc"]
 
 
+@pytest.mark.parametrize("wide", [False, True], ids=["narrow", "wide"])
 @pytest.mark.parametrize("site", SITES)
-def test_nothing_lies_on_another_thing(site: str) -> None:
-    shapes = layout(drawn(site))
+def test_nothing_lies_on_another_thing(site: str, wide: bool) -> None:  # noqa: FBT001 - two layouts
+    shapes = layout(drawn(site), wide=wide)
     sized = [(box, box.height) for box in shapes.boxes] + [(badge, 16.0) for badge in shapes.badges]
     for (one, high), (other, low) in combinations(sized, 2):
         assert apart(one, other, (high, low)), (one, other)
@@ -138,11 +139,18 @@ def test_a_site_that_lacks_a_box_is_drawn_as_well(gone: tuple[str, ...]) -> None
     assert layout(made.green(items=(), drawing=made_of)).height > 0
 
 
+def test_where_there_is_room_the_vehicles_stand_beside_the_devices() -> None:
+    narrow, wide = layout(made.example()), layout(made.example(), wide=True)
+    assert wide.height / wide.width < 0.5 < narrow.height / narrow.width
+    assert {(box.label, box.state) for box in wide.boxes} == {(box.label, box.state) for box in narrow.boxes}
+    assert sorted(badge.text for badge in wide.badges) == sorted(badge.text for badge in narrow.badges)
+
+
 def test_it_is_told_in_words() -> None:
     told = described(made.example())
     assert "Control centre." in told
-    assert "Sparus to coastal-gateway: Wi-Fi, FAIL." in told
-    assert "coastal-router to scc-vpn: VPN, PASS." in told
+    assert "Sparus, coastal-gateway: Wi-Fi, FAIL." in told
+    assert "coastal-router, scc-vpn: VPN, PASS." in told
     assert described(made.empty()) == ["Nothing is declared."]
 
 

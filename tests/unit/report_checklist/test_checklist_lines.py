@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import checklist_example as made
 import pytest
 
-from atlantis_netcfg.checklist.report import Document, LeftOut, Row, lines
+from atlantis_netcfg.checklist.report import Document, LeftOut, Row, ending, lines
+from atlantis_netcfg.checklist.report._shapes import ASCII, state
+from atlantis_netcfg.checklist.report._words import first
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.printable import show
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 GOLDEN = Path(__file__).with_name("golden")
 
@@ -47,3 +55,61 @@ def test_the_text_is_the_golden_one(name: str) -> None:
 
 def test_no_golden_text_is_left_over() -> None:
     assert {path.stem for path in GOLDEN.iterdir()} == CASES.keys()
+
+
+class Terminal(io.StringIO):
+    """Which shows colours."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def ends(document: Document, room: int = 8) -> list[str]:
+    out = io.StringIO()
+    show(ending(document, room), out)
+    return out.getvalue().splitlines()
+
+
+LONG = "the far end does not answer at all, " * 9
+ENDS: dict[str, Callable[[], Document]] = {
+    **CASES,
+    "long": lambda: made.example(items=(made.item("sparus/wifi", Verdict.FAIL, LONG, hint=LONG), *made.items())),
+    "long message": lambda: made.green(items=(made.item("sparus/wifi", Verdict.FAIL, LONG, hint="mend it"),)),
+    "wide scope": lambda: made.green(scope={"vehicle": tuple(made.NAMES)}),
+}
+
+
+@pytest.mark.parametrize("room", [5, 6, 8])
+@pytest.mark.parametrize("name", ENDS)
+def test_the_end_fits_and_tells_the_worst(name: str, room: int) -> None:
+    document = ENDS[name]()
+    told = ends(document, room)
+    assert max(map(len, told)) <= 80
+    assert len(told) <= room
+    shown = state(first(document)[1][0]) if first(document)[1] else None
+    if shown is not None:
+        assert told[0].startswith(f"{ASCII[shown]} {shown}: The checklist has ")
+        assert any(line.startswith(f"{first(document)[1][0].id}: ") for line in told)
+
+
+def test_a_long_text_is_shortened_visibly_and_its_advice_stays() -> None:
+    told = ends(ENDS["long message"](), 5)
+    assert told[2].endswith(" ...")
+    assert told[3] == "  -> mend it"
+
+
+def test_verdicts_are_coloured_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    out = Terminal()
+    show(ending(made.example()), out)
+    assert "\x1b[31m# ERROR\x1b[0m: The checklist has not passed\n" in out.getvalue()
+    out = Terminal()
+    show(ending(made.green()), out)
+    assert out.getvalue().startswith(
+        "\x1b[32m+ PASS\x1b[0m: The checklist has passed\n\x1b[32m32 PASS\x1b[0m; exit 0\n"
+    )
+    monkeypatch.setenv("NO_COLOR", "1")
+    out = Terminal()
+    show(ending(made.example()), out)
+    assert "\x1b" not in out.getvalue()

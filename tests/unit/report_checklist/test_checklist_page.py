@@ -53,16 +53,16 @@ def test_the_grid_is_that_of_the_report(page: Page) -> None:
 @pytest.mark.parametrize(
     ("row", "column", "words"),
     [
-        ("Girona 500", "Wi-Fi", "✓PASS, Wi-Fi of Girona 500"),
-        ("Girona 500", "GPS", "!WARN, GPS of Girona 500"),
-        ("Sparus", "Wi-Fi", "✗FAIL, Wi-Fi of Sparus"),
-        ("Sparus", "USBL", "?INCONCLUSIVE, USBL of Sparus"),
-        ("Zarco", "Wi-Fi", "✎OVERRIDDEN, Wi-Fi of Zarco"),
-        ("Mares", "GPS", "■ERROR, GPS of Mares"),
-        ("ECA ROV", "USBL", "○OPEN, USBL of ECA ROV"),
-        ("ECA ROV", "Ethernet", "(✓)PASS, Ethernet of ECA ROV, not in Table 3"),
-        ("Coastal testbed", "Satellite", "(–)SKIP, Satellite of Coastal testbed, not in Table 3"),  # noqa: RUF001 - a dash
-        ("Coastal testbed", "Site", "(✗)FAIL, Site of Coastal testbed, not in Table 3"),
+        ("Girona 500", "Wi-Fi", "✓PASS, Wi-Fi, Girona 500"),
+        ("Girona 500", "GPS", "!WARN, GPS, Girona 500"),
+        ("Sparus", "Wi-Fi", "✗FAIL, Wi-Fi, Sparus"),
+        ("Sparus", "USBL", "?INCONCLUSIVE, USBL, Sparus"),
+        ("Zarco", "Wi-Fi", "✎OVERRIDDEN, Wi-Fi, Zarco"),
+        ("Mares", "GPS", "■ERROR, GPS, Mares"),
+        ("ECA ROV", "USBL", "○OPEN, USBL, ECA ROV"),
+        ("ECA ROV", "Ethernet", "(✓)PASS, Ethernet, ECA ROV, not in Table 3"),
+        ("Coastal testbed", "Satellite", "(–)SKIP, Satellite, Coastal testbed, not in Table 3"),  # noqa: RUF001 - a dash
+        ("Coastal testbed", "Site", "(✗)FAIL, Site, Coastal testbed, not in Table 3"),
         ("Mares", "RC RF", ""),
     ],
 )
@@ -80,7 +80,7 @@ def test_a_cell_leads_to_what_it_stands_on(page: Page) -> None:
 def test_a_cell_that_was_left_out_says_so() -> None:
     own = tuple(item for item in made.healthy_items() if item.vehicle == "sparus")
     found = parsed(html(made.green(items=own, scope={"vehicle": ("sparus",)}), {}))
-    assert found.cell("Mares", "GPS").words == "…NOT CHECKED, GPS of Mares"
+    assert found.cell("Mares", "GPS").words == "…NOT CHECKED, GPS, Mares"
     assert "The checklist has passed, for vehicle=sparus alone" in found.text
 
 
@@ -155,8 +155,8 @@ def test_evidence_of_one_kind_stands_together() -> None:
 
 def test_what_changed_is_told(page: Page) -> None:
     words = page.text.partition("What changed since the last green")[2].partition("What was not checked")[0]
-    assert "sparus/wifi ✓ PASSnow ✗ FAIL-22 dBm, was -50 dBm" in words
-    assert "coastal/site/poe no such itemnow ✓ PASSis new" in words
+    assert "sparus/wifi ✓ PASSNow ✗ FAIL-22 dBm, was -50 dBm" in words
+    assert "coastal/site/poe no such itemNow ✓ PASSis new" in words
 
 
 def test_a_photo_is_in_the_page(page: Page) -> None:
@@ -178,3 +178,37 @@ def test_what_cannot_be_seen_is_written_out(letter: str) -> None:
 
 def test_it_is_the_same_every_time() -> None:
     assert html(made.example(), made.files()) == html(made.example(), made.files())
+
+
+def test_back_ticks_are_shown_as_code(page: Page) -> None:
+    shown = [element.words for element in page.root.named("code")]
+    assert {"tx_power_dbm", "/interface bridge host print", "phase=bench"} <= set(shown)
+    assert "`" not in page.text
+
+
+@pytest.mark.parametrize(
+    ("text", "codes", "words"),
+    [
+        ("type `a b` or `c`", ["a b", "c"], "type a b or c"),
+        ("an odd ` back-tick", [], "an odd ` back-tick"),
+        ("`` and `\n`", [], "`` and ` `"),
+        ("`<b>&amp;</b>`", ["<b>&amp;</b>"], "<b>&amp;</b>"),
+        ("<code>`x`</code>", ["x"], "<code>x</code>"),
+    ],
+)
+def test_code_is_found_and_nothing_is_lost(text: str, codes: list[str], words: str) -> None:
+    message = parsed(html(made.green(items=(made.item("sparus/wifi", Verdict.WARN, text),)), {}))
+    safe(message)
+    (paragraph, *_) = [one for one in message.elements if one.attributes.get("class") == "words" and one.tag == "p"]
+    assert [code.words for code in paragraph.named("code")] == codes
+    assert " ".join(paragraph.words.split()) == words
+
+
+def test_a_rehearsal_is_no_warning(page: Page) -> None:
+    """Each has a shape, a heading and colours of its own; the banner takes none of a state."""
+    (banner,) = [one for one in page.elements if one.attributes.get("class") == "rehearsal"]
+    assert banner.words.split()[0] == "REHEARSAL:"
+    assert not {name for name in banner.classes if name.startswith("s-")}
+    (verdict,) = [one for one in page.elements if one.attributes.get("class", "").startswith("verdict ")]
+    assert verdict.attributes["aria-label"] == "Verdict"
+    assert "REHEARSAL" not in verdict.words

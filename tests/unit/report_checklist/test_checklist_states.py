@@ -12,6 +12,7 @@ from checklist_html import parsed
 from atlantis_netcfg.checklist.report import Item, ItemKind, Override, lines
 from atlantis_netcfg.checklist.report._pages import html, junit
 from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, SYMBOLS, ShownState, state, worst_state
+from atlantis_netcfg.checklist.report._texts import KINDS
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 
@@ -66,7 +67,7 @@ def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) ->
         assert f"s-{shown.lower()}" in cell.classes
     assert ("Overridden by B. Captain" in page.text) == taken
     assert ("the crew stands beside it" in page.text) == taken
-    assert all(f"{kind}, bench" in page.text for kind in ItemKind)
+    assert all(f"{KINDS[kind]}, on the bench" in page.text for kind in ItemKind)
 
     xml = junit(document)
     assert xml.count(b"<failure") + xml.count(b"<error") == (0 if shown in GREEN else 3)
@@ -74,9 +75,9 @@ def test_all_pages_say_the_same(verdict: Verdict, is_open: bool, taken: bool) ->
     assert xml.count(b"OVERRIDDEN by B. Captain: the crew stands beside it") == (3 if taken else 0)
 
     told = lines(document)
-    assert f"(exit {int(document.exit)}): " in told
+    assert f"; exit {int(document.exit)}" in told
     assert all(item.id in told for item in items)
-    assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown}") == 3
+    assert shown is ShownState.PASS or told.count(f"\n{ASCII[shown]} {shown} ") == 3
 
 
 def test_the_worst_of_none_is_that_nothing_was_checked() -> None:

@@ -19,7 +19,20 @@ from atlantis_netcfg.checklist.report._pages import Attached, Photo, attached
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
 from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
-from atlantis_netcfg.checklist.report._words import clock, counts, evidence_groups, headline, scope, signed, title
+from atlantis_netcfg.checklist.report._texts import (
+    PageText,
+    also,
+    differs,
+    heading,
+    overridden_by,
+    subtitle,
+    unread,
+    was,
+    was_green,
+)
+from atlantis_netcfg.checklist.report._words import circumstances, counts, evidence_groups, headline, signed, title
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,16 +43,16 @@ if TYPE_CHECKING:
 
 def first(sheet: Sheet, document: Document) -> None:
     """What somebody has to look at, the worst first, with what to do."""
-    heading, every = words.first(document)
+    what, every = words.first(document)
     if every:
-        sheet.head(heading)
+        sheet.head(translate(what))
     for item in every:
         sheet.room(20)
         shown = state(item)
-        sheet.titled(shown, str(shown), item.title, link=sheet.link_of(item))
-        sheet.tell(item.message, indent=_INDENT)
+        sheet.titled(shown, str(shown), translate(item.title), link=sheet.link_of(item))
+        sheet.tell(translate(item.message), indent=_INDENT)
         if item.hint:
-            sheet.tell(f"→ {item.hint}", indent=_INDENT)
+            sheet.tell(f"→ {translate(item.hint)}", indent=_INDENT)
         sheet.set_y(sheet.y + 1.5)
 
 
@@ -47,18 +60,18 @@ def overridden(sheet: Sheet, document: Document) -> None:
     """What a person has taken the responsibility for."""
     every = [item for item in document.items if item.override is not None]
     if every:
-        sheet.head("Overridden by a person")
+        sheet.head(translate(PageText.OVERRIDDEN))
     for item in every:
         if item.override is not None:
             sheet.room(20)
-            sheet.titled(state(item), str(item.verdict), item.title, link=sheet.link_of(item))
-            responsible(sheet, item.override)
+            sheet.titled(state(item), str(item.verdict), translate(item.title), link=sheet.link_of(item))
+            responsible(sheet, item.override, document.time_zone)
             sheet.set_y(sheet.y + 1.5)
 
 
-def responsible(sheet: Sheet, override: Override) -> None:
+def responsible(sheet: Sheet, override: Override, zone: str) -> None:
     """Who has overridden an item, and why."""
-    sheet.tell(f"Overridden by {override.by}, {clock(override.at)}:", bold=True, indent=_INDENT)
+    sheet.tell(translate(overridden_by(override, zone)), bold=True, indent=_INDENT)
     sheet.tell(override.reason, indent=_INDENT)
 
 
@@ -67,44 +80,45 @@ def since_green(sheet: Sheet, document: Document) -> None:
     green = document.since_green
     if green is None:
         return
-    sheet.head("What changed since the last green")
-    sheet.tell(f"Run {green.run} of {clock(green.at)} was green.")
+    sheet.head(translate(PageText.SINCE))
+    sheet.tell(translate(was_green(green, document.time_zone)))
     for change in green.changes:
         before, after = (
-            SYMBOLS[ShownState(word)] + f" {word}" if word else "no such item" for word in (change.before, change.after)
+            SYMBOLS[ShownState(word)] + f" {word}" if word else translate(PageText.NO_SUCH_ITEM)
+            for word in (change.before, change.after)
         )
-        sheet.tell(f"{change.id}: {before} → {after}: {change.message}", indent=_INDENT)
+        sheet.tell(f"{change.id}: {before} → {after}: {translate(change.message)}", indent=_INDENT)
     if not green.changes:
-        sheet.tell("Nothing has changed.")
+        sheet.tell(translate(PageText.UNCHANGED))
 
 
 def not_checked(sheet: Sheet, document: Document) -> None:
     """What was not checked, and why."""
-    sheet.head("What was not checked, and why")
+    sheet.head(translate(PageText.NOT_CHECKED))
     unsettled = [item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}]
     for entry in document.left_out:
-        sheet.tell(f"{entry.what}: {entry.why}", indent=_INDENT)
+        sheet.tell(f"{translate(entry.what)}: {translate(entry.why)}", indent=_INDENT)
     for item in unsettled:
-        sheet.tell(f"{SYMBOLS[state(item)]} {item.title}: {item.message}", indent=_INDENT)
+        sheet.tell(f"{SYMBOLS[state(item)]} {translate(item.title)}: {translate(item.message)}", indent=_INDENT)
     if not document.left_out and not unsettled:
-        sheet.tell("Everything on the list was looked at.")
+        sheet.tell(translate(PageText.ALL_CHECKED))
 
 
 def notes(sheet: Sheet, document: Document) -> None:
     """What holds at the site and is of no verdict."""
-    _plain(sheet, "Notes", document.notes)
+    _plain(sheet, PageText.NOTES, document.notes)
 
 
 def not_rehearsed(sheet: Sheet, document: Document) -> None:
     """What no emulated device stands for."""
-    _plain(sheet, "Not rehearsed", document.not_rehearsed)
+    _plain(sheet, PageText.NOT_REHEARSED, document.not_rehearsed)
 
 
-def _plain(sheet: Sheet, heading: str, sentences: tuple[str, ...]) -> None:
+def _plain(sheet: Sheet, what: str, sentences: tuple[str, ...]) -> None:
     if sentences:
-        sheet.head(heading)
+        sheet.head(translate(what))
     for sentence in sentences:
-        sheet.tell(sentence, indent=_INDENT)
+        sheet.tell(translate(sentence), indent=_INDENT)
 
 
 _INDENT = 5.0
@@ -115,33 +129,33 @@ _Kept = dict[tuple[str, str | None], "Attached"]
 
 def items(sheet: Sheet, document: Document, files: Mapping[str, bytes]) -> None:
     """Write all of them."""
-    sheet.head("All items", room=56)
+    sheet.head(translate(PageText.ITEMS), room=56)
     kept = attached(document, files)
     for row in grid(document).rows:
         if row.items:
-            also = f" (also {', '.join(row.row.aliases)})" if row.row.aliases else ""
-            sheet.head(f"{row.row.name}{also}", size=11)
+            names = f" ({translate(also(row.row))})" if row.row.aliases else ""
+            sheet.head(f"{row.row.name}{names}", size=11)
         for item in row.items:
-            _item(sheet, item, kept)
+            _item(sheet, item, kept, document.time_zone)
     if not document.items:
-        sheet.tell("There are none: nothing was checked.")
+        sheet.tell(translate(PageText.NOTHING))
 
 
-def _item(sheet: Sheet, item: Item, kept: _Kept) -> None:
+def _item(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
     sheet.room(22)
     sheet.set_link(sheet.link_of(item), y=sheet.y, page=sheet.page)
     shown = state(item)
-    sheet.titled(shown, str(shown), item.title)
+    sheet.titled(shown, str(shown), translate(item.title))
     sheet.tell(item.id, size=SMALL, faint=True, indent=_INDENT)
-    sheet.tell(item.message, indent=_INDENT)
+    sheet.tell(translate(item.message), indent=_INDENT)
     if item.hint:
-        sheet.tell(f"→ {item.hint}", indent=_INDENT)
+        sheet.tell(f"→ {translate(item.hint)}", indent=_INDENT)
     if item.override is not None:
-        sheet.tell(f"It was {item.verdict}.", bold=True, indent=_INDENT)
-        responsible(sheet, item.override)
+        sheet.tell(translate(was(item)), bold=True, indent=_INDENT)
+        responsible(sheet, item.override, zone)
     _findings(sheet, item)
-    _evidence(sheet, item, kept)
-    sheet.tell(_beside(item), size=7, faint=True, indent=_INDENT)
+    _evidence(sheet, item, kept, zone)
+    sheet.tell(circumstances(item, translate, zone), size=7, faint=True, indent=_INDENT)
     sheet.set_y(sheet.y + 2)
 
 
@@ -149,19 +163,19 @@ def _findings(sheet: Sheet, item: Item) -> None:
     result = [finding for finding in item.findings if len(item.findings) > 1 or finding.message != item.message]
     for entry in result:
         sign = SYMBOLS[ShownState(entry.verdict.value)]
-        sheet.tell(f"{sign} {entry.verdict} {entry.message} ({entry.code})", size=SMALL, indent=_INDENT + 3)
+        sheet.tell(f"{sign} {entry.verdict} {translate(entry.message)} ({entry.code})", size=SMALL, indent=_INDENT + 3)
         if entry.hint and entry.hint != item.hint:
-            sheet.tell(f"→ {entry.hint}", size=SMALL, indent=_INDENT + 6)
+            sheet.tell(f"→ {translate(entry.hint)}", size=SMALL, indent=_INDENT + 6)
 
 
-def _evidence(sheet: Sheet, item: Item, kept: _Kept) -> None:
-    for kinds, every in evidence_groups(item):
-        text = "; ".join(f"{evidence.what}: {evidence.value}" for evidence in every)
+def _evidence(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
+    for kinds, every in evidence_groups(item, translate, zone):
+        text = "; ".join(f"{translate(evidence.what)}: {evidence.value}" for evidence in every)
         sheet.tell(f"{text} ({kinds})", size=SMALL, indent=_INDENT + 3)
         last = every[-1]
         if last.file is not None:
             file = kept[last.file, last.sha256]
-            sheet.tell(f"{file.name}: {file.words}", size=SMALL, bold=file.amiss, indent=_INDENT + 3)
+            sheet.tell(f"{file.name}: {translate(file.words)}", size=SMALL, bold=file.amiss, indent=_INDENT + 3)
             if file.photo is not None:
                 _photo(sheet, file.photo)
 
@@ -174,39 +188,49 @@ def _photo(sheet: Sheet, photo: Photo) -> None:
     sheet.set_y(sheet.y + height + 2)
 
 
-def _beside(item: Item) -> str:
-    at = f", {clock(item.at)}" if item.at is not None else ""
-    seconds = f", {item.seconds:.1f} s" if item.seconds is not None else ""
-    return f"{item.kind}, {item.phase}{at}{seconds}{'' if item.table3 else ', not in Table 3'}"
-
-
 def top(sheet: Sheet, document: Document) -> None:
     """Write the first lines."""
-    sheet.tell(f"Pre-test checklist: {document.title}", size=17, bold=True)
-    only = f", only {scope(document)}" if document.scope else ""
-    sheet.tell(f"Site {document.site}, {clock(document.started)}{only}", faint=True)
+    sheet.tell(translate(heading(document)), size=17, bold=True)
+    if unread():
+        sheet.tell(unread(), faint=True)
+    sheet.tell(translate(subtitle(document)), faint=True)
     if document.rehearsed:
         _rehearsed(sheet, document)
     _verdict(sheet, document)
-    sheet.tell(signed(document), size=11, bold=True)
+    sheet.tell(translate(signed(document)), size=11, bold=True)
     if document.signed is not None:
-        sheet.tell(f"digest {document.signed.digest}", size=SMALL)
-        sheet.tell(f"key {document.signed.key}", size=SMALL)
+        sheet.tell(translate(f"digest {document.signed.digest}"), size=SMALL)
+        sheet.tell(translate(f"key {document.signed.key}"), size=SMALL)
 
 
 def _rehearsed(sheet: Sheet, document: Document) -> None:
-    sheet.set_y(sheet.y + 2)
-    sheet.tell("REHEARSAL: nothing real was checked.", size=11, bold=True)
-    sheet.tell("Devices were emulated; so was all that they answered.")
+    """A banner between two thick bars, without a colour of its own: a verdict stands in a filled box."""
+    _bar(sheet)
+    sheet.tell(translate(PageText.REHEARSAL), size=13, bold=True)
+    sheet.tell(translate(PageText.EMULATED))
+    if document.broken:
+        sheet.tell(translate(PageText.BROKEN), bold=True)
     for item in document.broken:
-        sheet.tell(f"Broken on purpose: {item}")
+        sheet.tell(f"• {translate(item)}", indent=_INDENT)
+    _bar(sheet)
+
+
+def _bar(sheet: Sheet) -> None:
+    sheet.set_y(sheet.y + 1.5)
+    sheet.set_fill_color(0)
+    for number in range(int(sheet.epw / 4)):
+        x = sheet.l_margin + number * 4
+        points = [(x + 1, sheet.y), (x + 3.2, sheet.y), (x + 2.2, sheet.y + 1.6), (x, sheet.y + 1.6)]
+        sheet.polygon(points, style="F")
+    sheet.set_y(sheet.y + 3)
 
 
 def _verdict(sheet: Sheet, document: Document) -> None:
     state, words = headline(document)
-    message = ", ".join(f"{number} {item}" for item, number in counts(document.items).items()) or "there are no items"
+    message = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
+    message = message or translate(PageText.NO_ITEMS)
     sheet.set_y(sheet.y + 3)
-    for text, size, bold in ((f"{SYMBOLS[state]} {words}", 13.0, True), (message, 9.0, False)):
+    for text, size, bold in ((f"{SYMBOLS[state]} {translate(words)}", 13.0, True), (message, 9.0, False)):
         sheet.plain(size, bold=bold)
         sheet.tint(state)
         height = sheet.font_size * 1.5
@@ -216,16 +240,17 @@ def _verdict(sheet: Sheet, document: Document) -> None:
 
 def provenance(sheet: Sheet, document: Document) -> None:
     """Write what it was made from and by."""
-    sheet.head("Made from")
-    ended = clock(document.ended) if document.ended is not None else "not yet"
-    for line in (
-        f"Run: {document.run}",
-        f"Began: {clock(document.started)}; ended: {ended}",
-        f"Tool: atlantis-netcfg {document.tool}",
-        f"Inventory: {document.inventory}",
-        f"Exit: {int(document.exit)}",
+    sheet.head(translate(PageText.MADE_FROM))
+    zone, ended = document.time_zone, document.ended
+    for label, value in (
+        (PageText.RUN, document.run),
+        (PageText.BEGAN, time_text(document.started, zone)),
+        (PageText.ENDED, time_text(ended, zone) if ended is not None else translate(PageText.NOT_YET)),
+        (PageText.TOOL, f"atlantis-netcfg {document.tool}"),
+        (PageText.INVENTORY, document.inventory),
+        (PageText.EXIT, str(int(document.exit))),
     ):
-        sheet.tell(line, size=SMALL)
+        sheet.tell(f"{translate(label)}: {value}", size=SMALL)
 
 
 _NAME, _GAP, _ROW = 27.0, 3.0, 9.0
@@ -236,7 +261,7 @@ _THICK = frozenset({ShownState.FAIL, ShownState.ERROR, ShownState.INCONCLUSIVE, 
 
 def table(sheet: Sheet, document: Document) -> None:
     """Draw the grid, its signs, and why a row differs from the report's."""
-    sheet.head("Table 3")
+    sheet.head(translate(PageText.TABLE))
     arranged = grid(document)
     if arranged.rows:
         _heads(sheet, arranged)
@@ -255,7 +280,7 @@ def table(sheet: Sheet, document: Document) -> None:
     _legend(sheet)
     for row in arranged.rows:
         if row.row.deviation:
-            sheet.tell(f"{row.row.name} differs from the report: {row.row.deviation}", size=SMALL)
+            sheet.tell(translate(differs(row.row)), size=SMALL)
 
 
 def _width(sheet: Sheet, arranged: Grid) -> float:
@@ -273,10 +298,10 @@ def _heads(sheet: Sheet, arranged: Grid) -> None:
     sheet.plain(SMALL, faint=True)
     if arranged.beside:
         span = width * len(arranged.beside)
-        _fitted(sheet, "not in Table 3", (lefts[len(arranged.columns)], y), (span, 4), "C")
+        _fitted(sheet, printable(translate(PageText.BESIDE_TABLE)), (lefts[len(arranged.columns)], y), (span, 4), "C")
     sheet.plain(SMALL, bold=True)
     for column, x in zip((*arranged.columns, *arranged.beside), lefts, strict=True):
-        _fitted(sheet, printable(title(column)).replace("\n", " "), (x, y + 4), (width, 4), "C")
+        _fitted(sheet, printable(translate(title(column))).replace("\n", " "), (x, y + 4), (width, 4), "C")
     sheet.set_xy(sheet.l_margin, y + 8.5)
 
 
@@ -317,22 +342,22 @@ def _fitted(sheet: Sheet, text: str, at: Sequence[float], size: Sequence[float],
 
 def _legend(sheet: Sheet) -> None:
     signs = ", ".join(f"{symbol} {state}" for state, symbol in SYMBOLS.items())
-    sheet.tell(f"{signs}, ( ) checked, but not a cell of Table 3", size=7, faint=True)
+    sheet.tell(f"{signs}, ( ) {translate(PageText.BESIDE_SIGN)}", size=7, faint=True)
 
 
-_WIDTH = 132.0
+_MOST_HIGH = 0.42
+"""Of a page: a drawing never takes half of it."""
 _POINTS = 72 / 25.4
 
 
 def draw(sheet: Sheet, document: Document) -> None:
-    """Draw it, as wide as the page lets it be high."""
+    """Draw it, as wide as the paper where it is not too high."""
     if not document.drawing.nodes:
         return
-    shapes = layout(document)
-    most = sheet.eph - 30
-    scale = min(_WIDTH / shapes.width, most / shapes.height)
+    shapes = layout(document, wide=True)
+    scale = min(sheet.epw / shapes.width, sheet.eph * _MOST_HIGH / shapes.height)
     sheet.room(shapes.height * scale + 20)
-    sheet.head("The site")
+    sheet.head(translate(PageText.SITE))
     _Pen(sheet, scale).draw(shapes)
 
 

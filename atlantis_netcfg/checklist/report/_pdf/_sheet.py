@@ -11,16 +11,20 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
 from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
+from atlantis_netcfg.checklist.report._texts import PageText, coded, name_of_page, page_language, uncoded
 from atlantis_netcfg.checklist.report._words import signed
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.report.document import Document, Item
 
 FAMILY = "DejaVu"
+_CODE_FAMILY = "DejaVuMono"
 
 
 _FONTS = {"": "DejaVuSans.ttf", "B": "DejaVuSans-Bold.ttf"}
+_CODE_FONT = "DejaVuSansMono.ttf"
 
 
 BODY, SMALL = 9.5, 8.0
@@ -38,20 +42,24 @@ _FAINT = (75, 88, 99)
 
 def _with_fonts(paper: FPDF) -> None:
     folder = resources.files("atlantis_netcfg.checklist.report") / "fonts"
-    for style, name in _FONTS.items():
+    for family, style, name in (*((FAMILY, *font) for font in _FONTS.items()), (_CODE_FAMILY, "", _CODE_FONT)):
         with resources.as_file(folder / name) as path:
-            paper.add_font(FAMILY, style, path)
+            paper.add_font(family, style, path)
 
 
 @cache
-def _glyphs() -> frozenset[int]:
-    """What both fonts can print."""
+def _all_glyphs() -> tuple[frozenset[int], frozenset[int]]:
+    """What both fonts of text can print, and what the font of code can."""
     paper = FPDF()
     _with_fonts(paper)
-    every = [frozenset(font.cmap) for font in _fonts(paper)]
+    *text, code = [frozenset(font.cmap) for font in _fonts(paper)]
     for font in _fonts(paper):
         font.close()
-    return frozenset.intersection(*every) - frozenset(map(ord, _PAGES))
+    return frozenset.intersection(*text) - frozenset(map(ord, _PAGES)), code
+
+
+def _glyphs() -> frozenset[int]:
+    return _all_glyphs()[0]
 
 
 def _fonts(paper: FPDF) -> list[TTFFont]:
@@ -79,9 +87,9 @@ class Sheet(FPDF):
         self.set_margin(_MARGIN)
         self.set_auto_page_break(True, 16)
         self.set_creation_date(document.ended or document.started)
-        self.set_title(printable(f"Checklist of {document.title}, run {document.run}"))
+        self.set_title(printable(translate(name_of_page(document))))
         self.set_creator(printable(f"atlantis-netcfg {document.tool}"))
-        self.set_lang("en")
+        self.set_lang(page_language())
         self.alias_nb_pages(_PAGES)
         _with_fonts(self)
         self._document = document
@@ -99,21 +107,27 @@ class Sheet(FPDF):
     def header(self) -> None:
         """Site, run and digest on every page, so that one that was torn off is known."""
         document = self._document
-        digest = f"digest {document.signed.digest}" if document.signed is not None else "NOT SIGNED"
-        rehearsed = "REHEARSED, nothing real was checked; " if document.rehearsed else ""
+        words = [translate(f"{document.site}, run {document.run}")]
+        if document.rehearsed:
+            words.append(translate(PageText.REHEARSED))
+        digest = f"digest {document.signed.digest}" if document.signed is not None else PageText.NOT_SIGNED
+        # It may stand on top of a paragraph that is indented.
+        indented, self.l_margin = self.l_margin, _MARGIN
         self.plain(6.5, faint=True)
-        self.say(f"{document.site}, run {document.run}; {rehearsed}{digest}")
+        self.say("; ".join((*words, translate(digest))))
         self.set_draw_color(150)
-        self.line(self.l_margin, self.y + 0.5, self.w - self.r_margin, self.y + 0.5)
+        self.line(_MARGIN, self.y + 0.5, self.w - self.r_margin, self.y + 0.5)
         self.set_y(self.y + 3)
+        self.l_margin = indented
 
     def footer(self) -> None:
         """The number of the page."""
         self.set_y(-12)
         self.plain(7, faint=True)
-        self.cell(0, 4, printable(signed(self._document))[:90])
-        self.set_x(self.l_margin)
-        self.cell(0, 4, f"page {self.page_no()} of {_PAGES}", align="R")
+        self.set_x(_MARGIN)
+        self.cell(0, 4, printable(translate(signed(self._document)))[:90])
+        self.set_x(_MARGIN)
+        self.cell(0, 4, translate(f"page {self.page_no()} of {_PAGES}"), align="R")
 
     def plain(self, size: float = BODY, *, bold: bool = False, faint: bool = False) -> None:
         """Letters from here on."""
@@ -124,7 +138,23 @@ class Sheet(FPDF):
         """A paragraph, broken where the paper ends."""
         self.set_x(self.l_margin + indent)
         height = self.font_size * 1.35
-        self.multi_cell(0, height, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        pieces = coded(printable(text))
+        if any(is_code for _, is_code in pieces):
+            self._with_code(pieces, height, indent)
+        else:
+            self.multi_cell(0, height, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+
+    def _with_code(self, pieces: list[tuple[str, bool]], height: float, indent: float) -> None:
+        """A paragraph in which code has letters of its own."""
+        margin, style, size = self.l_margin, self.font_style, self.font_size_pt
+        self.set_left_margin(margin + indent)
+        for piece, is_code in pieces:
+            plain_code = is_code and _all_glyphs()[1].issuperset(map(ord, piece))
+            self.set_font(_CODE_FAMILY if plain_code else FAMILY, "" if plain_code else style, size)
+            self.write(height, piece)
+        self.set_left_margin(margin)
+        self.ln(height)
+        self.set_font(FAMILY, style, size)
 
     def tell(
         self, text: str, *, size: float = BODY, bold: bool = False, faint: bool = False, indent: float = 0
@@ -167,7 +197,7 @@ class Sheet(FPDF):
         """A badge, and beside it the words that it is about."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)
-        self.multi_cell(0, 5, printable(text), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.multi_cell(0, 5, printable(uncoded(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.set_y(self.y + 0.7)
 
     def link_of(self, item: Item) -> int:

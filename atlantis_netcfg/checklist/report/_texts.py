@@ -1,0 +1,160 @@
+"""What the pages of a checklist say beside what was found: whole English messages, which the pages translate.
+
+The documents themselves, and JUnit XML, stay English.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+
+from atlantis_netcfg.checklist.report.document import (
+    Document,
+    EvidenceType,
+    Item,
+    ItemKind,
+    Override,
+    Phase,
+    Row,
+    SinceGreen,
+)
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.language import Language, translate
+from atlantis_netcfg.core.times import time_text
+
+
+class PageText(StrEnum):
+    """Headings, labels and sentences without values."""
+
+    REHEARSAL = "REHEARSAL: nothing real was checked."
+    EMULATED = "Devices were emulated; so was all that they answered."
+    SEE_NOT_REHEARSED = "What was not rehearsed"
+    REHEARSED = "REHEARSED, nothing real was checked"
+    BROKEN = "Broken on purpose:"
+    VERDICT = "Verdict"
+    SIGNATURE = "Signature"
+    SIGNS = "Signs"
+    NO_ITEMS = "there are no items"
+    NOT_EVERYTHING = "Not everything was looked at:"
+    SEE_NOT_CHECKED = "what was not checked, and why"
+    WHEN = "When"
+    DIGEST = "Digest"
+    KEY = "Key"
+    NOT_SIGNED = "NOT SIGNED"
+    NOBODY = "Nobody vouches for this page."
+    TABLE = "Table 3"
+    BESIDE_TABLE = "not in Table 3"
+    CAPTION = "Each X of the report's table, with the worst that was found. A sign leads to what it stands on."
+    BESIDE_SIGN = "checked, but not a cell of Table 3"
+    NO_SUCH_ITEM = "no such item"
+    OVERRIDDEN = "Overridden by a person"
+    SINCE = "What changed since the last green"
+    ITEM = "Item"
+    BEFORE = "Before"
+    NOW = "Now"
+    WHAT = "What"
+    UNCHANGED = "Nothing has changed."
+    NOT_CHECKED = "What was not checked, and why"
+    ALL_CHECKED = "Everything on the list was looked at."
+    NOTES = "Notes"
+    SITE = "The site"
+    ITEMS = "All items"
+    NOTHING = "There are none: nothing was checked."
+    NOT_REHEARSED = "Not rehearsed"
+    MADE_FROM = "Made from"
+    RUN = "Run"
+    BEGAN = "Began"
+    ENDED = "Ended"
+    NOT_YET = "not yet"
+    TOOL = "Tool"
+    INVENTORY = "Inventory"
+    EXIT = "Exit"
+    UNREAD = "No native speaker has read this translation yet. What was signed is in English."
+
+
+EVIDENCE = {
+    EvidenceType.MEASURED: "measured",
+    EvidenceType.READ: "read from the device",
+    EvidenceType.CONFIRMED: "confirmed by a person",
+    EvidenceType.DECLARED: "declared in the inventory",
+    EvidenceType.FILE: "file",
+}
+KINDS = {
+    ItemKind.AUTOMATIC: "the tool looked by itself",
+    ItemKind.ACTIVE: "the tool acts on a person's word",
+    ItemKind.PERSON: "a person looks",
+}
+PHASES = {Phase.BENCH: "on the bench", Phase.QUAY: "at the quay", Phase.WATER: "in the water"}
+
+
+def heading(document: Document) -> str:
+    """What the page is."""
+    return f"Pre-test checklist: {document.title}"
+
+
+def subtitle(document: Document) -> str:
+    """Where, when, and of what alone."""
+    at = time_text(document.started, document.time_zone)
+    if not document.scope:
+        return f"Site `{document.site}`, {at}"
+    scope = " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())
+    return f"Site `{document.site}`, {at}, only `{scope}`"
+
+
+def also(row: Row) -> str:
+    """Other names of a vehicle."""
+    return f"also {', '.join(row.aliases)}"
+
+
+def differs(row: Row) -> str:
+    """Why a row is another one than the report's."""
+    return f"{row.name} differs from the report: {row.deviation}"
+
+
+def was(item: Item) -> str:
+    """What was found where a person has overridden it."""
+    return f"It was {item.verdict}."
+
+
+def photo(name: str) -> str:
+    """For whoever does not see it."""
+    return f"Photo {name}"
+
+
+def overridden_by(override: Override, zone: str) -> str:
+    """Who takes the responsibility, and since when."""
+    return f"Overridden by {override.by}, {time_text(override.at, zone)}:"
+
+
+def was_green(green: SinceGreen, zone: str) -> str:
+    """With what the checklist is compared."""
+    return f"Run `{green.run}` of {time_text(green.at, zone)} was green."
+
+
+def name_of_page(document: Document) -> str:
+    """What a browser and a reader of PDF call it."""
+    return f"Checklist of {document.title}, run {document.run}"
+
+
+def page_language() -> str:
+    """The language of the page's own words, as HTML and PDF name it (BCP 47)."""
+    return {Language.ENGLISH: "en", Language.PORTUGUESE: "pt-PT"}[language.current()]
+
+
+def unread() -> str:
+    """That the translation was not read by a native speaker; empty in English."""
+    return "" if language.current() is Language.ENGLISH else translate(PageText.UNREAD)
+
+
+_CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")
+
+
+def coded(text: str) -> list[tuple[str, bool]]:
+    """Text in pieces; what stands between back-ticks is code (True), and the back-ticks are gone."""
+    pieces = enumerate(_CODE.split(text))
+    return [(piece, bool(number % 2)) for number, piece in pieces if piece]
+
+
+def uncoded(text: str) -> str:
+    """Text without the back-ticks around code, where a page has no letters for code."""
+    return _CODE.sub(r"\1", text)

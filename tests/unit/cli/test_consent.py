@@ -1,0 +1,176 @@
+"""Questions that end in yes or no: which answers they take, in both languages, and what agrees to nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.bearers.cost import CostRefused
+from atlantis_netcfg.cli._consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.language import Language
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+class Typist:
+    """Answers question by question; None is the end of the input."""
+
+    def __init__(self, *typed: str | None) -> None:
+        self.typed = list(typed)
+        self.asked: list[str] = []
+        self.said: list[str] = []
+
+    def read(self, question: str) -> str | None:
+        self.asked.append(question)
+        return self.typed.pop(0)
+
+    def say(self, text: str) -> None:
+        self.said.append(text)
+
+
+@pytest.fixture(params=Language)
+def spoken(request: pytest.FixtureRequest) -> Iterator[Language]:
+    language.use(request.param)
+    yield request.param
+    language.use(Language.ENGLISH)
+
+
+@pytest.fixture
+def portuguese() -> Iterator[None]:
+    language.use(Language.PORTUGUESE)
+    yield
+    language.use(Language.ENGLISH)
+
+
+@pytest.mark.parametrize("word", ["yes", "YES", " Yes ", "y", "Y"])
+def test_yes_is_yes_in_every_language(word: str, spoken: Language) -> None:
+    assert shown_word("yes") == {Language.ENGLISH: "yes", Language.PORTUGUESE: "sim"}[spoken]
+    assert yes_or_no("Is it?", Typist(word).read)
+
+
+@pytest.mark.parametrize("word", ["no", "NO", " n", "N"])
+def test_no_is_no_in_every_language(word: str, spoken: Language) -> None:
+    assert spoken in Language
+    assert not yes_or_no("Is it?", Typist(word).read)
+    assert not whole_word("Do it?", Typist(word).read)
+
+
+@pytest.mark.usefixtures("portuguese")
+@pytest.mark.parametrize(
+    ("word", "agrees"),
+    [
+        ("sim", "agrees"),
+        ("S", "agrees"),
+        ("não", "declines"),
+        ("na\u0303o", "declines"),
+        ("NAO", "declines"),
+        ("n", "declines"),
+    ],
+)
+def test_portuguese_words_are_taken_in_portuguese(word: str, agrees: str) -> None:
+    typist = Typist(word)
+    assert yes_or_no("Is it?", typist.read, typist.say) is (agrees == "agrees")
+    assert (typist.asked, typist.said) == (["Is it? [sim, não] "], [])
+
+
+@pytest.mark.parametrize("word", ["sim", "s", "não"])
+def test_portuguese_words_are_none_in_english(word: str) -> None:
+    typist = Typist(word, "no")
+    assert not whole_word("Do it?", typist.read, typist.say)
+    assert typist.said == ["  type the whole word yes, or no"]
+
+
+@pytest.mark.parametrize("word", ["", "y", "ye", "yes!", "ok", "pay", "1", "true"])
+@pytest.mark.parametrize("ask", [whole_word, yes_or_no])
+def test_what_is_neither_is_asked_again(ask: Callable[..., bool], word: str) -> None:
+    if ask is yes_or_no and word == "y":
+        return
+    typist = Typist(word, "yes")
+    assert ask("Do it?", typist.read, typist.say)
+    assert len(typist.asked) == 2
+    assert len(typist.said) == 1
+
+
+def test_three_wrong_answers_are_no() -> None:
+    typist = Typist("y", "ok", "sure", "yes")
+    assert not whole_word("Do it?", typist.read, typist.say)
+    assert typist.typed == ["yes"]
+
+
+@pytest.mark.parametrize("ask", [whole_word, yes_or_no])
+def test_the_end_of_the_input_is_no(ask: Callable[..., bool]) -> None:
+    typist = Typist(None)
+    assert not ask("Do it?", typist.read, typist.say)
+    assert typist.said == []
+
+
+def test_the_question_says_that_the_whole_word_is_needed() -> None:
+    typist = Typist("no")
+    assert not whole_word("Change coastal-router?", typist.read)
+    assert typist.asked == ["Change coastal-router?\n  Type yes to go on (the whole word), or no: "]
+
+
+@pytest.mark.parametrize("word", ["pay", "remove"])
+def test_no_question_answers_another(word: str) -> None:
+    for other in ("yes", "y", "sim", *{"pay", "remove"} - {word}):
+        assert not whole_word("Go on?", Typist(other, "no").read, lambda _words: None, word=word)
+    assert whole_word("Go on?", Typist(word).read, word=word)
+    assert not whole_word("Go on?", Typist(word, "no").read, lambda _words: None)
+
+
+class Somebody:
+    """A terminal with a person."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    def types(word: str) -> None:
+        monkeypatch.setattr("builtins.input", lambda _question: word)
+
+    monkeypatch.setattr("sys.stdin", Somebody())
+    return types
+
+
+def test_devices_change_by_the_whole_word_alone(terminal: Callable[[str], None]) -> None:
+    terminal("yes")
+    agreed("Change it now?")
+    for word in ("y", "no", "pay", ""):
+        terminal(word)
+        with pytest.raises(Declined, match="not agreed, so nothing was changed"):
+            agreed("Change it now?")
+
+
+def test_money_and_rows_have_words_of_their_own(terminal: Callable[[str], None]) -> None:
+    terminal("pay")
+    pays(["over satellite: 1 EUR"], ask=True)
+    with pytest.raises(Declined):
+        removes(["3 rows of others"], ask=True)
+    terminal("remove")
+    removes(["3 rows of others"], ask=True)
+    with pytest.raises(CostRefused):
+        pays(["over satellite: 1 EUR"], ask=True)
+
+
+def test_ctrl_c_at_a_question_stops_before_anything_is_changed(
+    monkeypatch: pytest.MonkeyPatch, terminal: Callable[[str], None]
+) -> None:
+    def stopped(_question: str) -> str:
+        raise KeyboardInterrupt
+
+    terminal("")
+    monkeypatch.setattr("builtins.input", stopped)
+    with pytest.raises(Declined, match="stopped by Ctrl-C at the question, so nothing was changed"):
+        agreed("Change it now?")
+
+
+def test_with_nobody_there_nobody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
+    with pytest.raises(UsageError, match="nobody is here"):
+        agreed("Change it now?")

@@ -1,0 +1,138 @@
+"""Every text of the pages passes the catalogue exactly once; what devices and people have said stays as it is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import checklist_example as made
+import pytest
+from checklist_html import Element, parsed, safe
+from checklist_marks import marked, rest_of, without_marks
+
+from atlantis_netcfg.checklist.report import Document, Evidence, EvidenceType, lines
+from atlantis_netcfg.checklist.report._pages import html, junit
+from atlantis_netcfg.checklist.report._pdf import pdf
+from atlantis_netcfg.checklist.report._pdf._sheet import _all_glyphs
+from atlantis_netcfg.checklist.report._shapes import ShownState
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.events import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SAID = "value `x` of a device"
+
+
+def document(**changes: object) -> Document:
+    """The example, in which a device has said something that looks like a message."""
+    evidence = Evidence(type=EvidenceType.READ, what="name of the terminal", value=SAID)
+    odd = made.item("zarco/gps", Verdict.WARN, "few satellites", hint="type `print`", evidence=(evidence,))
+    items = tuple(odd if item.id == odd.id else item for item in made.items())
+    return made.example(items=items, **changes)
+
+
+CASES = {"example": document, "green": made.green, "empty": made.empty}
+
+
+@pytest.fixture(autouse=True)
+def marks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    with marked(monkeypatch):
+        yield
+
+
+def visible_texts(element: Element) -> Iterator[str]:
+    """Text and the attributes that people hear."""
+    if element.tag == "style":
+        return
+    for name in ("alt", "aria-label"):
+        if name in element.attributes:
+            yield element.attributes[name]
+    for child in element.children:
+        if isinstance(child, str):
+            yield child
+        else:
+            yield from visible_texts(child)
+
+
+def values(shown: Document) -> str:
+    """All that stands on a page and is no word of ours: names, addresses, times, keys, verdicts, words of people."""
+    items = shown.items
+    names = [
+        *(item.id for item in items),
+        *(finding.code for item in items for finding in item.findings),
+        *(f"{evidence.value} {evidence.by} {evidence.file}" for item in items for evidence in item.evidence),
+        *(f"{item.override.reason} {item.override.by}" for item in items if item.override is not None),
+        *(f"{row.name} {' '.join(row.aliases)} {row.key}" for row in shown.rows),
+        *(f"{node.label} {node.detail}" for node in shown.drawing.nodes),
+        *(change.id for change in (shown.since_green.changes if shown.since_green is not None else ())),
+        *map(str, ShownState),
+        f"{shown.signed.digest} {shown.signed.key}" if shown.signed is not None else "",
+        f"{shown.run} {shown.inventory} atlantis-netcfg {shown.tool} WEST UTC s",
+    ]
+    return " ".join(names)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_text_of_the_page_is_translated_once(name: str) -> None:
+    shown = CASES[name]()
+    page = parsed(html(shown, made.files()))
+    safe(page)
+    text = "\n".join(visible_texts(page.root))
+    assert rest_of(without_marks(text), values(shown)) == []
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_text_of_the_console_is_translated_once(name: str) -> None:
+    shown = CASES[name]()
+    # The heads of the grid are cut to its columns, their marks as well; a long name is cut, and signs are letters.
+    text = "\n".join(line for line in lines(shown).splitlines() if not line.startswith(f"{'':<14}«"))
+    assert rest_of(without_marks(text), f"{values(shown)} ok test X o") == []
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_text_of_the_pdf_is_translated_once(name: str) -> None:
+    shown = CASES[name]()
+    command = ["pdftotext", "-raw", "-", "-"]
+    text = subprocess.run(command, input=pdf(shown, made.files()), check=True, capture_output=True).stdout.decode()
+    assert rest_of(without_marks(text.replace("\f", " ")), f"{values(shown)} failsafe png") == []
+
+
+def test_what_a_device_has_said_stays_as_it_is() -> None:
+    page = parsed(html(document(), {}))
+    assert f": {SAID}" in page.text
+    assert f"«name of the terminal»: {SAID}" in " ".join(page.text.split())
+
+
+def test_what_a_program_reads_stays_english() -> None:
+    assert "«" not in junit(document()).decode()
+    assert "«" not in document().model_dump_json()
+
+
+def test_the_page_names_its_language_and_that_nobody_has_read_it() -> None:
+    unread = "No native speaker has read this translation yet. What was signed is in English."
+    english = html(document(), {}).decode()
+    assert '<html lang="en">' in english
+    assert unread not in english
+    language.use(language.Language.PORTUGUESE)
+    try:
+        portuguese, paper = html(document(), {}).decode(), pdf(document(), {})
+    finally:
+        language.use(language.Language.ENGLISH)
+    assert '<html lang="pt-PT">' in portuguese
+    assert f"«{unread}»" in portuguese
+    assert b"/Lang (pt-PT)" in paper
+
+
+def test_the_fonts_have_portuguese_letters() -> None:
+    letters = "áàâãçéêíóôõúüÁÀÂÃÇÉÊÍÓÔÕÚÜªº«»“”–—"  # noqa: RUF001 - quotes and dashes
+    assert all(glyphs.issuperset(map(ord, letters)) for glyphs in _all_glyphs())
+
+
+def test_the_marks_would_be_missed() -> None:
+    """Else the tests above would say nothing."""
+    assert rest_of("«known» forgotten 12 PASS", "PASS") == ["forgotten"]
+    with pytest.raises(AssertionError, match="twice"):
+        without_marks("«a «b» c»")
+    assert "atlantis_netcfg.checklist.report._pages" in sys.modules
