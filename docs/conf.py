@@ -28,6 +28,8 @@ myst_heading_anchors = 4
 
 html_theme = "furo"
 html_title = f"{project} {release}"
+html_static_path = ["_static"]
+html_css_files = ["print.css"]
 html_copy_source = False
 html_show_copyright = False
 html_show_sphinx = False
