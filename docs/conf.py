@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from pygments.lexers.special import TextLexer
+from sphinx.highlighting import lexer_classes
 
 from atlantis_netcfg import __version__
 
@@ -65,5 +65,5 @@ def _prepare(app: Sphinx, name: str, source: list[str]) -> None:
 
 def setup(app: Sphinx) -> None:
     """Prepare each page as it is read; the block `layers` of the architecture page is plain text."""
-    app.add_lexer("layers", TextLexer)
+    lexer_classes["layers"] = lexer_classes["none"]
     app.connect("source-read", _prepare)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from failure_messages import LEAST, Message, failing, messages, passed_on, read
 
+from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+
 PAGE = Path(__file__).parents[3] / "docs" / "troubleshooting.md"
 ROW = re.compile(r"^\| (`.+`) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
 LINE = re.compile(r"^\| (?!You see|---)", re.MULTILINE)
@@ -91,6 +93,28 @@ def test_every_line_of_the_tables_is_a_row_with_a_cause_and_what_to_do() -> None
 
 def test_what_has_no_words_of_its_own_is_listed_with_its_reason() -> None:
     assert {(message.file, message.made_by) for message in MESSAGES - WORDED} == PASSED_ON.keys()
+
+
+def test_every_command_that_is_advised_exists_with_its_words() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    cells = [*(advice for _, _, advice in rows()), *(line for line in page.splitlines() if not line.startswith("|"))]
+    advised = re.findall(r"`provision ([^`]+)`", "\n".join(cells))
+    assert len(advised) > 20
+    for text in advised:
+        name, given = choose(text.split(), COMMANDS)
+        command = load(name, COMMANDS).command
+        known = {f"{word.name}=" for word in command.words} | {f"--{flag.name}" for flag in command.flags}
+        assert [word for word in given if re.sub(r"=.*", "=", word) not in known] == [], text
+
+
+def test_every_word_that_is_advised_alone_is_one_of_some_command() -> None:
+    commands = [load(name, COMMANDS).command for name in COMMANDS]
+    known = {f"{word.name}=" for command in commands for word in command.words}
+    known |= {f"--{flag.name}" for command in commands for flag in command.flags}
+    advice = " ".join(advice for _, _, advice in rows())
+    alone = re.findall(r"`(--[\w-]+|[a-z]+=)[^` ]*`", advice)
+    assert len(alone) > 5
+    assert [word for word in alone if word not in known] == []
 
 
 SOURCE = '''
