@@ -104,13 +104,13 @@ def _bases(node: ast.ClassDef) -> set[str]:
 
 def read(tree: ast.Module, failures: frozenset[str]) -> Iterator[tuple[str, str]]:
     """What makes a message, and its text, for each in one file."""
-    for function, class_name in _functions(tree):
-        for call in (node for node in _own(function) if isinstance(node, ast.Call)):
+    for function, class_name in functions(tree):
+        for call in (node for node in inside(function) if isinstance(node, ast.Call)):
             name = ast.unparse(call.func).rpartition(".")[2]
             made_by = class_name if class_name in failures and name in {"cls", "__init__"} else name
             message = _first_text(call) if made_by in failures else _of_a_result(call)
             if message is not None:
-                yield from ((made_by, " ".join(text.split())) for text in _variants(message, function))
+                yield from ((made_by, " ".join(text.split())) for text in variants(message, function))
 
 
 def passed_on(tree: ast.Module, file: str) -> Iterator[tuple[str, str]]:
@@ -119,16 +119,16 @@ def passed_on(tree: ast.Module, file: str) -> Iterator[tuple[str, str]]:
     names = REASONS.get(file, "").split()
     if not calls and not names:
         return
-    for function, _ in _functions(tree):
+    for function, _ in functions(tree):
         name = getattr(function, "name", "")
-        for node in _own(function):
+        for node in inside(function):
             value: ast.expr | None = None
             if isinstance(node, ast.Call) and calls and ast.unparse(node.func).endswith(calls):
                 value = _first_text(node)
             elif name and (name in names or "*" in names):
                 value = _given_back(node) or (_reason(node) if name in names else None)
             if value is not None and isinstance(value, ast.Constant | ast.JoinedStr | ast.BinOp | ast.IfExp):
-                yield from ((name, " ".join(text.split())) for text in _variants(value, function))
+                yield from ((name, " ".join(text.split())) for text in variants(value, function))
 
 
 def _given_back(node: ast.AST) -> ast.expr | None:
@@ -145,7 +145,7 @@ def _reason(node: ast.AST) -> ast.expr | None:
     return None
 
 
-def _functions(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
+def functions(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
     """Each function with the class right around it, and the file outside of them."""
     waiting: list[tuple[ast.AST, str]] = [(tree, "")]
     while waiting:
@@ -167,7 +167,7 @@ def _inner(node: ast.AST) -> Iterator[ast.AST]:
             waiting.extend(ast.iter_child_nodes(child))
 
 
-def _own(function: ast.AST) -> list[ast.AST]:
+def inside(function: ast.AST) -> list[ast.AST]:
     """What stands in a function, without the functions and classes within it."""
     found: list[ast.AST] = []
     waiting = list(ast.iter_child_nodes(function))
@@ -212,29 +212,29 @@ def _is_not_green(value: ast.expr) -> bool:
     return value.attr in {"Status": STATUSES, "ExitCode": CODES}.get(value.value.id, frozenset())
 
 
-def _variants(value: ast.expr, function: ast.AST) -> list[str]:
-    """Each text that an expression may give, as far as it can be read here."""
+def variants(value: ast.expr, function: ast.AST, within: frozenset[str] = frozenset()) -> list[str]:
+    """Each text that an expression may give, as far as it can be read here; `within`: names that are being read."""
     match value:
         case ast.Constant(value=str(text)):
             return [text]
         case ast.JoinedStr(values=parts):
-            return _joined([_part(part, function) for part in parts])
+            return _joined([_part(part, function, within) for part in parts])
         case ast.BinOp(left=left, op=ast.Add(), right=right):
-            return _joined([_variants(left, function), _variants(right, function)])
+            return _joined([variants(left, function, within), variants(right, function, within)])
         case ast.IfExp(body=body, orelse=orelse):
-            return [*_variants(body, function), *_variants(orelse, function)]
-        case ast.Name(id=name):
-            return _assigned(name, function) or [_ANY]
+            return [*variants(body, function, within), *variants(orelse, function, within)]
+        case ast.Name(id=name) if name not in within:
+            return _assigned(name, function, within | {name}) or [_ANY]
         case _:
             return [_ANY]
 
 
-def _part(part: ast.expr, function: ast.AST) -> list[str]:
+def _part(part: ast.expr, function: ast.AST, within: frozenset[str]) -> list[str]:
     """What is filled in is `…`, unless it is a choice of texts, or a name for texts that can be read here."""
     if isinstance(part, ast.Constant):
         return [str(part.value)]
     if isinstance(part, ast.FormattedValue) and isinstance(part.value, ast.IfExp | ast.Name):
-        return _variants(part.value, function)
+        return variants(part.value, function, within)
     return [_ANY]
 
 
@@ -245,12 +245,12 @@ def _joined(parts: Sequence[list[str]]) -> list[str]:
     return found
 
 
-def _assigned(name: str, function: ast.AST) -> list[str]:
+def _assigned(name: str, function: ast.AST, within: frozenset[str]) -> list[str]:
     """The texts that a name is given in a function; none where one of them cannot be read."""
     found: list[str] = []
-    for node in _own(function):
+    for node in inside(function):
         if isinstance(node, ast.Assign) and any(isinstance(to, ast.Name) and to.id == name for to in node.targets):
             if not isinstance(node.value, ast.Constant | ast.JoinedStr | ast.BinOp | ast.IfExp):
                 return []
-            found += _variants(node.value, function)
+            found += variants(node.value, function, within)
     return found
