@@ -3,6 +3,7 @@
 SHELL := /bin/sh
 SITE ?= coastal
 ARGS ?=
+PART ?=
 BENCH_ARGS ?=
 # Four for two cores: many tests wait for an emulated link or for a computer that boots.
 WORKERS ?= $(shell expr "$$(nproc 2>/dev/null || echo 2)" "*" 2)
@@ -12,7 +13,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test lint campaign test-arm64 bench clean
+.PHONY: help rehearse test quick lint docs pictures campaign test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -26,14 +27,22 @@ test: ## run the tests; installs what they need first (ARGS='-k words' chooses)
 	@tools/strangers
 	python -P -m pytest -n $(WORKERS) --dist worksteal -m "not campaign and not arm64" $(ARGS)
 
-lint: ## check code, types, playbooks and roles; no warning is accepted
+quick: ## run the quick tests of one part, in about a minute (PART=routeros; alone it lists the parts)
 	@tools/develop
-	@status=0; \
-	for check in "ruff check ." "ruff format --check ." mypy ansible-lint; do \
-		echo "$$check"; \
-		$$check || status=1; \
-	done; \
-	exit $$status
+	@tools/quick $(PART) $(ARGS)
+
+lint: ## check code, types, playbooks, roles and pages; no warning is accepted
+	@tools/develop
+	@tools/lint
+
+docs: ## build the pages with their tree and search, into build/docs
+	@tools/develop
+	@tools/lint docs
+	@echo "open build/docs/index.html"
+
+pictures: ## make the pictures of docs/pictures again, from real runs
+	@tools/develop
+	@python -P tools/pictures.py
 
 campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system

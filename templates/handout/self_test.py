@@ -244,7 +244,9 @@ def dds(address: str, port: int) -> Result:
             one.send(b"\0")
             one.recv(1)
         except ConnectionRefusedError:
-            found = f"UDP {port} of {address} is refused at once: no DDS program listens there, or a firewall refuses it"
+            found = (
+                f"UDP {port} of {address} is refused at once: no DDS program listens there, or a firewall refuses it"
+            )
             return Result("dds", UNKNOWN, found)
         except OSError:
             pass
@@ -259,7 +261,9 @@ def through(facts: Facts) -> Iterator[Result]:
         do = (
             "Wait a minute and run the test again: a second device with the same profile throws this one out. Then ask."
         )
-        yield Result("server", FAIL, f"this device has its address in the VPN, and the server ({server}) does not answer", do)
+        yield Result(
+            "server", FAIL, f"this device has its address in the VPN, and the server ({server}) does not answer", do
+        )
         return
     yield Result("server", OK, f"{server} {answer}")
     if ping(server, 1200) is None:

@@ -7,12 +7,19 @@ A comment right above a block says what else holds:
     <!-- exit: 2 -->               the exit code, or one for each command of the block: `exit: 0 2`
     <!-- output: example -->       the output depends on the machine: shown, not compared
     <!-- not executed: REASON -->  the block is not run; the reason is for the reader of the source
+
+A table right below a block says what its last command asks and what is typed: the answer in back-ticks, or Enter alone.
+
+    | It asks | You type, then Enter |
+    |---|---|
+    | Your name | `A. Technician` |
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import dropwhile, takewhile
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,6 +28,8 @@ if TYPE_CHECKING:
 
 _DIRECTIVE = re.compile(r"\b(exit|output|not executed): *([^;]+?) *(?:;|-->)")
 _ANYTHING = "…"
+_HEADS = ("| It asks |", "| Pergunta |")
+_COLUMNS = 2
 
 
 @dataclass(frozen=True)
@@ -32,6 +41,8 @@ class Shown:
     exit: int
     output: str
     compared: bool
+    answers: tuple[tuple[str, str], ...] = ()
+    """What it asks, and what is typed."""
 
     def agrees(self, printed: str) -> bool:
         """Whether what was printed is what the page shows."""
@@ -47,19 +58,36 @@ def _line(shown: str) -> str:
 
 def shown(page: Path) -> list[Shown]:
     """The commands of a page, in its order. ValueError where a block cannot be understood."""
-    return [command for place, directives, lines in _blocks(page) for command in _commands(place, directives, lines)]
+    found: list[Shown] = []
+    for place, directives, lines, table in _blocks(page):
+        commands = _commands(place, directives, lines)
+        if commands and table:
+            commands[-1] = replace(commands[-1], answers=tuple(_answer(place, row) for row in table))
+        found.extend(commands)
+    return found
 
 
-def _blocks(page: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+def _answer(place: str, row: str) -> tuple[str, str]:
+    """Of a row of a table: the question, and what is typed."""
+    cells = [cell.strip() for cell in row.strip("| ").split(" | ")]
+    if len(cells) != _COLUMNS:
+        raise ValueError(f"{place}: a row below the block is not a question and an answer: {row}")
+    typed = re.search(r"`([^`]+)`", cells[1])
+    return cells[0], typed[1] if typed is not None else ""
+
+
+def _blocks(page: Path) -> Iterator[tuple[str, dict[str, str], list[str], list[str]]]:
+    """Each block: where it stands, what the comment above says, its lines, and the rows of the table below it."""
+    lines = page.read_text(encoding="utf-8").splitlines()
     above, block, place = "", None, ""
-    for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(lines, 1):
         if block is None and line == "```console":
             block, place = list[str](), f"{page.name}:{number}"
         elif block is not None and line == "```":
             directives = dict(_DIRECTIVE.findall(above)) if above.startswith("<!--") else {}
             if above.startswith("<!--") and not directives:
                 raise ValueError(f"{place}: the comment above says nothing that is known: {above}")
-            yield place, directives, block
+            yield place, directives, block, _table(lines[number:])
             block, above = None, ""
         elif block is not None:
             block.append(line)
@@ -67,6 +95,12 @@ def _blocks(page: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
             above = line.strip()
     if block is not None:
         raise ValueError(f"{place}: the block has no end")
+
+
+def _table(below: list[str]) -> list[str]:
+    """The rows of questions right below a block; none where something else stands there."""
+    rows = list(takewhile(lambda line: line.startswith("|"), dropwhile(lambda line: not line.strip(), below)))
+    return rows[2:] if rows and rows[0].startswith(_HEADS) else []
 
 
 def _commands(place: str, directives: dict[str, str], lines: list[str]) -> list[Shown]:

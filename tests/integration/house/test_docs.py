@@ -19,7 +19,10 @@ from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 if TYPE_CHECKING:
     from pathlib import Path
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+ELSEWHERE = {"quick-start.md", "inicio-rapido.md"}
+"""test_quick_start.py types them: in a clone of its own, at a terminal."""
+EXECUTED = [page for page in PAGES if page.name not in ELSEWHERE and shown(page)]
 
 
 @pytest.fixture(scope="session")
@@ -55,11 +58,14 @@ def checkout(first_checkout: Path, tmp_path: Path) -> Own:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize("page", [page for page in PAGES if shown(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.name not in ELSEWHERE and shown(page)], ids=lambda page: page.name
+)
 def test_what_a_page_shows_is_what_happens(page: Path, checkout: Own, tmp_path: Path) -> None:
     (tmp_path / "home").mkdir()
     environment = clean_environment(HOME=str(tmp_path / "home"), TERM="dumb")
     for command in shown(page):
+        assert not command.answers, f"{command.place}: nobody is here to answer"
         process = subprocess.run(
             [*checkout.prefix, "bash", "-c", command.command],
             cwd=checkout.place,
@@ -123,7 +129,17 @@ a … b
 …
 end
 ```
+
+| It asks | You type, then Enter |
+|---|---|
+| Your name | `A. Technician` |
+| Photo | nothing |
+
+| It asks | You type |
 """
+
+
+ANSWERS = (("Your name", "A. Technician"), ("Photo", ""))
 
 
 def test_a_page_is_read_as_it_is_written(tmp_path: Path) -> None:
@@ -132,7 +148,7 @@ def test_a_page_is_read_as_it_is_written(tmp_path: Path) -> None:
     assert shown(page) == [
         Shown("page.md:4", "one", 0, "", compared=False),
         Shown("page.md:4", "two more", 2, "said", compared=False),
-        Shown("page.md:20", "four", 0, "a … b\n…\nend", compared=True),
+        Shown("page.md:20", "four", 0, "a … b\n…\nend", compared=True, answers=ANSWERS),
     ]
 
 
@@ -158,6 +174,7 @@ def test_what_the_ellipsis_stands_for(printed: str, agrees: bool) -> None:  # no
         "```console\n$ no end\n",
         "<!-- exit: 1 2 3 -->\n```console\n$ one\n$ two\n```\n",
         "<!-- exti: 1 -->\n```console\n$ one\n```\n",
+        "```console\n$ one\n```\n\n| It asks | You type |\n|---|---|\n| no answer |\n",
     ],
 )
 def test_a_block_that_cannot_be_understood_is_refused(page: str, tmp_path: Path) -> None:

@@ -1,0 +1,72 @@
+"""A command of a page at a pseudo-terminal, and somebody who types what the page shows when a question is asked."""
+
+from __future__ import annotations
+
+import os
+import select
+import subprocess
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from docs_console import Shown
+
+ANSWER_S = 120
+"""A rehearsal is quieter for less than that before its next question."""
+
+
+def at_a_terminal(command: Shown, cwd: Path, environment: Mapping[str, str]) -> tuple[int, str]:
+    """The exit code, and all that was seen. Fails where a question of the page is never asked, or another one is."""
+    ours, theirs = os.openpty()
+    with subprocess.Popen(
+        # setsid makes the pseudo-terminal the one from which a password would be read, too.
+        ["setsid", "--ctty", "--wait", "bash", "-c", command.command],
+        cwd=cwd,
+        env=environment,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+    ) as process:
+        os.close(theirs)
+        try:
+            seen = _answer_all(ours, command)
+        finally:
+            os.close(ours)
+            if process.poll() is None:
+                process.terminate()
+    return process.returncode, seen.replace("\r\n", "\n")
+
+
+def _answer_all(terminal: int, command: Shown) -> str:
+    """Type each answer once, whatever the order of the questions; all that was seen until the command ended."""
+    seen, left, typed_until = "", dict(command.answers), 0
+    until = time.monotonic() + ANSWER_S
+    while True:
+        ready, _, _ = select.select([terminal], [], [], max(0.0, until - time.monotonic()))
+        assert ready, f"{command.place}: it waits; not asked yet: {list(left)}; seen:\n{seen}"
+        more = _read(terminal)
+        if not more:
+            break
+        seen += more
+        until = time.monotonic() + ANSWER_S
+        question = next((question for question in left if question in _last_line(seen[typed_until:])), None)
+        if question is not None:
+            os.write(terminal, f"{left.pop(question)}\n".encode())
+            typed_until = len(seen)
+    assert left == {}, f"{command.place}: never asked: {list(left)}; seen:\n{seen}"
+    return seen
+
+
+def _last_line(text: str) -> str:
+    """What stands where the cursor is: a question waits at the end of its line."""
+    return text.rpartition("\n")[2]
+
+
+def _read(terminal: int) -> str:
+    try:
+        return os.read(terminal, 4096).decode(errors="replace")
+    except OSError:  # Linux tells so that nobody has it open any more
+        return ""

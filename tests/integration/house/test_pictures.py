@@ -1,0 +1,61 @@
+"""The pictures of docs/pictures are those of the program as it is: made again, they say the same."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from house_checkout import ROOT
+from PIL import Image
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PICTURES = ROOT / "docs" / "pictures"
+LARGEST = 200_000
+AGAIN = "they are not those of this program any more; type: make pictures"
+
+
+def make(folder: Path, *names: str) -> None:
+    command = [sys.executable, "-P", str(ROOT / "tools" / "pictures.py"), str(folder), *names]
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def words(picture: Path) -> str:
+    """All that an SVG says, without its figures: those are of one run."""
+    texts = re.findall(r"<text[^>]*>([^<]*)</text>", picture.read_text(encoding="utf-8"))
+    return re.sub(r"[\d.]+", "#", " ".join(" ".join(texts).split()))
+
+
+def test_the_flow_is_that_of_the_architecture_page(tmp_path: Path) -> None:
+    make(tmp_path, "flow")
+    assert (tmp_path / "flow.svg").read_text() == (PICTURES / "flow.svg").read_text(), AGAIN
+
+
+@pytest.mark.slow
+def test_the_drawing_is_that_of_a_rehearsed_checklist(tmp_path: Path) -> None:
+    make(tmp_path, "drawing")
+    assert (tmp_path / "site.svg").read_text() == (PICTURES / "site.svg").read_text(), AGAIN
+
+
+@pytest.mark.slow
+def test_the_run_ends_in_the_words_of_a_real_one(tmp_path: Path) -> None:
+    make(tmp_path, "run")
+    assert words(tmp_path / "run.svg") == words(PICTURES / "run.svg"), AGAIN
+    assert len(words(PICTURES / "run.svg")) > 500
+
+
+def test_each_is_small_is_used_and_fetches_nothing() -> None:
+    found = {path.name: path for path in PICTURES.iterdir()}
+    assert found.keys() == {"run.svg", "checklist.png", "site.svg", "flow.svg"}
+    assert [name for name, path in found.items() if path.stat().st_size > LARGEST] == []
+    pages = "".join(path.read_text() for path in (ROOT / "README.md", *ROOT.glob("docs/*.md")))
+    assert [name for name in found if f"pictures/{name})" not in pages] == []
+    for name in ("run.svg", "site.svg", "flow.svg"):
+        text = found[name].read_text()
+        assert re.search(r"""url\(['"]?\w+:|href=|@import|<script""", text) is None
+    with Image.open(found["checklist.png"]) as image:
+        assert (image.format, image.width) == ("PNG", 760)

@@ -1,0 +1,42 @@
+"""docs/findings.md is what the source says: each finding that is not green has its row there."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+from findings_page import PAGE, FoundMessage, findings, of_tree, page
+
+MADE = "it is not what the source says any more; type: .venv/bin/python tests/unit/house/findings_page.py"
+
+
+def test_the_page_is_made_from_the_source_as_it_is() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), MADE
+
+
+def test_each_row_is_whole() -> None:
+    rows = [line for line in page().splitlines() if line.startswith("| ") and not line.startswith("| You see")]
+    assert len(rows) > 300
+    assert [row for row in rows if len(re.split(r"(?<!\\)\|", row)) != 5 or row.count("`") % 2] == []
+    assert {finding.verdict for finding in findings()} >= {"WARN", "FAIL", "INCONCLUSIVE"}
+
+
+SOURCE = """
+_LOOK = "look at it"
+def judge(name, is_bad):
+    verdict = Verdict.FAIL
+    yield BearerFinding(Verdict.PASS, "well", "all is well")
+    yield BearerFinding(Verdict.FAIL if is_bad else Verdict.WARN, "weak", f"{name} is too weak", _LOOK)
+    yield BearerFinding(verdict, "odd", "this is odd", hint=f"ask {name}")
+    yield fail("gone", f"{name} has gone", "fetch it")
+"""
+
+
+def test_what_is_read_of_a_source() -> None:
+    tree = ast.parse(SOURCE)
+    assert sorted(of_tree(tree, "bearers/wifi.py")) == [
+        FoundMessage("Wi-Fi", "this is odd", "", "ask …"),
+        FoundMessage("Wi-Fi", "… is too weak", "FAIL or WARN", "look at it"),
+    ]
+    site_checks = sorted(of_tree(tree, "checklist/probes/site_checks/clock.py"))
+    assert site_checks[-2] == FoundMessage("The site's own checks", "… has gone", "FAIL", "fetch it")

@@ -1,0 +1,154 @@
+"""docs/troubleshooting.md has a row for each message of exit codes 4, 5 and 6, and none for a message that is gone."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+from failure_messages import LEAST, Message, failing, messages, passed_on, read
+
+from atlantis_netcfg.cli._commands import COMMANDS, choose, load
+
+PAGE = Path(__file__).parents[3] / "docs" / "troubleshooting.md"
+ROW = re.compile(r"^\| (`.+`) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
+LINE = re.compile(r"^\| (?!You see|---)", re.MULTILINE)
+MOST = 6
+"""Different messages that one pattern may stand for: more would be a catch-all."""
+_CALLER = "its callers give the whole text, which is read where they stand"
+_CAUSE = "the text is that of the error that was caught, which has a row of its own"
+_REASON = "the text is a reason that REASONS reads"
+_DEVICE = "the text is the device's or the other program's own, behind its name"
+PASSED_ON = {
+    ("bearers/lte/rutos_client.py", "CertificateUnknown"): _CALLER,
+    ("bootstrap/run.py", "CutOff"): _CAUSE,
+    ("bootstrap/run.py", "DeviceFailed"): _REASON,
+    ("bootstrap/run.py", "PreflightRefused"): _REASON,
+    ("cli/_session.py", "Stopped"): _CALLER,
+    ("console/terminal.py", "ConsoleLost"): _CAUSE,
+    ("console/types.py", "ConsoleLost"): _CALLER,
+    ("console/types.py", "ConsoleRefused"): _CALLER,
+    ("console/types.py", "HostKeyChanged"): _CALLER,
+    ("console/types.py", "UnknownHostKey"): _CALLER,
+    ("operations/adoption.py", "ConsoleUnreachable"): _CAUSE,
+    ("operations/lte/run.py", "LteResult"): _CAUSE,
+    ("operations/vpn/link.py", "HostKeyChanged"): _DEVICE,
+    ("operations/vpn/link.py", "ServerRefused"): _DEVICE,
+    ("operations/vpn/live.py", "RecordOlder"): _REASON,
+    ("operations/vpn/records.py", "AuthorityDamaged"): _REASON,
+    ("operations/vpn/router_import.py", "DeviceFailed"): _CAUSE,
+    ("routeros/api/_values.py", "CertificateChanged"): _CALLER,
+    ("routeros/api/_values.py", "CertificateUnknown"): _CALLER,
+    ("routeros/api/_values.py", "Refused"): _CALLER,
+    ("routeros/api/_values.py", "SessionLost"): _CALLER,
+    ("routeros/apply/_change.py", "ActionRefused"): _DEVICE,
+    ("routeros/apply/_contact.py", "Unfit"): "the text says which of two radio menus fits, in the words of the plan",
+    ("routeros/apply/_executor.py", "Busy"): _CAUSE,
+    ("routeros/pair/_transaction.py", "ProtectionLost"): _CAUSE,
+    ("routeros/pair/_transaction.py", "SafeModeUnavailable"): _CAUSE,
+    ("routeros/planner/__init__.py", "CannotPlan"): _REASON,
+    ("vpn/authority/model.py", "AuthorityFailed"): _REASON,
+    ("vpn/ledger/file.py", "LedgerDamaged"): _REASON,
+}
+"""What has no words of its own, by file and by what makes it: each with the reason why its text is read elsewhere."""
+MESSAGES = messages()
+WORDED = {message for message in MESSAGES if len(message.fixed) >= LEAST}
+
+
+def rows() -> list[tuple[str, str, str]]:
+    return ROW.findall(PAGE.read_text(encoding="utf-8"))
+
+
+def patterns() -> list[str]:
+    return [pattern for cell, _, _ in rows() for pattern in cell.strip("`").split("`<br>`")]
+
+
+def shown_as(message: Message) -> str:
+    """As the page can show it: a back-tick within a back-tick cannot be."""
+    return message.text.replace("`", "")
+
+
+def test_every_message_has_a_row() -> None:
+    without = {m for m in WORDED if not any(pattern in shown_as(m) for pattern in patterns())}
+    assert sorted(without) == [], "add them to docs/troubleshooting.md: what is seen, why, what to do"
+
+
+def test_every_row_is_about_a_message() -> None:
+    texts = {shown_as(message) for message in WORDED}
+    assert [pattern for pattern in patterns() if not any(pattern in text for text in texts)] == []
+
+
+def test_no_row_stands_for_everything() -> None:
+    texts = {shown_as(message) for message in WORDED}
+    assert [pattern for pattern in patterns() if sum(pattern in text for text in texts) > MOST] == []
+    assert [pattern for pattern in patterns() if len(re.sub(r"[^a-zA-Z]", "", pattern)) < LEAST] == []
+    assert len(patterns()) == len(set(patterns()))
+
+
+def test_every_line_of_the_tables_is_a_row_with_a_cause_and_what_to_do() -> None:
+    assert len(rows()) == len(LINE.findall(PAGE.read_text(encoding="utf-8"))) > 50
+    assert [row for row in rows() if min(len(cell.strip()) for cell in row) < 5] == []
+
+
+def test_what_has_no_words_of_its_own_is_listed_with_its_reason() -> None:
+    assert {(message.file, message.made_by) for message in MESSAGES - WORDED} == PASSED_ON.keys()
+
+
+def test_every_command_that_is_advised_exists_with_its_words() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    cells = [*(advice for _, _, advice in rows()), *(line for line in page.splitlines() if not line.startswith("|"))]
+    advised = re.findall(r"`provision ([^`]+)`", "\n".join(cells))
+    assert len(advised) > 20
+    for text in advised:
+        name, given = choose(text.split(), COMMANDS)
+        command = load(name, COMMANDS).command
+        known = {f"{word.name}=" for word in command.words} | {f"--{flag.name}" for flag in command.flags}
+        assert [word for word in given if re.sub(r"=.*", "=", word) not in known] == [], text
+
+
+def test_every_word_that_is_advised_alone_is_one_of_some_command() -> None:
+    commands = [load(name, COMMANDS).command for name in COMMANDS]
+    known = {f"{word.name}=" for command in commands for word in command.words}
+    known |= {f"--{flag.name}" for command in commands for flag in command.flags}
+    advice = " ".join(advice for _, _, advice in rows())
+    alone = re.findall(r"`(--[\w-]+|[a-z]+=)[^` ]*`", advice)
+    assert len(alone) > 5
+    assert [word for word in alone if word not in known] == []
+
+
+SOURCE = '''
+class Lost(DeviceFailed):
+    """No `exit` of its own."""
+class Mended(Lost):
+    exit = ExitCode.DONE
+def f(name, ok):
+    words = "the first" if ok else "the second"
+    raise Lost(f"{name}: {words} has gone" + "!")
+def g():
+    work.result(Status.ROLLED_BACK, f"taken back: {why}", hint="again")
+    Result(name, ExitCode.UNKNOWN if lost else ExitCode.DONE, message="nobody knows")
+    tell([("stopped here", None)], ExitCode.FAILED)
+    raise Mended("all is well again")
+    work.result(Status.DONE, "all is well")
+'''
+
+
+@pytest.mark.parametrize("base", ["class DeviceFailed(Exception):\n    exit = ExitCode.FAILED\n"])
+def test_what_is_read_of_a_source(base: str) -> None:
+    tree = ast.parse(base + SOURCE)
+    failures = failing([tree])
+    assert failures == {"DeviceFailed", "Lost"}
+    assert sorted(text for _, text in read(tree, failures)) == [
+        "nobody knows",
+        "stopped here",
+        "taken back: …",
+        "…: the first has gone!",
+        "…: the second has gone!",
+    ]
+
+
+def test_reasons_are_read_where_they_are_made() -> None:
+    tree = ast.parse('def read():\n    damage = f"line {n} is damaged"\ndef other():\n    return "text"\n')
+    assert list(passed_on(tree, "vpn/ledger/file.py")) == [("read", "line … is damaged")]
+    assert list(passed_on(tree, "vpn/server.py")) == []
