@@ -36,6 +36,17 @@ IN = (
     "checklist",
     "operations",
     "journal",
+    "gateway",
+    "image",
+    "console",
+    "render",
+    "ansible_collections/atlantis/netcfg/plugins/module_utils",
+    "ansible_collections/atlantis/netcfg/plugins/modules",
+    "ansible_collections/atlantis/netcfg/plugins/action",
+    "vpn/authority",
+    "vpn/ledger",
+    "vpn/pki",
+    "vpn/policy.py",
     "bearers",
     "bootstrap",
     "core",
@@ -44,6 +55,11 @@ IN = (
     "declaration/loading.py",
 )
 """What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them."""
+
+NOT_REHEARSED = "emulator"
+"""Of this part only what `NOT_REHEARSED` lists is read by a person; the rest are the words of devices."""
+PLAYS = ("playbooks", "roles")
+"""Folders whose tasks are named on the progress line."""
 
 OUT: Mapping[str, str] = {
     "bearers/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
@@ -81,7 +97,7 @@ NOT_MESSAGES = _set("""
 """Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
-SHOWN_NAMES = frozenset({"Stage", "_TITLES", "_EVIDENCE"})
+SHOWN_NAMES = frozenset({"Stage", "DriftKind", "Owner", "_TITLES", "_EVIDENCE", "_STATES", "_KINDS"})
 """Classes and tables whose texts are messages even where they are a single word."""
 SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
 NOT_KEYWORDS = _set("""
@@ -98,6 +114,7 @@ _FOREIGN = re.compile(
     r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
 )
 """Commands of devices and programs, patterns, and values alone."""
+_TASK = re.compile(r"^ *- name: ([A-Z][^\n{]*)$", re.MULTILINE)
 _VARIANTS = 12
 _TEMPLATE_TEXT = re.compile(
     r"""(?:\bt|\btranslate|\b_)\(\s*(?P<quote>["'])(?P<text>.*?)(?P=quote)\s*[,)]"""
@@ -129,7 +146,21 @@ def messages(root: Path = ROOT) -> dict[str, list[str]]:
             files = found.setdefault(text, [])
             if name not in files:
                 files.append(name)
+    for path in sorted((root / PACKAGE / NOT_REHEARSED).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        listed = [node for node in tree.body if isinstance(node, ast.Assign) and _target(node) == "NOT_REHEARSED"]
+        for text in (text for node in listed for text in _Reader.of(node)):
+            found.setdefault(text, []).append(path.relative_to(root).as_posix())
+    for path in sorted(path for folder in PLAYS for path in (root / folder).rglob("*.yml")):
+        for text in _TASK.findall(path.read_text(encoding="utf-8")):
+            files = found.setdefault(_escaped(text), [])
+            if (name := path.relative_to(root).as_posix()) not in files:
+                files.append(name)
     return found
+
+
+def _target(node: ast.Assign) -> str:
+    return node.targets[0].id if isinstance(node.targets[0], ast.Name) else ""
 
 
 def of_source(source: str, *, template: bool = False) -> Iterator[str]:
@@ -138,9 +169,7 @@ def of_source(source: str, *, template: bool = False) -> Iterator[str]:
         for item in _TEMPLATE_TEXT.finditer(source):
             yield from _lines([item["text"] or item["filtered"] or ""], sure=True)
         return
-    reader = _Reader()
-    reader.visit(ast.parse(source))
-    yield from dict.fromkeys(reader.found)
+    yield from _Reader.of(ast.parse(source))
 
 
 class _Reader(ast.NodeVisitor):
@@ -149,6 +178,13 @@ class _Reader(ast.NodeVisitor):
     def __init__(self) -> None:
         self.found: list[str] = []
         self._sure = False
+
+    @classmethod
+    def of(cls, tree: ast.AST) -> Iterator[str]:
+        """The messages of a module, or of a part of it."""
+        reader = cls()
+        reader.visit(tree)
+        yield from dict.fromkeys(reader.found)
 
     def visit_Expr(self, node: ast.Expr) -> None:
         """Go past docstrings."""
@@ -179,6 +215,14 @@ class _Reader(ast.NodeVisitor):
             self._inside(node.value, sure=True)
         else:
             self.visit(node)
+
+    def visit_Yield(self, node: ast.Yield) -> None:  # noqa: N802
+        """`yield "signal", words` is a label and what stands beside it."""
+        if isinstance(node.value, ast.Tuple):
+            for place, value in enumerate(node.value.elts):
+                self._inside(value, sure=place == 0)
+        elif node.value is not None:
+            self.visit(node.value)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         """Leave the annotation alone."""

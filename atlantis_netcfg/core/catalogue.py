@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 _SURE = 12
 """Letters of its own from which a message is recognised whatever its values are; below, they have to be known too."""
 _FEW = 6
-"""Letters of its own below which it is recognised only as a whole line or value: `of {port}` is in many sentences."""
-_JOINTS = ("; ", ". ", ": ", ", ", " (")
+"""Letters of its own below which its values are single words: `{name} of {site}` fits many a sentence."""
+_JOINTS = ("; ", ". ", ": ", " (")
 """What our own code puts between messages."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
+_PROSE = re.compile(r"[a-z]{4,}")
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
 """A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
@@ -140,7 +141,10 @@ class Catalogue:
         self._ranks = {id(template): rank for rank, template in enumerate(templates)}
         self._by_word, self._others = _index(templates)
         self._known: dict[str, str | None] = {}
-        self._found: dict[tuple[str, bool], str | None] = {}
+        self._found: dict[str, str | None] = {}
+        self._weak: set[str] = set()
+        """Texts of which a template with few letters of its own was found."""
+        self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:
         """Translate each line; the blanks around it stay."""
@@ -158,7 +162,7 @@ class Catalogue:
         pieces = _COLUMNS.split(text)
         for place in range(0, len(pieces), 2):
             cell = pieces[place]
-            pieces[place] = self._piece(cell) or cell
+            pieces[place] = self._sentence(cell) or cell
             if place + 1 < len(pieces):
                 width = len(cell) + len(pieces[place + 1])
                 pieces[place + 1] = " " * max(2, width - len(pieces[place]))
@@ -167,22 +171,20 @@ class Catalogue:
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text not in self._known:
-            self._known[text] = None  # whoever asks for it again on the way has come round in a circle
-            self._known[text] = self._message(text) or self._joined(text)
+            self._known[text] = self._list(text) or self._message(text) or self._joined(text)
         return self._known[text]
 
-    def _message(self, text: str, *, part: bool = False) -> str | None:
-        """A message that is known; `part`: the text is a piece of a longer one."""
-        if (text, part) not in self._found:
-            self._found[text, part] = self._whole.get(text) or self._filled(text, part=part)
-        return self._found[text, part]
+    def _message(self, text: str) -> str | None:
+        if text not in self._found:
+            self._found[text] = self._whole.get(text) or self._filled(text)
+        return self._found[text]
 
-    def _filled(self, text: str, *, part: bool) -> str | None:
+    def _filled(self, text: str) -> str | None:
         for template in self._candidates(text):
-            if part and template.letters < _FEW:
-                continue
             found = template.pattern.fullmatch(text)
             if found is not None and (filled := self._fill(template, found.groups())) is not None:
+                if template.letters < _FEW:
+                    self._weak.add(text)
                 return filled
         return None
 
@@ -194,51 +196,88 @@ class Catalogue:
 
     def _fill(self, template: Template, values: Sequence[str]) -> str | None:
         """The translation; None where so few letters are its own that an unknown value says it is another message."""
-        sure = template.letters >= _SURE
         filled = []
         for value, verbatim in zip(values, template.verbatim, strict=True):
-            known = value if verbatim or " " not in value.strip() else self._value(value)
-            if known is None and not sure:
+            if verbatim or " " not in value.strip():
+                filled.append(value)
+                continue
+            known = None if template.letters < _FEW else self._value(value)
+            if known is None and template.letters < _SURE:
                 return None
             filled.append(value if known is None else known)
         return template.filled(filled)
 
     def _value(self, value: str) -> str | None:
         text = value.strip()
-        known = self._text(text)
+        known = text if _is_data(text) else self._text(text)
         return None if known is None else value.replace(text, known, 1)
+
+    def _list(self, text: str) -> str | None:
+        """Messages with `, ` between them, all of them known, of which data such as `12.4 kB` need not be."""
+        if ", " not in text:
+            return None
+        if text not in self._lists:
+            self._lists[text] = self._of_list(text)
+        return self._lists[text]
+
+    def _of_list(self, text: str) -> str | None:
+        if text in self._whole:
+            return None
+        for found in re.finditer(", ", text):
+            left, right = text[: found.start()], text[found.end() :]
+            if left.count("`") % 2:
+                continue
+            first = left if _is_data(left) else self._piece(left)
+            rest = right if _is_data(right) else self._list(right) or self._piece(right)
+            rest = self._piece(f", {right}") or (None if rest is None else f", {rest}")
+            if first is not None and rest is not None and (first, rest) != (left, f", {right}"):
+                return f"{first}{rest}"
+        return None
 
     def _joined(self, text: str) -> str | None:
         for joint in _JOINTS:
-            places = [found.start() for found in re.finditer(re.escape(joint), text)]
-            for place in places:
-                if (joined := self._parts(text, place, joint)) is not None:
-                    return joined
+            for found in re.finditer(re.escape(joint), text):
+                if text.count("`", 0, found.start()) % 2 == 0:
+                    joined = self._parts(text[: found.start()], joint, text[found.end() :])
+                    if joined is not None:
+                        return joined
         return None
 
-    def _parts(self, text: str, place: int, joint: str) -> str | None:
-        if text.count("`", 0, place) % 2:
-            return None
-        left, right = text[:place], text[place + len(joint) :]
-        end = ""
+    def _parts(self, left: str, joint: str, right: str) -> str | None:
         if joint == " (":
-            if not right.endswith(")"):
-                return None
-            right, end = right[:-1], ")"
+            return self._in_parentheses(left, right)
         if joint == ". ":
-            left, joint = left + ".", " "
-        read = self._message_part if joint in {", ", " ("} else self._piece
-        one, other = read(left), read(right)
-        if one is None and other is None:
+            left, joint = f"{left}.", " "
+        first, rest = self._sentence(left), self._sentence(right)
+        led = self._piece(f"{joint}{right}") if joint == "; " else None
+        if led is None and first is None and rest is None:
             return None
-        return f"{left if one is None else one}{joint}{right if other is None else other}{end}"
+        return f"{first or left}{led or f'{joint}{rest or right}'}"
 
-    def _message_part(self, text: str) -> str | None:
-        return self._message(text, part=True) if " " in text.strip() else None
+    def _in_parentheses(self, left: str, right: str) -> str | None:
+        if not right.endswith(")"):
+            return None
+        inner = right[:-1]
+        first = left if _is_data(left) else self._piece(left)
+        rest = inner if _is_data(inner) else self._list(inner) or self._piece(inner)
+        rest = self._piece(f"({inner})") or (None if rest is None else f"({rest})")
+        if first is None or rest is None or (first, rest) == (left, f"({inner})"):
+            return None
+        return f"{first} {rest}"
+
+    def _sentence(self, text: str) -> str | None:
+        """A piece of a text: a message, or messages that are joined."""
+        return self._list(text) or self._piece(text) or (self._joined(text) if " " in text.strip() else None)
 
     def _piece(self, text: str) -> str | None:
-        """A piece of a text: a message, or messages that are joined."""
-        return self._message_part(text) or (self._joined(text) if " " in text.strip() else None)
+        """One message of several words; with too few letters of its own it may be any text."""
+        found = self._message(text) if " " in text.strip() else None
+        return None if text in self._weak else found
+
+
+def _is_data(text: str) -> bool:
+    """Figures, units and names in capitals, which are no message."""
+    return _PROSE.search(text) is None
 
 
 def _index(templates: Sequence[Template]) -> tuple[dict[str, list[Template]], list[Template]]:
