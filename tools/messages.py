@@ -70,6 +70,7 @@ OUT: Mapping[str, str] = {
     "cli/vpn/__init__.py": "it holds nothing",
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
     "operations/vault.py": "texts of Ansible's own",
+    "core/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
     "routeros/api": "the wire",
@@ -99,6 +100,8 @@ SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", 
 """Functions whose texts are messages even where they are a single word."""
 SHOWN_NAMES = frozenset({"Stage", "DriftKind", "Owner", "_TITLES", "_EVIDENCE", "_STATES", "_KINDS"})
 """Classes and tables whose texts are messages even where they are a single word."""
+MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
+"""What `ansible-doc` shows of a module, to engineers."""
 SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
 NOT_KEYWORDS = _set("""
     encoding errors newline mode pattern flags suffix prefix example name takes
@@ -114,7 +117,7 @@ _FOREIGN = re.compile(
     r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
 )
 """Commands of devices and programs, patterns, and values alone."""
-_TASK = re.compile(r"^ *- name: ([A-Z][^\n{]*)$", re.MULTILINE)
+_TASK = re.compile(r"^ *- name: ([A-Z][^\n{#]*?)(?: #.*)?$", re.MULTILINE)
 _VARIANTS = 12
 _TEMPLATE_TEXT = re.compile(
     r"""(?:\bt|\btranslate|\b_)\(\s*(?P<quote>["'])(?P<text>.*?)(?P=quote)\s*[,)]"""
@@ -203,8 +206,10 @@ class _Reader(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         """Know whether texts here are messages."""
-        target = node.targets[0]
-        if isinstance(target, ast.Name) and target.id in SHOWN_NAMES and isinstance(node.value, ast.Dict):
+        target = _target(node)
+        if target in MODULE_DOCUMENTATION:
+            return
+        if target in SHOWN_NAMES and isinstance(node.value, ast.Dict):
             for value in node.value.values:
                 self._inside(value, sure=True)
         else:
@@ -216,7 +221,7 @@ class _Reader(ast.NodeVisitor):
         else:
             self.visit(node)
 
-    def visit_Yield(self, node: ast.Yield) -> None:  # noqa: N802
+    def visit_Yield(self, node: ast.Yield) -> None:
         """`yield "signal", words` is a label and what stands beside it."""
         if isinstance(node.value, ast.Tuple):
             for place, value in enumerate(node.value.elts):

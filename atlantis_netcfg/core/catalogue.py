@@ -24,7 +24,7 @@ _SURE = 12
 """Letters of its own from which a message is recognised whatever its values are; below, they have to be known too."""
 _FEW = 6
 """Letters of its own below which its values are single words: `{name} of {site}` fits many a sentence."""
-_JOINTS = ("; ", ". ", ": ", " (")
+_JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
