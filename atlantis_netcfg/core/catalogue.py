@@ -28,6 +28,8 @@ _JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
+_LONGEST = 600
+"""Letters of the longest text in which joints are looked for: what a device prints in one line can be a whole script."""
 _PROSE = re.compile(r"[a-z]{4,}")
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
@@ -171,7 +173,11 @@ class Catalogue:
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text not in self._known:
-            self._known[text] = self._list(text) or self._message(text) or self._joined(text)
+            self._known[text] = (
+                self._list(text) or self._message(text) or self._joined(text)
+                if len(text) <= _LONGEST
+                else self._whole.get(text)
+            )
         return self._known[text]
 
     def _message(self, text: str) -> str | None:
@@ -202,6 +208,8 @@ class Catalogue:
                 filled.append(value)
                 continue
             known = None if template.letters < _FEW else self._value(value)
+            if known is None and not _is_whole(value):
+                return None
             if known is None and template.letters < _SURE:
                 return None
             filled.append(value if known is None else known)
@@ -227,8 +235,7 @@ class Catalogue:
             left, right = text[: found.start()], text[found.end() :]
             if left.count("`") % 2:
                 continue
-            first = left if _is_data(left) else self._piece(left)
-            rest = right if _is_data(right) else self._list(right) or self._piece(right)
+            first, rest = self._unit(left), self._unit(right)
             rest = self._piece(f", {right}") or (None if rest is None else f", {rest}")
             if first is not None and rest is not None and (first, rest) != (left, f", {right}"):
                 return f"{first}{rest}"
@@ -258,12 +265,18 @@ class Catalogue:
         if not right.endswith(")"):
             return None
         inner = right[:-1]
-        first = left if _is_data(left) else self._piece(left)
-        rest = inner if _is_data(inner) else self._list(inner) or self._piece(inner)
+        first, rest = self._unit(left), self._unit(inner)
         rest = self._piece(f"({inner})") or (None if rest is None else f"({rest})")
         if first is None or rest is None or (first, rest) == (left, f"({inner})"):
             return None
         return f"{first} {rest}"
+
+    def _unit(self, text: str) -> str | None:
+        """What is known as a whole: data, a message, or a list of both, with more in parentheses behind it."""
+        if _is_data(text):
+            return text
+        left, joint, right = text.partition(" (")
+        return self._list(text) or self._piece(text) or (self._in_parentheses(left, right) if joint else None)
 
     def _sentence(self, text: str) -> str | None:
         """A piece of a text: a message, or messages that are joined."""
@@ -273,6 +286,11 @@ class Catalogue:
         """One message of several words; with too few letters of its own it may be any text."""
         found = self._message(text) if " " in text.strip() else None
         return None if text in self._weak else found
+
+
+def _is_whole(text: str) -> bool:
+    """Whether it may be a value: what opens in it ends in it."""
+    return text.count("(") == text.count(")") and text.count("`") % 2 == 0
 
 
 def _is_data(text: str) -> bool:
