@@ -58,6 +58,8 @@ IN = (
 
 NOT_REHEARSED = "emulator"
 """Of this part only what `NOT_REHEARSED` lists is read by a person; the rest are the words of devices."""
+HANDOUT = "templates/handout"
+"""Folder of the pages that a partner gets: `*.txt.j2`, translated block by block."""
 PLAYS = ("playbooks", "roles")
 """Folders whose tasks are named on the progress line."""
 
@@ -98,7 +100,9 @@ NOT_MESSAGES = _set("""
 """Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
-SHOWN_NAMES = frozenset({"Stage", "DriftKind", "Owner", "_TITLES", "_EVIDENCE", "_STATES", "_KINDS"})
+SHOWN_NAMES = _set("""
+    Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES
+    """)
 """Classes and tables whose texts are messages even where they are a single word."""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
@@ -143,23 +147,27 @@ def _chosen(name: str) -> bool:
 def messages(root: Path = ROOT) -> dict[str, list[str]]:
     """Each message with the files that hold it, in the order of the source."""
     found: dict[str, list[str]] = {}
-    for path in in_scope(root):
+    for path, texts in _texts(root):
         name = path.relative_to(root).as_posix()
-        for text in of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2"):
+        for text in texts:
             files = found.setdefault(text, [])
             if name not in files:
                 files.append(name)
+    return found
+
+
+def _texts(root: Path) -> Iterator[tuple[Path, Iterable[str]]]:
+    """The files of all kinds, with their messages."""
+    for path in in_scope(root):
+        yield path, of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2")
     for path in sorted((root / PACKAGE / NOT_REHEARSED).rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         listed = [node for node in tree.body if isinstance(node, ast.Assign) and _target(node) == "NOT_REHEARSED"]
-        for text in (text for node in listed for text in _Reader.of(node)):
-            found.setdefault(text, []).append(path.relative_to(root).as_posix())
+        yield path, [text for node in listed for text in _Reader.of(node)]
+    for path in sorted((root / HANDOUT).glob("*.txt.j2")):
+        yield path, of_handout(path.read_text(encoding="utf-8"))
     for path in sorted(path for folder in PLAYS for path in (root / folder).rglob("*.yml")):
-        for text in _TASK.findall(path.read_text(encoding="utf-8")):
-            files = found.setdefault(_escaped(text), [])
-            if (name := path.relative_to(root).as_posix()) not in files:
-                files.append(name)
-    return found
+        yield path, map(_escaped, _TASK.findall(path.read_text(encoding="utf-8")))
 
 
 def _target(node: ast.Assign) -> str:
@@ -173,6 +181,50 @@ def of_source(source: str, *, template: bool = False) -> Iterator[str]:
             yield from _lines([item["text"] or item["filtered"] or ""], sure=True)
         return
     yield from _Reader.of(ast.parse(source))
+
+
+_TAG_LINE = re.compile(r"^\{%.*%\}$", re.MULTILINE)
+_CONDITION = re.compile(r"\{% if [^%]*%\}((?:(?!\{%).)*)(?:\{% else %\}((?:(?!\{%).)*))?\{% endif %\}", re.DOTALL)
+_VALUE = re.compile(r"\{\{ *([\w.]*?(\w+))(?:\[[^]]*\])? *(?:\|[^}]*)?\}\}")
+_RULE = re.compile(r"^(=+|-+|\{\{.*\* .*\}\})$")
+
+
+def of_handout(source: str) -> Iterator[str]:
+    """The messages of a page for partners: headings, entries of lists and paragraphs, each in one line.
+
+    A tag on a line of its own stands between blocks; one within a line makes two messages of the block.
+    """
+    found: list[str] = []
+    for block in re.split(r"\n{2,}", _TAG_LINE.sub("\n", source)):
+        for lines in (text.strip("\n").split("\n") for text in _branches(block)):
+            if not all(line.startswith("    ") for line in lines):
+                found.extend(_pieces(lines))
+    yield from dict.fromkeys(item for text in found for item in _lines([text], sure=True))
+
+
+def _branches(text: str) -> list[str]:
+    condition = _CONDITION.search(text)
+    if condition is None:
+        return [re.sub(r"\{%.*?%\}", "", text)]
+    before, after = text[: condition.start()], text[condition.end() :]
+    return [item for branch in (condition[1], condition[2] or "") for item in _branches(before + branch + after)]
+
+
+def _pieces(lines: list[str]) -> Iterator[str]:
+    if len(lines) > 1 and _RULE.match(lines[1]):
+        text = lines[0]
+    elif lines[0].startswith("- "):
+        text = " ".join(line.strip() if line.startswith(" ") else f"\n{line[2:]}" for line in lines).strip()
+    else:
+        text = " ".join(line.strip() for line in lines)
+    for line in text.split("\n"):
+        names: dict[str, int] = {}
+
+        def named(value: re.Match[str], names: dict[str, int] = names) -> str:
+            number = names[value[2]] = names.get(value[2], 0) + 1
+            return "{" + value[2] + (str(number) if number > 1 else "") + "}"
+
+        yield _VALUE.sub(named, line).strip()
 
 
 class _Reader(ast.NodeVisitor):

@@ -173,10 +173,9 @@ class Catalogue:
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text not in self._known:
+            joined = len(text) <= _LONGEST
             self._known[text] = (
-                self._list(text) or self._message(text) or self._joined(text)
-                if len(text) <= _LONGEST
-                else self._whole.get(text)
+                (joined and self._list(text)) or self._message(text) or (joined and self._joined(text)) or None
             )
         return self._known[text]
 
