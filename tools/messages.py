@@ -37,16 +37,10 @@ IN = (
     "operations",
     "journal",
     "gateway",
-    "image",
-    "console",
     "render",
     "ansible_collections/atlantis/netcfg/plugins/module_utils",
     "ansible_collections/atlantis/netcfg/plugins/modules",
     "ansible_collections/atlantis/netcfg/plugins/action",
-    "vpn/authority",
-    "vpn/ledger",
-    "vpn/pki",
-    "vpn/policy.py",
     "bearers",
     "bootstrap",
     "core",
@@ -54,7 +48,11 @@ IN = (
     "vpn/enrolment_package",
     "declaration/loading.py",
 )
-"""What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them."""
+"""What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them.
+
+Not here, and in English in every language: the making of card images and bundles, the VPN's authority and its ledger, the
+console of a first contact, and what is wrong with a declaration.
+"""
 
 NOT_REHEARSED = "emulator"
 """Of this part only what `NOT_REHEARSED` lists is read by a person; the rest are the words of devices."""
@@ -184,7 +182,8 @@ def of_source(source: str, *, template: bool = False) -> Iterator[str]:
 
 
 _TAG_LINE = re.compile(r"^\{%.*%\}$", re.MULTILINE)
-_CONDITION = re.compile(r"\{% if [^%]*%\}((?:(?!\{%).)*)(?:\{% else %\}((?:(?!\{%).)*))?\{% endif %\}", re.DOTALL)
+_TEXT = r"((?:(?!\{%).)*)"
+_CONDITION = re.compile(rf"\{{% if [^%]*%\}}{_TEXT}(?:\{{% else %\}}{_TEXT})?\{{% endif %\}}", re.DOTALL)
 _VALUE = re.compile(r"\{\{ *([\w.]*?(\w+))(?:\[[^]]*\])? *(?:\|[^}]*)?\}\}")
 _RULE = re.compile(r"^(=+|-+|\{\{.*\* .*\}\})$")
 

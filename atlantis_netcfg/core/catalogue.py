@@ -26,11 +26,14 @@ _FEW = 6
 """Letters of its own below which its values are single words: `{name} of {site}` fits many a sentence."""
 _JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
+_REFUSAL = "failure: "
+"""With it RouterOS begins most of its refusals, which stay in its own words."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
 _LONGEST = 600
-"""Letters of the longest text in which joints are looked for: what a device prints in one line can be a whole script."""
-_PROSE = re.compile(r"[a-z]{4,}")
+"""Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
+_PROSE = re.compile(r"(?<![\w./-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./-])")
+"""A word in small letters that is neither a unit nor part of a name."""
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
 """A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
@@ -77,7 +80,8 @@ class Template:
     @classmethod
     def of(cls, msgid: str, translation: str) -> Template:
         """Take it apart; a command in it is a value as well."""
-        for place, command in enumerate(dict.fromkeys(_COMMAND.findall(msgid))):
+        commands = _COMMAND.findall(msgid) if "provision " in msgid else ()
+        for place, command in enumerate(dict.fromkeys(commands)):
             msgid = msgid.replace(command, f"{{{_ADVISED}{place}}}")
             translation = translation.replace(command, f"{{{_ADVISED}{place}}}")
         literals, names = [""], []
@@ -131,7 +135,7 @@ class Catalogue:
         for msgid, translation in messages.items():
             if "{" not in msgid and "}" not in msgid:
                 self._whole[msgid] = translation
-                if not _COMMAND.search(msgid):
+                if "provision " not in msgid or not _COMMAND.search(msgid):
                     continue
             template = Template.of(msgid, translation)
             if template.names:
@@ -146,6 +150,8 @@ class Catalogue:
         self._found: dict[str, str | None] = {}
         self._weak: set[str] = set()
         """Texts of which a template with few letters of its own was found."""
+        self._unsure: set[str] = set()
+        """Texts in which a value is unknown."""
         self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:
@@ -173,11 +179,16 @@ class Catalogue:
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text not in self._known:
-            joined = len(text) <= _LONGEST
-            self._known[text] = (
-                (joined and self._list(text)) or self._message(text) or (joined and self._joined(text)) or None
-            )
+            self._known[text] = self._look_up(text)
         return self._known[text]
+
+    def _look_up(self, text: str) -> str | None:
+        message = self._message(text)
+        if message is not None and text not in self._unsure:
+            return message
+        if len(text) > _LONGEST:
+            return message
+        return self._list(text) or message or self._joined(text)
 
     def _message(self, text: str) -> str | None:
         if text not in self._found:
@@ -186,11 +197,17 @@ class Catalogue:
 
     def _filled(self, text: str) -> str | None:
         for template in self._candidates(text):
+            if len(text) > _LONGEST and len("".join(template.literals)) * 4 < len(text):
+                continue
             found = template.pattern.fullmatch(text)
-            if found is not None and (filled := self._fill(template, found.groups())) is not None:
+            values = None if found is None else self._values(template, found.groups())
+            if found is not None and values is not None:
                 if template.letters < _FEW:
                     self._weak.add(text)
-                return filled
+                if None in values:
+                    self._unsure.add(text)
+                given = (value if known is None else known for value, known in zip(found.groups(), values, strict=True))
+                return template.filled(tuple(given))
         return None
 
     def _candidates(self, text: str) -> list[Template]:
@@ -199,24 +216,25 @@ class Catalogue:
             found.extend(self._by_word.get(word, ()))
         return sorted(found, key=lambda template: self._ranks[id(template)])
 
-    def _fill(self, template: Template, values: Sequence[str]) -> str | None:
-        """The translation; None where so few letters are its own that an unknown value says it is another message."""
-        filled = []
+    def _values(self, template: Template, values: Sequence[str]) -> list[str | None] | None:
+        """The values in the person's language, None for those that are unknown.
+
+        None in all where so few letters are the template's own that an unknown value says it is another message.
+        """
+        read: list[str | None] = []
         for value, verbatim in zip(values, template.verbatim, strict=True):
             if verbatim or " " not in value.strip():
-                filled.append(value)
+                read.append(value)
                 continue
             known = None if template.letters < _FEW else self._value(value)
-            if known is None and not _is_whole(value):
+            if known is None and (template.letters < _SURE or not _is_whole(value)):
                 return None
-            if known is None and template.letters < _SURE:
-                return None
-            filled.append(value if known is None else known)
-        return template.filled(filled)
+            read.append(known)
+        return read
 
     def _value(self, value: str) -> str | None:
         text = value.strip()
-        known = text if _is_data(text) else self._text(text)
+        known = text if _is_data(text) or text.startswith(_REFUSAL) else self._text(text)
         return None if known is None else value.replace(text, known, 1)
 
     def _list(self, text: str) -> str | None:
