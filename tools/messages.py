@@ -38,6 +38,12 @@ IN = (
     "journal",
     "gateway",
     "render",
+    "image",
+    "console",
+    "vpn/authority",
+    "vpn/ledger",
+    "vpn/pki",
+    "vpn/policy.py",
     "ansible_collections/atlantis/netcfg/plugins/module_utils",
     "ansible_collections/atlantis/netcfg/plugins/modules",
     "ansible_collections/atlantis/netcfg/plugins/action",
@@ -50,8 +56,7 @@ IN = (
 )
 """What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them.
 
-Not here, and in English in every language: the making of card images and bundles, the VPN's authority and its ledger, the
-console of a first contact, and what is wrong with a declaration.
+Not here, and in English in every language: the making of bundles, and what is wrong with a declaration.
 """
 
 NOT_REHEARSED = "emulator"

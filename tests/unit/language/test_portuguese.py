@@ -147,7 +147,7 @@ def test_the_commands_are_not_words_of_the_catalogue() -> None:
 @pytest.mark.parametrize(
     ("source", "found"),
     [
-        ('raise NetcfgError(f"{host.name} is gone: {error}", hint="look there")', ["{name} is gone: {error}", "look there"]),
+        ('raise Gone(f"{host.name} is gone: {error}", hint="look there")', ["{name} is gone: {error}", "look there"]),
         ('print(f"{len(changes)} changes left")', ["{changes} changes left"]),
         ('x = f"{a} change{\'\' if a == 1 else \'s\'} left"', ["{a} change left", "{a} changes left"]),
         ('x = f"{name} and {name} differ"', ["{name} and {name2} differ"]),
