@@ -52,11 +52,11 @@ IN = (
     "core",
     "routeros",
     "vpn/enrolment_package",
-    "declaration/loading.py",
+    "declaration",
 )
 """What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them.
 
-Not here, and in English in every language: the making of bundles, and what is wrong with a declaration.
+Not here, and in English in every language: the making of bundles.
 """
 
 NOT_REHEARSED = "emulator"
