@@ -109,6 +109,19 @@ SHOWN_NAMES = _set("""
 """Classes and tables whose texts are messages even where they are a single word."""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
 """What `ansible-doc` shows of a module, to engineers."""
+MADE = (
+    "the modem of {name} listens",
+    "{who} transmits at the moment",
+    "{who} receives at the moment",
+    "{who} answers at the moment",
+    "1 error in the inventory; no device was contacted",
+    "{findings} errors in the inventory; no device was contacted",
+    "1 error in the answers; nothing was changed",
+    "{findings} errors in the answers; nothing was changed",
+    "asking over {name}, which is paid by the byte, takes {daily} MB a day while all is well;"
+    " less with a longer `metered_probe_s`",
+)
+"""Messages that are put together of words, or stand in a template of a device (templates/routeros)."""
 SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
 NOT_KEYWORDS = _set("""
     encoding errors newline mode pattern flags suffix prefix example name takes
@@ -161,6 +174,7 @@ def messages(root: Path = ROOT) -> dict[str, list[str]]:
 
 def _texts(root: Path) -> Iterator[tuple[Path, Iterable[str]]]:
     """The files of all kinds, with their messages."""
+    yield root / "tools" / "messages.py", MADE
     for path in in_scope(root):
         yield path, of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2")
     for path in sorted((root / PACKAGE / NOT_REHEARSED).rglob("*.py")):

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-_SURE = 12
+_SURE = 10
 """Letters of its own from which a message is recognised whatever its values are; below, they have to be known too."""
 _FEW = 6
-"""Letters of its own below which its values are single words: `{name} of {site}` fits many a sentence."""
+"""Letters of its own below which its values are data or known messages: `{name} of {site}` fits many a sentence."""
 _JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
 _REFUSAL = "failure: "
@@ -34,6 +34,8 @@ _LONGEST = 600
 """Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
 _PROSE = re.compile(r"(?<![\w./-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./-])")
 """A word in small letters that is neither a unit nor part of a name."""
+_MARK = re.compile(r"^ *(?:-> |\d+\. )")
+"""What stands before a hint, or an entry of a list."""
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
 """A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
@@ -148,8 +150,6 @@ class Catalogue:
         self._by_word, self._others = _index(templates)
         self._known: dict[str, str | None] = {}
         self._found: dict[str, str | None] = {}
-        self._weak: set[str] = set()
-        """Texts of which a template with few letters of its own was found."""
         self._unsure: set[str] = set()
         """Texts in which a value is unknown."""
         self._lists: dict[str, str | None] = {}
@@ -159,7 +159,7 @@ class Catalogue:
         return "\n".join(map(self._line, text.split("\n")))
 
     def _line(self, line: str) -> str:
-        text = line.strip()
+        text = _MARK.sub("", line).strip()
         if not text:
             return line
         start = line.index(text)
@@ -202,8 +202,6 @@ class Catalogue:
             found = template.pattern.fullmatch(text)
             values = None if found is None else self._values(template, found.groups())
             if found is not None and values is not None:
-                if template.letters < _FEW:
-                    self._weak.add(text)
                 if None in values:
                     self._unsure.add(text)
                 given = (value if known is None else known for value, known in zip(found.groups(), values, strict=True))
@@ -223,10 +221,10 @@ class Catalogue:
         """
         read: list[str | None] = []
         for value, verbatim in zip(values, template.verbatim, strict=True):
-            if verbatim or " " not in value.strip():
+            if verbatim or (" " not in value.strip() and template.letters >= _FEW):
                 read.append(value)
                 continue
-            known = None if template.letters < _FEW else self._value(value)
+            known = self._value(value)
             if known is None and (template.letters < _SURE or not _is_whole(value)):
                 return None
             read.append(known)
@@ -234,7 +232,9 @@ class Catalogue:
 
     def _value(self, value: str) -> str | None:
         text = value.strip()
-        known = text if _is_data(text) or text.startswith(_REFUSAL) else self._text(text)
+        if _is_data(text) or text.startswith(_REFUSAL):
+            return value
+        known = self._text(text) if " " in text else None
         return None if known is None else value.replace(text, known, 1)
 
     def _list(self, text: str) -> str | None:
@@ -248,7 +248,7 @@ class Catalogue:
     def _of_list(self, text: str) -> str | None:
         if text in self._whole:
             return None
-        for found in re.finditer(", ", text):
+        for found in reversed(list(re.finditer(", ", text))):
             left, right = text[: found.start()], text[found.end() :]
             if left.count("`") % 2:
                 continue
@@ -300,9 +300,8 @@ class Catalogue:
         return self._list(text) or self._piece(text) or (self._joined(text) if " " in text.strip() else None)
 
     def _piece(self, text: str) -> str | None:
-        """One message of several words; with too few letters of its own it may be any text."""
-        found = self._message(text) if " " in text.strip() else None
-        return None if text in self._weak else found
+        """One message of several words."""
+        return self._message(text) if " " in text.strip() else None
 
 
 def _is_whole(text: str) -> bool:
