@@ -36,14 +36,35 @@ IN = (
     "checklist",
     "operations",
     "journal",
+    "gateway",
+    "render",
+    "image",
+    "console",
+    "vpn/authority",
+    "vpn/ledger",
+    "vpn/pki",
+    "vpn/policy.py",
+    "ansible_collections/atlantis/netcfg/plugins/module_utils",
+    "ansible_collections/atlantis/netcfg/plugins/modules",
+    "ansible_collections/atlantis/netcfg/plugins/action",
     "bearers",
     "bootstrap",
     "core",
     "routeros",
     "vpn/enrolment_package",
-    "declaration/loading.py",
+    "declaration",
 )
-"""What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them."""
+"""What a technician or a partner reads of a run, a checklist, a hand-out, and of the commands around them.
+
+Not here, and in English in every language: the making of bundles.
+"""
+
+NOT_REHEARSED = "emulator"
+"""Of this part only what `NOT_REHEARSED` lists is read by a person; the rest are the words of devices."""
+HANDOUT = "templates/handout"
+"""Folder of the pages that a partner gets: `*.txt.j2`, translated block by block."""
+PLAYS = ("playbooks", "roles")
+"""Folders whose tasks are named on the progress line."""
 
 OUT: Mapping[str, str] = {
     "bearers/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
@@ -54,6 +75,7 @@ OUT: Mapping[str, str] = {
     "cli/vpn/__init__.py": "it holds nothing",
     "operations/computers/_emulation.py": "programs of a rehearsal, and what Ansible calls them",
     "operations/vault.py": "texts of Ansible's own",
+    "core/remote_bundle.py": "names of files",
     "core/crash_report.py": "the log file of a crash; its one sentence is added by hand",
     "core/eventlog.py": "lines of a log",
     "routeros/api": "the wire",
@@ -81,8 +103,25 @@ NOT_MESSAGES = _set("""
 """Functions whose texts are no messages: patterns, keys, names of files, and errors of ours that nobody is shown."""
 SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", "Consent", "Event"})
 """Functions whose texts are messages even where they are a single word."""
-SHOWN_NAMES = frozenset({"Stage", "_TITLES", "_EVIDENCE"})
+SHOWN_NAMES = _set("""
+    Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES
+    """)
 """Classes and tables whose texts are messages even where they are a single word."""
+MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
+"""What `ansible-doc` shows of a module, to engineers."""
+MADE = (
+    "the modem of {name} listens",
+    "{who} transmits at the moment",
+    "{who} receives at the moment",
+    "{who} answers at the moment",
+    "1 error in the inventory; no device was contacted",
+    "{findings} errors in the inventory; no device was contacted",
+    "1 error in the answers; nothing was changed",
+    "{findings} errors in the answers; nothing was changed",
+    "asking over {name}, which is paid by the byte, takes {daily} MB a day while all is well;"
+    " less with a longer `metered_probe_s`",
+)
+"""Messages that are put together of words, or stand in a template of a device (templates/routeros)."""
 SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
 NOT_KEYWORDS = _set("""
     encoding errors newline mode pattern flags suffix prefix example name takes
@@ -98,6 +137,7 @@ _FOREIGN = re.compile(
     r"|^\{[a-z_]+\}( \{[a-z_]+\})*$"
 )
 """Commands of devices and programs, patterns, and values alone."""
+_TASK = re.compile(r"^ *- name: ([A-Z][^\n{#]*?)(?: #.*)?$", re.MULTILINE)
 _VARIANTS = 12
 _TEMPLATE_TEXT = re.compile(
     r"""(?:\bt|\btranslate|\b_)\(\s*(?P<quote>["'])(?P<text>.*?)(?P=quote)\s*[,)]"""
@@ -123,13 +163,32 @@ def _chosen(name: str) -> bool:
 def messages(root: Path = ROOT) -> dict[str, list[str]]:
     """Each message with the files that hold it, in the order of the source."""
     found: dict[str, list[str]] = {}
-    for path in in_scope(root):
+    for path, texts in _texts(root):
         name = path.relative_to(root).as_posix()
-        for text in of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2"):
+        for text in texts:
             files = found.setdefault(text, [])
             if name not in files:
                 files.append(name)
     return found
+
+
+def _texts(root: Path) -> Iterator[tuple[Path, Iterable[str]]]:
+    """The files of all kinds, with their messages."""
+    yield root / "tools" / "messages.py", MADE
+    for path in in_scope(root):
+        yield path, of_source(path.read_text(encoding="utf-8"), template=path.suffix == ".j2")
+    for path in sorted((root / PACKAGE / NOT_REHEARSED).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        listed = [node for node in tree.body if isinstance(node, ast.Assign) and _target(node) == "NOT_REHEARSED"]
+        yield path, [text for node in listed for text in _Reader.of(node)]
+    for path in sorted((root / HANDOUT).glob("*.txt.j2")):
+        yield path, of_handout(path.read_text(encoding="utf-8"))
+    for path in sorted(path for folder in PLAYS for path in (root / folder).rglob("*.yml")):
+        yield path, map(_escaped, _TASK.findall(path.read_text(encoding="utf-8")))
+
+
+def _target(node: ast.Assign) -> str:
+    return node.targets[0].id if isinstance(node.targets[0], ast.Name) else ""
 
 
 def of_source(source: str, *, template: bool = False) -> Iterator[str]:
@@ -138,9 +197,52 @@ def of_source(source: str, *, template: bool = False) -> Iterator[str]:
         for item in _TEMPLATE_TEXT.finditer(source):
             yield from _lines([item["text"] or item["filtered"] or ""], sure=True)
         return
-    reader = _Reader()
-    reader.visit(ast.parse(source))
-    yield from dict.fromkeys(reader.found)
+    yield from _Reader.of(ast.parse(source))
+
+
+_TAG_LINE = re.compile(r"^\{%.*%\}$", re.MULTILINE)
+_TEXT = r"((?:(?!\{%).)*)"
+_CONDITION = re.compile(rf"\{{% if [^%]*%\}}{_TEXT}(?:\{{% else %\}}{_TEXT})?\{{% endif %\}}", re.DOTALL)
+_VALUE = re.compile(r"\{\{ *([\w.]*?(\w+))(?:\[[^]]*\])? *(?:\|[^}]*)?\}\}")
+_RULE = re.compile(r"^(=+|-+|\{\{.*\* .*\}\})$")
+
+
+def of_handout(source: str) -> Iterator[str]:
+    """The messages of a page for partners: headings, entries of lists and paragraphs, each in one line.
+
+    A tag on a line of its own stands between blocks; one within a line makes two messages of the block.
+    """
+    found: list[str] = []
+    for block in re.split(r"\n{2,}", _TAG_LINE.sub("\n", source)):
+        for lines in (text.strip("\n").split("\n") for text in _branches(block)):
+            if not all(line.startswith("    ") for line in lines):
+                found.extend(_pieces(lines))
+    yield from dict.fromkeys(item for text in found for item in _lines([text], sure=True))
+
+
+def _branches(text: str) -> list[str]:
+    condition = _CONDITION.search(text)
+    if condition is None:
+        return [re.sub(r"\{%.*?%\}", "", text)]
+    before, after = text[: condition.start()], text[condition.end() :]
+    return [item for branch in (condition[1], condition[2] or "") for item in _branches(before + branch + after)]
+
+
+def _pieces(lines: list[str]) -> Iterator[str]:
+    if len(lines) > 1 and _RULE.match(lines[1]):
+        text = lines[0]
+    elif lines[0].startswith("- "):
+        text = " ".join(line.strip() if line.startswith(" ") else f"\n{line[2:]}" for line in lines).strip()
+    else:
+        text = " ".join(line.strip() for line in lines)
+    for line in text.split("\n"):
+        names: dict[str, int] = {}
+
+        def named(value: re.Match[str], names: dict[str, int] = names) -> str:
+            number = names[value[2]] = names.get(value[2], 0) + 1
+            return "{" + value[2] + (str(number) if number > 1 else "") + "}"
+
+        yield _VALUE.sub(named, line).strip()
 
 
 class _Reader(ast.NodeVisitor):
@@ -149,6 +251,13 @@ class _Reader(ast.NodeVisitor):
     def __init__(self) -> None:
         self.found: list[str] = []
         self._sure = False
+
+    @classmethod
+    def of(cls, tree: ast.AST) -> Iterator[str]:
+        """The messages of a module, or of a part of it."""
+        reader = cls()
+        reader.visit(tree)
+        yield from dict.fromkeys(reader.found)
 
     def visit_Expr(self, node: ast.Expr) -> None:
         """Go past docstrings."""
@@ -167,8 +276,10 @@ class _Reader(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         """Know whether texts here are messages."""
-        target = node.targets[0]
-        if isinstance(target, ast.Name) and target.id in SHOWN_NAMES and isinstance(node.value, ast.Dict):
+        target = _target(node)
+        if target in MODULE_DOCUMENTATION:
+            return
+        if target in SHOWN_NAMES and isinstance(node.value, ast.Dict):
             for value in node.value.values:
                 self._inside(value, sure=True)
         else:
@@ -179,6 +290,14 @@ class _Reader(ast.NodeVisitor):
             self._inside(node.value, sure=True)
         else:
             self.visit(node)
+
+    def visit_Yield(self, node: ast.Yield) -> None:
+        """`yield "signal", words` is a label and what stands beside it."""
+        if isinstance(node.value, ast.Tuple):
+            for place, value in enumerate(node.value.elts):
+                self._inside(value, sure=place == 0)
+        elif node.value is not None:
+            self.visit(node.value)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
         """Leave the annotation alone."""

@@ -131,12 +131,13 @@ class Preview:
     @property
     def words(self) -> str:
         """What a person reads before anything is sent."""
-        about = "up to" if self.at_most else "about"
+        name, at_most = self.link.name, self.at_most
         if not self.link.metered:
-            return f"over {self.link.name}, which is not paid by the byte: {about} {size(self.bill.payload_bytes)}"
+            whole = size(self.bill.payload_bytes)
+            return f"over {name}, which is not paid by the byte: {'up to' if at_most else 'about'} {whole}"
         missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
-        dear = f"over {self.link.name} of {self.link.site}, which is paid by the byte"
-        return f"{dear}: {about} {self.bill.words}{missing}"
+        cost = f"{self.bill.words}{missing}"
+        return f"over {name} of {self.link.site}, which is paid by the byte: {'up to' if at_most else 'about'} {cost}"
 
     def refusal(self) -> CostRefused:
         """The error for an action beyond the cap."""

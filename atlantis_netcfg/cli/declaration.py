@@ -54,7 +54,7 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     if as_json:
         _print_json_counts(error.exit, inventory, errors=[dataclasses.asdict(finding) for finding in error.findings])
     else:
-        print(error, file=sys.stderr)
+        print(translate(str(error)), file=sys.stderr)
     return error.exit
 
 

@@ -20,14 +20,22 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-_SURE = 12
+_SURE = 10
 """Letters of its own from which a message is recognised whatever its values are; below, they have to be known too."""
 _FEW = 6
-"""Letters of its own below which it is recognised only as a whole line or value: `of {port}` is in many sentences."""
-_JOINTS = ("; ", ". ", ": ", ", ", " (")
+"""Letters of its own below which its values are data or known messages: `{name} of {site}` fits many a sentence."""
+_JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
+_REFUSAL = "failure: "
+"""With it RouterOS begins most of its refusals, which stay in its own words."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
+_LONGEST = 600
+"""Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
+_PROSE = re.compile(r"(?<![\w./-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./-])")
+"""A word in small letters that is neither a unit nor part of a name."""
+_MARK = re.compile(r"^ *(?:-> |\d+\. )")
+"""What stands before a hint, or an entry of a list."""
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
 """A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
@@ -74,7 +82,8 @@ class Template:
     @classmethod
     def of(cls, msgid: str, translation: str) -> Template:
         """Take it apart; a command in it is a value as well."""
-        for place, command in enumerate(dict.fromkeys(_COMMAND.findall(msgid))):
+        commands = _COMMAND.findall(msgid) if "provision " in msgid else ()
+        for place, command in enumerate(dict.fromkeys(commands)):
             msgid = msgid.replace(command, f"{{{_ADVISED}{place}}}")
             translation = translation.replace(command, f"{{{_ADVISED}{place}}}")
         literals, names = [""], []
@@ -128,7 +137,7 @@ class Catalogue:
         for msgid, translation in messages.items():
             if "{" not in msgid and "}" not in msgid:
                 self._whole[msgid] = translation
-                if not _COMMAND.search(msgid):
+                if "provision " not in msgid or not _COMMAND.search(msgid):
                     continue
             template = Template.of(msgid, translation)
             if template.names:
@@ -140,14 +149,17 @@ class Catalogue:
         self._ranks = {id(template): rank for rank, template in enumerate(templates)}
         self._by_word, self._others = _index(templates)
         self._known: dict[str, str | None] = {}
-        self._found: dict[tuple[str, bool], str | None] = {}
+        self._found: dict[str, str | None] = {}
+        self._unsure: set[str] = set()
+        """Texts in which a value is unknown."""
+        self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:
         """Translate each line; the blanks around it stay."""
         return "\n".join(map(self._line, text.split("\n")))
 
     def _line(self, line: str) -> str:
-        text = line.strip()
+        text = _MARK.sub("", line).strip()
         if not text:
             return line
         start = line.index(text)
@@ -158,7 +170,7 @@ class Catalogue:
         pieces = _COLUMNS.split(text)
         for place in range(0, len(pieces), 2):
             cell = pieces[place]
-            pieces[place] = self._piece(cell) or cell
+            pieces[place] = self._sentence(cell) or cell
             if place + 1 < len(pieces):
                 width = len(cell) + len(pieces[place + 1])
                 pieces[place + 1] = " " * max(2, width - len(pieces[place]))
@@ -167,23 +179,33 @@ class Catalogue:
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text not in self._known:
-            self._known[text] = None  # whoever asks for it again on the way has come round in a circle
-            self._known[text] = self._message(text) or self._joined(text)
+            self._known[text] = self._look_up(text)
         return self._known[text]
 
-    def _message(self, text: str, *, part: bool = False) -> str | None:
-        """A message that is known; `part`: the text is a piece of a longer one."""
-        if (text, part) not in self._found:
-            self._found[text, part] = self._whole.get(text) or self._filled(text, part=part)
-        return self._found[text, part]
+    def _look_up(self, text: str) -> str | None:
+        message = self._message(text)
+        if message is not None and text not in self._unsure:
+            return message
+        if len(text) > _LONGEST:
+            return message
+        return self._list(text) or message or self._joined(text)
 
-    def _filled(self, text: str, *, part: bool) -> str | None:
+    def _message(self, text: str) -> str | None:
+        if text not in self._found:
+            self._found[text] = self._whole.get(text) or self._filled(text)
+        return self._found[text]
+
+    def _filled(self, text: str) -> str | None:
         for template in self._candidates(text):
-            if part and template.letters < _FEW:
+            if len(text) > _LONGEST and len("".join(template.literals)) * 4 < len(text):
                 continue
             found = template.pattern.fullmatch(text)
-            if found is not None and (filled := self._fill(template, found.groups())) is not None:
-                return filled
+            values = None if found is None else self._values(template, found.groups())
+            if found is not None and values is not None:
+                if None in values:
+                    self._unsure.add(text)
+                given = (value if known is None else known for value, known in zip(found.groups(), values, strict=True))
+                return template.filled(tuple(given))
         return None
 
     def _candidates(self, text: str) -> list[Template]:
@@ -192,53 +214,104 @@ class Catalogue:
             found.extend(self._by_word.get(word, ()))
         return sorted(found, key=lambda template: self._ranks[id(template)])
 
-    def _fill(self, template: Template, values: Sequence[str]) -> str | None:
-        """The translation; None where so few letters are its own that an unknown value says it is another message."""
-        sure = template.letters >= _SURE
-        filled = []
+    def _values(self, template: Template, values: Sequence[str]) -> list[str | None] | None:
+        """The values in the person's language, None for those that are unknown.
+
+        None in all where so few letters are the template's own that an unknown value says it is another message.
+        """
+        read: list[str | None] = []
         for value, verbatim in zip(values, template.verbatim, strict=True):
-            known = value if verbatim or " " not in value.strip() else self._value(value)
-            if known is None and not sure:
+            if verbatim or (" " not in value.strip() and template.letters >= _FEW):
+                read.append(value)
+                continue
+            known = self._value(value)
+            if known is None and (template.letters < _SURE or not _is_whole(value)):
                 return None
-            filled.append(value if known is None else known)
-        return template.filled(filled)
+            read.append(known)
+        return read
 
     def _value(self, value: str) -> str | None:
         text = value.strip()
-        known = self._text(text)
+        if _is_data(text) or text.startswith(_REFUSAL):
+            return value
+        known = self._text(text) if " " in text else None
         return None if known is None else value.replace(text, known, 1)
+
+    def _list(self, text: str) -> str | None:
+        """Messages with `, ` between them, all of them known, of which data such as `12.4 kB` need not be."""
+        if ", " not in text:
+            return None
+        if text not in self._lists:
+            self._lists[text] = self._of_list(text)
+        return self._lists[text]
+
+    def _of_list(self, text: str) -> str | None:
+        if text in self._whole:
+            return None
+        for found in reversed(list(re.finditer(", ", text))):
+            left, right = text[: found.start()], text[found.end() :]
+            if left.count("`") % 2:
+                continue
+            first, rest = self._unit(left), self._unit(right)
+            rest = self._piece(f", {right}") or (None if rest is None else f", {rest}")
+            if first is not None and rest is not None and (first, rest) != (left, f", {right}"):
+                return f"{first}{rest}"
+        return None
 
     def _joined(self, text: str) -> str | None:
         for joint in _JOINTS:
-            places = [found.start() for found in re.finditer(re.escape(joint), text)]
-            for place in places:
-                if (joined := self._parts(text, place, joint)) is not None:
-                    return joined
+            for found in re.finditer(re.escape(joint), text):
+                if text.count("`", 0, found.start()) % 2 == 0:
+                    joined = self._parts(text[: found.start()], joint, text[found.end() :])
+                    if joined is not None:
+                        return joined
         return None
 
-    def _parts(self, text: str, place: int, joint: str) -> str | None:
-        if text.count("`", 0, place) % 2:
-            return None
-        left, right = text[:place], text[place + len(joint) :]
-        end = ""
+    def _parts(self, left: str, joint: str, right: str) -> str | None:
         if joint == " (":
-            if not right.endswith(")"):
-                return None
-            right, end = right[:-1], ")"
+            return self._in_parentheses(left, right)
         if joint == ". ":
-            left, joint = left + ".", " "
-        read = self._message_part if joint in {", ", " ("} else self._piece
-        one, other = read(left), read(right)
-        if one is None and other is None:
+            left, joint = f"{left}.", " "
+        first, rest = self._sentence(left), self._sentence(right)
+        led = self._piece(f"{joint}{right}") if joint == "; " else None
+        if led is None and first is None and rest is None:
             return None
-        return f"{left if one is None else one}{joint}{right if other is None else other}{end}"
+        return f"{first or left}{led or f'{joint}{rest or right}'}"
 
-    def _message_part(self, text: str) -> str | None:
-        return self._message(text, part=True) if " " in text.strip() else None
+    def _in_parentheses(self, left: str, right: str) -> str | None:
+        if not right.endswith(")"):
+            return None
+        inner = right[:-1]
+        first, rest = self._unit(left), self._unit(inner)
+        rest = self._piece(f"({inner})") or (None if rest is None else f"({rest})")
+        if first is None or rest is None or (first, rest) == (left, f"({inner})"):
+            return None
+        return f"{first} {rest}"
+
+    def _unit(self, text: str) -> str | None:
+        """What is known as a whole: data, a message, or a list of both, with more in parentheses behind it."""
+        if _is_data(text):
+            return text
+        left, joint, right = text.partition(" (")
+        return self._list(text) or self._piece(text) or (self._in_parentheses(left, right) if joint else None)
+
+    def _sentence(self, text: str) -> str | None:
+        """A piece of a text: a message, or messages that are joined."""
+        return self._list(text) or self._piece(text) or (self._joined(text) if " " in text.strip() else None)
 
     def _piece(self, text: str) -> str | None:
-        """A piece of a text: a message, or messages that are joined."""
-        return self._message_part(text) or (self._joined(text) if " " in text.strip() else None)
+        """One message of several words."""
+        return self._message(text) if " " in text.strip() else None
+
+
+def _is_whole(text: str) -> bool:
+    """Whether it may be a value: what opens in it ends in it."""
+    return text.count("(") == text.count(")") and text.count("`") % 2 == 0
+
+
+def _is_data(text: str) -> bool:
+    """Figures, units and names in capitals, which are no message."""
+    return _PROSE.search(text) is None
 
 
 def _index(templates: Sequence[Template]) -> tuple[dict[str, list[Template]], list[Template]]:

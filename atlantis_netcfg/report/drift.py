@@ -21,12 +21,13 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.events import worst as worst_verdict
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.report.run import cost_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 
 _ENDS = {ExitCode.DONE: "PASS", ExitCode.CHECKS_FAILED: "FAIL"}
@@ -99,7 +100,7 @@ class DriftReport:
             yield f"{name}: {'ERROR, ' if verdict(result) == 'ERROR' else ''}{printable.below(result['message'], 4)}"
             yield from (f"  {printable.below(line, 4)}" for line in self._beside(name, result))
             if result["comparison"] is not None:
-                yield from drift_lines(result["comparison"]).split("\n")[:-1]
+                yield from drift_lines(result["comparison"], translate).split("\n")[:-1]
             yield ""
         yield from (f"{name}: {why}" for name, why in self.skipped.items())
         if self.rehearsed:
@@ -135,26 +136,28 @@ def of_evidence(result: Mapping[str, Any]) -> bool:
     return result.get("status") == "declared"
 
 
-def drift_lines(comparison: Mapping[str, Any]) -> str:
-    """Return the differences of one device, menu by menu; empty without any."""
+def drift_lines(comparison: Mapping[str, Any], read: Callable[[str], str] = str) -> str:
+    """Return the differences of one device, menu by menu; empty without any. `read` is `translate`, for a person."""
     lines: list[str] = []
     for menu, differences in groupby(comparison["differences"], key=lambda item: item["menu"]):
         lines.append(f"  {menu}")
         for difference in differences:
-            lines += [f"    {line}" for line in difference_lines(difference, comparison["confirmed"])]
+            lines += [f"    {line}" for line in difference_lines(difference, comparison["confirmed"], read)]
     return "".join(f"{line}\n" for line in lines)
 
 
-def difference_lines(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -> Iterable[str]:
+def difference_lines(
+    difference: Mapping[str, Any], confirmed: Mapping[str, str] | None, read: Callable[[str], str] = str
+) -> Iterable[str]:
     """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
-    yield printable.line(f"{difference['kind']:<8} {difference['subject']}")
+    yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
     details = [
         f"{field['name']}: declared {_shown(field['declared'])}, found {_shown(field['found'])}"
         for field in difference["fields"]
     ]
     if difference["row"]:
         details.append(difference["row"])
-    details.append("; ".join(filter(None, (_owner(difference), _since(difference, confirmed)))))
+    details.append("; ".join(filter(None, (read(_owner(difference)), _since(difference, confirmed)))))
     if difference["history"]:
         done = difference["history"]
         details.append(f"the device remembers: {done['action']}, by {done['by']}, {done['at']} by its clock")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
@@ -109,7 +110,8 @@ class LinksReport:
 
 
 def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iterator[str]:
-    kind, box = _KINDS.get(bearer["kind"], bearer["kind"]), f", {bearer['box']}" if bearer["box"] else ""
+    kind = translate(_KINDS.get(bearer["kind"], bearer["kind"]))
+    box = f", {translate(bearer['box'])}" if bearer["box"] else ""
     yield f"{number}. {name}: {kind}{box}"
     yield from _lines("state", ", ".join(_state(bearer)))
     for title, words in _quality(bearer["kind"], bearer["quality"]):
@@ -126,6 +128,7 @@ def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iter
 
 def _lines(title: str, words: str) -> Iterator[str]:
     """One entry, broken where a console ends."""
+    title, words = translate(title), translate(words)
     for number, part in enumerate(wrap(words, _WIDTH - _MARGIN, break_long_words=False, break_on_hyphens=False)):
         yield f"   {'' if number else title:<{_MARGIN}}{part}"
 
@@ -134,7 +137,7 @@ def _state(bearer: Mapping[str, Any]) -> Iterator[str]:
     if bearer["state"] == "unknown" and bearer["kind"] == "satellite":
         yield "not probed, because its airtime is for traffic"
     else:
-        yield _STATES[bearer["state"]]
+        yield translate(_STATES[bearer["state"]])
     if bearer["active"]:
         yield "carries traffic now"
     if bearer["metered"]:
@@ -199,8 +202,8 @@ def _signal(quality: Mapping[str, Any]) -> Iterator[str]:
 def _radio_grade(level: float) -> str:
     """Bands of a short link: devices.md, section 8; which bounds hold is for the findings to say."""
     if level > -35:  # noqa: PLR2004
-        return "too strong"
-    return "good" if level >= -65 else "fair" if level >= -75 else "poor"  # noqa: PLR2004
+        return translate("too strong")
+    return translate("good") if level >= -65 else translate("fair") if level >= -75 else translate("poor")  # noqa: PLR2004
 
 
 def _pair(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
@@ -234,7 +237,7 @@ def _unit(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _level(key: str, value: float) -> str:
     name, good, poor, unit = _GRADES[key]
-    grade = "good" if value > good else "poor" if value < poor else "fair"
+    grade = translate("good") if value > good else translate("poor") if value < poor else translate("fair")
     return f"{name} {value:g} {unit} ({grade})"
 
 

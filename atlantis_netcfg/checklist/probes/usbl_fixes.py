@@ -361,8 +361,8 @@ class Fixes:
         if fix.clock_s is not None and fix.clock_s >= _SINCE_1970_S and fix.received_at >= _SINCE_1970_S:
             ahead_s = fix.clock_s - fix.received_at
             if abs(ahead_s) > self.max_age_s:
-                side = "behind" if ahead_s < 0 else "ahead of"
-                message = f"{self._who} tells a fix {of} at a time that is {abs(ahead_s):.0f} s {side} the clock here"
+                apart = f"{abs(ahead_s):.0f} s {'behind' if ahead_s < 0 else 'ahead of'}"
+                message = f"{self._who} tells a fix {of} at a time that is {apart} the clock here"
                 hint = f"set the modem's clock; if it is right: {_REPLAY}"
                 return BearerFinding(Verdict.INCONCLUSIVE, "clock-differs", message, hint)
         if fix.suspect:

@@ -291,8 +291,8 @@ def _running(state: ServerState) -> Iterator[str]:
     elif not state.is_live:
         yield f"the server cannot be asked who is connected: {state.why}"
     if abs(state.clock_ahead_s) > _CLOCK_S:
-        word = "ahead of" if state.clock_ahead_s > 0 else "behind"
-        yield f"the server's clock is {abs(state.clock_ahead_s):.0f} s {word} this computer's"
+        ahead_s = state.clock_ahead_s
+        yield f"the server's clock is {abs(ahead_s):.0f} s {'ahead of' if ahead_s > 0 else 'behind'} this computer's"
 
 
 def _sha256(file: File) -> str:

@@ -100,20 +100,16 @@ def _as_declared_text(found: Comparison) -> str:
     hidden = [difference for difference in found.differences if difference.kind is DriftKind.HIDDEN]
     words = ["as declared"]
     if beside:
-        words.append(f"{_count(len(beside), 'foreign row')} left alone as before")
+        words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left alone as before")
     if hidden:
-        words.append(f"{_count(len(hidden), 'secret')} could not be compared")
+        words.append(f"{len(hidden)} secret{'' if len(hidden) == 1 else 's'} could not be compared")
     return "; ".join(words)
 
 
 def _summary(found: Comparison) -> str:
     kinds = [difference.kind for difference in found.drifted]
     parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
-    return f"{_count(len(kinds), 'difference')} from the declaration: {parts}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the declaration: {parts}"
 
 
 _READING = (JobMode.PLAN, JobMode.DRIFT)

@@ -208,8 +208,8 @@ def doubts(received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]
         yield BearerFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
-        word = "ahead" if apart[0] > 0 else "old"
-        message = f"by its own clock the stream of {expected.name} is {abs(apart[0]) / 60:.0f} min {word}"
+        span = f"{abs(apart[0]) / 60:.0f} min {'ahead' if apart[0] > 0 else 'old'}"
+        message = f"by its own clock the stream of {expected.name} is {span}"
         hint = f"is a recorded flight played at {expected.end}? If it is live, look at the clocks of both"
         yield BearerFinding(_INCONCLUSIVE, "of-another-time", message, hint)
     yield from _flow(system, received, expected)

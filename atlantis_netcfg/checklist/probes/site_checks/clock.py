@@ -165,9 +165,9 @@ def _judged(known: Mapping[str, Offset]) -> Iterator[BearerFinding]:
     wrong = {name: offset for name, offset in known.items() if offset.wrong}
     if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
         turned = next(iter(wrong.values()))
-        behind = "behind" if turned.least_s > 0 else "ahead"
         span = _span(abs(turned.least_s + turned.most_s) / 2)
-        message = f"this computer's clock is {span} {behind} those of {listed(wrong)}"
+        behind = turned.least_s > 0
+        message = f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {listed(wrong)}"
         yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
         return
     for name, entry in wrong.items():

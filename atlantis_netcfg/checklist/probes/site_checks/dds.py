@@ -216,11 +216,10 @@ class _SeenParticipant:
             message = f"DDS on {name} says that it is reached at {_named(there)}, and others look for it at {address}"
             hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
             return unknown("not-reachable", message, hint)
-        many = "1 DDS participant" if len(reached) == 1 else f"{len(reached)} DDS participants"
-        return good("answers", f"{many} on {name} {_ANSWER[len(reached) == 1]} at {address}, in domain {domain}")
-
-
-_ANSWER = {True: "answers", False: "answer"}
+        where = f"at {address}, in domain {domain}"
+        if len(reached) == 1:
+            return good("answers", f"1 DDS participant on {name} answers {where}")
+        return good("answers", f"{len(reached)} DDS participants on {name} answer {where}")
 
 
 def _named(there: Sequence[_Participant]) -> str:
@@ -339,8 +338,10 @@ def _profile(name: str, received: _BoundPorts) -> Iterator[BearerFinding]:
         message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"
         yield fail("without-profile", message, hint)
     elif received.strangers:
-        many, runs, it = f"{received.strangers} DDS participants", "run", "them"
-        if received.strangers == 1:
-            many, runs, it = "1 DDS participant", "runs", "it"
-        message = f"{many} on {name} {runs} without the site's profile: other sites may not find {it}, or lose {it}"
+        message = (
+            f"1 DDS participant on {name} runs without the site's profile: other sites may not find it, or lose it"
+            if received.strangers == 1
+            else f"{received.strangers} DDS participants on {name} run without the site's profile:"
+            " other sites may not find them, or lose them"
+        )
         yield warn("without-profile", message, hint)

@@ -1,0 +1,180 @@
+"""The Portuguese catalogue: complete, true to the values of each message, and in European forms."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+from string import Formatter
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.cli.help import of_command, overview
+from atlantis_netcfg.core import language
+from atlantis_netcfg.core.catalogue import Catalogue, Template, read
+from atlantis_netcfg.core.language import Language, catalogue_file
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import ModuleType
+
+ROOT = Path(__file__).parents[3]
+GLOSSARY = ROOT / "docs" / "pt" / "glossario.md"
+
+
+def extraction() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("messages", ROOT / "tools" / "messages.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["messages"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+MESSAGES = extraction()
+IN_SOURCE: dict[str, list[str]] = MESSAGES.messages()
+TRANSLATIONS = read(catalogue_file(Language.PORTUGUESE))
+CATALOGUE = Catalogue(TRANSLATIONS)
+
+
+def names(text: str) -> list[str]:
+    return sorted(name for _, name, _, _ in Formatter().parse(text) if name is not None)
+
+
+def test_every_message_of_the_source_has_a_translation() -> None:
+    missing = [f"{files[0]}: {msgid}" for msgid, files in IN_SOURCE.items() if msgid not in TRANSLATIONS]
+    assert missing == [], "run tools/messages.py, then translate what has an empty msgstr"
+    assert len(IN_SOURCE) > 3000
+
+
+def test_the_tool_reads_the_same_translations_as_the_program() -> None:
+    written = MESSAGES.read(catalogue_file(Language.PORTUGUESE))
+    assert {msgid: written.get(msgid) for msgid in TRANSLATIONS} == TRANSLATIONS
+
+
+def test_no_value_is_lost_or_made_up() -> None:
+    assert {msgid: names(text) for msgid, text in TRANSLATIONS.items() if names(msgid) != names(text)} == {}
+
+
+def test_a_command_in_a_message_is_the_same_in_both_languages() -> None:
+    commands = re.compile(r"`(provision [^`]*)`")
+    differing = {
+        msgid for msgid, text in TRANSLATIONS.items() if set(commands.findall(msgid)) != set(commands.findall(text))
+    }
+    assert differing == set()
+
+
+SAMPLES = ("x1", "10.64.1.1", "quux-flarb")
+
+
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_every_message_is_found_with_values_in_it(sample: str) -> None:
+    wrong = {}
+    for msgid, text in TRANSLATIONS.items():
+        given = {name: f"{sample}{place}" for place, name in enumerate(names(msgid))}
+        if given and CATALOGUE.translate(msgid.format(**given)) != text.format(**given):
+            wrong[msgid] = CATALOGUE.translate(msgid.format(**given))
+    assert wrong == {}
+
+
+def test_what_a_device_says_stays_in_a_message() -> None:
+    answer = "failure: already have flarb with such name"
+    wrong = {}
+    for msgid, text in TRANSLATIONS.items():
+        template = Template.of(msgid, text)
+        lone = len(names(msgid)) == 1 == len(template.names)
+        if lone and template.letters >= 24 and "`{" not in msgid:
+            made = CATALOGUE.translate(msgid.format(**dict.fromkeys(names(msgid), answer)))
+            if answer not in made:
+                wrong[msgid] = made
+    assert wrong == {}
+
+
+def test_every_message_without_values_is_found() -> None:
+    whole = {msgid: text for msgid, text in TRANSLATIONS.items() if not names(msgid)}
+    found = {msgid: CATALOGUE.translate(msgid.format()) for msgid in whole}
+    assert found == {msgid: text.format() for msgid, text in whole.items()}
+
+
+def brazilian() -> dict[str, str]:
+    """Wrong form -> the right one, by the glossary."""
+    rows = re.findall(r"^\| [^|]+ \| ([^|]+) \| ([^|]+) \|$", GLOSSARY.read_text(), re.MULTILINE)
+    return {form.strip(): right for right, wrong in rows for form in wrong.split(",") if form.strip(" -")}
+
+
+def test_the_glossary_is_read() -> None:
+    assert brazilian()["senha"] == "palavra-passe"
+    assert len(brazilian()) > 50
+
+
+def test_no_translation_has_a_brazilian_form() -> None:
+    forms = {form: re.compile(rf"(?<![\w-]){re.escape(form)}(?![\w-])", re.IGNORECASE) for form in brazilian()}
+    forms.pop("Errado aqui", None)
+    found = []
+    for msgid, text in TRANSLATIONS.items():
+        bare = re.sub(r"`[^`]*`|\{\w*\}", "", text)
+        found += [f"{form}: {text}" for form, pattern in forms.items() if pattern.search(bare) and text != msgid]
+    assert found == []
+
+
+@pytest.fixture
+def _portuguese() -> Iterator[None]:
+    language.use(Language.PORTUGUESE)
+    yield
+    language.use(Language.ENGLISH)
+
+
+@pytest.mark.usefixtures("_portuguese")
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help_is_no_wider_than_in_english(name: str) -> None:
+    def page() -> list[str]:
+        return (of_command(load(name, COMMANDS).command) if name else overview(COMMANDS)).splitlines()
+
+    portuguese = page()
+    language.use(Language.ENGLISH)
+    assert max(map(len, portuguese)) <= max(80, *map(len, page()))
+
+
+def test_the_commands_are_not_words_of_the_catalogue() -> None:
+    words = {word for name in COMMANDS for word in name.split()}
+    assert {word for word in words if TRANSLATIONS.get(word, word) != word} == set()
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ('raise Gone(f"{host.name} is gone: {error}", hint="look there")', ["{name} is gone: {error}", "look there"]),
+        ('print(f"{len(changes)} changes left")', ["{changes} changes left"]),
+        ('x = f"{a} change{\'\' if a == 1 else \'s\'} left"', ["{a} change left", "{a} changes left"]),
+        ('x = f"{name} and {name} differ"', ["{name} and {name2} differ"]),
+        ('x = "one line here\\n  another line here"', ["one line here", "another line here"]),
+        ('"""A docstring of two words."""', []),
+        ('x = data["a key here"]', []),
+        ('x = re.compile("a pattern here")', []),
+        ('x = y == "what is compared"', []),
+        ('x = "/ip address print where disabled"', []),
+        ('print("done")', ["done"]),
+        ('x = "done"', []),
+    ],
+)  # fmt: skip
+def test_messages_are_found_in_source(source: str, found: list[str]) -> None:
+    assert list(MESSAGES.of_source(source)) == found
+
+
+def test_blocks_of_a_hand_out_are_found() -> None:
+    source = (
+        'The VPN of {{ page.pilot }}\n{{ "=" * (11 + page.pilot | length) }}\n\n'
+        "Type what\nstands here.{% if page.dds %} And this.{% endif %}\n\n"
+        "    sudo something\n\n- one thing\n  more\n- two things\n"
+    )
+    assert list(MESSAGES.of_handout(source)) == [
+        "The VPN of {pilot}",
+        "Type what stands here. And this.",
+        "Type what stands here.",
+        "one thing more",
+        "two things",
+    ]
