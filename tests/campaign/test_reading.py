@@ -129,7 +129,7 @@ def test_a_process_that_outlives_its_command_is_told_and_ended(tmp_path: Path) -
 
 def test_a_word_that_is_no_news_ends_the_silence_and_not_the_waiting(tmp_path: Path) -> None:
     """A driver that took it for news would put no time forward at the devices, and wait for hours."""
-    told = _reminder([Event("router", Stage.WAITING, "")], 20.0)
+    told = _reminder([(Event("router", Stage.WAITING, ""), 20.0)], 20.0)
     (tmp_path / "atlantis_netcfg.py").write_text(f"print({told!r})\n", encoding="utf-8")
     command = Command((), {"PYTHONPATH": str(tmp_path), "PATH": os.environ["PATH"]}, tmp_path)
     command.start(sys.executable)

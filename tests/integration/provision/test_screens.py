@@ -105,8 +105,9 @@ def run(at: Quay, situation: Situation, *more: str, columns: int = 80, **env: st
     return seen
 
 
-def struck(at: Quay, code: int, strike: Callable[[int], None], *more: str, columns: int = 80, **env: str) -> Terminal:
+def struck(at: Quay, name: str, *more: str, columns: int = 80, **env: str) -> Terminal:
     """The program itself, on its terminal; something strikes it after the first layer was sent."""
+    code, strike = STRUCK[name]
     at.do("link", delay_s=0.15)
     with terminal(columns) as seen:
         process = subprocess.Popen(
@@ -164,7 +165,7 @@ def test_the_screen_of_a_run(at: Quay, name: str, language: str) -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("name", STRUCK)
 def test_the_screen_of_a_run_that_is_struck(at: Quay, name: str, language: str) -> None:
-    seen = struck(at, *STRUCK[name], "--lang", language)
+    seen = struck(at, name, "--lang", language)
     hold_enough(seen.last)
     hold(name, language, seen.shown)
 
@@ -176,7 +177,7 @@ def test_a_narrow_terminal_without_colour_in_the_c_locale(at: Quay, name: str, l
     plain = {"LANG": "C", "LC_ALL": "C", "NO_COLOR": "1"}
     words = ("--lang", language)
     if name in STRUCK:
-        seen = struck(at, *STRUCK[name], *words, columns=40, **plain)
+        seen = struck(at, name, *words, columns=40, **plain)
     else:
         seen = run(at, SITUATIONS[name], *words, columns=40, **plain)
     assert not re.findall(rb"\x1b\[[0-9;]*m", seen.raw.replace(b"\x1b[0m", b""))

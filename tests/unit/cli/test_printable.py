@@ -122,7 +122,8 @@ def test_a_line_is_broken_between_words_and_loses_none() -> None:
         assert " ".join(" ".join(lines).split()) == " ".join(printable.plain(row).split())
         assert all(len(line) <= width and line == line.rstrip() for line in lines)
         assert all(line.startswith(" " * 21) for line in lines[1:])
-    styles = {piece.style for line in printable.wrapped(row, 40, 21) for piece in line if isinstance(piece, Styled)}
+    pieces = [piece for line in printable.wrapped(row, 40, 21) if isinstance(line, tuple) for piece in line]
+    styles = {piece.style for piece in pieces if isinstance(piece, Styled)}
     assert styles == {Style.GOOD}
 
 
@@ -134,7 +135,7 @@ def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:
     ]
 
 
-class Screen(io.StringIO):
+class ColourScreen(io.StringIO):
     def isatty(self) -> bool:
         return True
 
@@ -159,7 +160,7 @@ def test_colours_are_for_terminals_that_show_them(
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     rows: list[printable.Row] = [(Styled("[OK]", Style.GOOD), " done \x1b[31m"), Styled("a\x1b[0m", Style.BAD)]
-    for out, shown in ((Screen(), coloured), (io.StringIO(), False)):
+    for out, shown in ((ColourScreen(), coloured), (io.StringIO(), False)):
         printable.show(rows, out)
         start, end = ("\x1b[32m", "\x1b[0m") if shown else ("", "")
         bad = "\x1b[31m" if shown else ""
