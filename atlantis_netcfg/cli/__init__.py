@@ -77,7 +77,7 @@ class _CommandLine:
             return self._overview()
         if self.typed == ["--version"]:
             self.typed = ["version"]
-        if self.typed[0] == "help" and len(self.typed) > 1:
+        if self.typed[0] == "help" and self.typed[1:] and not self.typed[1].startswith("-"):
             self.typed = [*self.typed[1:], "--help"]
         if group := self._group():
             return _print_group(group, self.table)

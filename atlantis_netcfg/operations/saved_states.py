@@ -58,6 +58,7 @@ def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:
 def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, rehearsed: bool = False) -> Run:
     """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
 
+    Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began.
     Raises NothingMatched, NoSuchRun.
     """
     places = stores(state, rehearsed=rehearsed)
@@ -65,7 +66,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, r
         return _named(places, site, name)
     devices = tuple(hosts)
     for store in places:
-        newest = reversed(store.runs(site))
+        newest = (run for run in reversed(store.runs(site)) if run.started is not None and run.started.back_to is None)
         found = next((run for run in newest if any(run.before(device) is not None for device in devices)), None)
         if found is not None:
             return found

@@ -37,7 +37,8 @@ ROLLBACK = CommandSpec(
         Word("site", "the site of the run", required=True, example="coastal"),
         Word(
             "to",
-            "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one",
+            "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one, "
+            "rollbacks apart",
             required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,

@@ -106,6 +106,10 @@ NO_DEVICE: dict[str, str] = {
     "image": "it reads the vendor's file and a card; what a card calls itself is in tests/unit/cli/test_printable.py",
     "vpn init": "it makes an authority, and contacts nobody",
     "vpn accept": "it opens a file of the authority, and contacts nobody",
+    "completion bash": "it says what is installed",
+    "completion zsh": "it says what is installed",
+    "completion fish": "it says what is installed",
+    "man": "it says what there is",
     "version": "it says what is installed",
     "help": "it says what there is",
 }

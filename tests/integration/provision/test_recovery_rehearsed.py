@@ -50,9 +50,11 @@ def test_a_rollback_is_planned_rehearsed_and_done(at: Quay) -> None:
     assert device["not_rehearsed"][0] == f"what has changed on coastal-router since run {run} read it back"
     assert untouched(at) == left
 
-    at.provision("rollback", "site=coastal", f"to={run}", "--yes", code=0)
+    at.provision("rollback", "site=coastal", "to=latest", "--yes", code=0)
     assert at.export() == before
-    assert at.json("rollback", "site=coastal", f"to={run}", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
+    for name in (run, "latest"):
+        again = at.json("rollback", "site=coastal", f"to={name}", "--plan", code=0)["devices"][ROUTER]
+        assert again["planned"] == 0
     again = at.json("rollback", "site=coastal", f"to={run}", "--rehearse", code=0)["devices"][ROUTER]
     assert (again["status"], again["planned"]) == ("unchanged", 0)
 

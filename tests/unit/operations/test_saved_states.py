@@ -31,12 +31,25 @@ class Laptop:
 
     state: Path
 
-    def run(
-        self, name: str = "", *, rehearsed: bool = False, saves: str = "", confirms: str = "", actions: int = 0
+    def run(  # noqa: PLR0913 - each is something that a run may have recorded
+        self,
+        name: str = "",
+        *,
+        rehearsed: bool = False,
+        saves: str = "",
+        confirms: str = "",
+        actions: int = 0,
+        back_to: str | None = None,
     ) -> Run:
         store = Store(self.state, rehearsed=rehearsed)
         started = RunStarted(
-            site="coastal", revision="", tool="", hosts=(ROUTER,), rehearsed=rehearsed, command="provision site=coastal"
+            site="coastal",
+            revision="",
+            tool="",
+            hosts=(ROUTER,),
+            rehearsed=rehearsed,
+            command="provision site=coastal",
+            back_to=back_to,
         )
         with store.start(started, name) as journal:
             if saves:
@@ -60,6 +73,14 @@ def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop
     assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == newer.id
     with pytest.raises(NothingMatched, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
         saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
+
+
+def test_a_rollback_is_not_the_latest_run(laptop: Laptop) -> None:
+    """Else who types it twice would be where it began, and so would a rollback that was stopped and typed again."""
+    run = laptop.run(saves="a")
+    rollback = laptop.run(saves="b", back_to=run.id)
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == run.id
+    assert saved_run(laptop.state, "coastal", rollback.id, [ROUTER]).id == rollback.id
 
 
 def test_a_real_rollback_never_takes_the_run_of_a_rehearsal(laptop: Laptop) -> None:
