@@ -266,7 +266,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_said, code=_with_code)
+    made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code)
     made.globals.update(
         state=state,
         symbols=SYMBOLS,
@@ -287,7 +287,7 @@ def _environment() -> Environment:
     return made
 
 
-def _said(message: str) -> Markup:
+def _message(message: str) -> Markup:
     """A message in the language of the page, with its code shown as code."""
     return _with_code(translate(message))
 

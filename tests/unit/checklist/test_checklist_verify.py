@@ -14,6 +14,7 @@ from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pag
 
 from atlantis_netcfg.checklist import Confirmation, SigningKeyDamaged, _signing, books, verify, verify_report
 from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parsed, sealed, written
+from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.journal import write_atomically
 
@@ -286,3 +287,18 @@ def test_a_key_that_is_none(desk: Desk) -> None:
 
 def test_the_canonical_form_is_one() -> None:
     assert canonical({"b": [1, 1.5, None], "a": "ä"}) == '{"a":"ä","b":[1,1.5,null]}'.encode()
+
+
+def test_a_document_of_before_time_zones_verifies_as_it_did(signed: Path) -> None:
+    """It was signed without the field, which has a value of its own once it is read."""
+    path, secret = signed / "report.json", signed.parents[3] / "checklist.key"
+    key = SigningKey.known(secret)
+    assert key is not None
+    data = parsed(path.read_bytes())
+    del data["time_zone"]
+    data["signed"] = sealed(data["signed"] | {"digest": digest(data)}, key)
+    old = written(data)
+    assert verify_report(old, key=secret) == ()
+    assert Document.model_validate_json(old).time_zone == ""
+    data["title"] = "another"
+    assert verify_report(written(data), key=secret) != ()
