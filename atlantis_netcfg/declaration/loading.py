@@ -523,7 +523,7 @@ def _existing(inventory: Path) -> Path:
         what = "is a file" if inventory.exists() else "does not exist"
         raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)
     if not (inventory / HOSTS).exists():
-        there = [path.name for path in sorted(inventory.iterdir())]
+        there = [path.name for path in _entries(inventory)]
         hint = f"it holds: {choices(there)}" if there else "it is empty"
         raise NothingMatched(f"there is no {HOSTS} in {inventory}", hint=hint)
     return inventory

@@ -462,7 +462,7 @@ def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) 
     if (satellite := place.satellite) is not None:
         address = network_or_example(satellite.network, f"10.12.{number}.0/29").at(1)
         terminal: dict[str, Tree] = {"model": "Thales VesseLINK", "address": address}
-        writer.add(name, f"{name}-sat", "satellite_terminal", f"SatelliteAnswers terminal of {name}.", terminal)
+        writer.add(name, f"{name}-sat", "satellite_terminal", f"Satellite terminal of {name}.", terminal)
 
 
 def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswers) -> None:
