@@ -118,8 +118,10 @@ MADE = (
     "{findings} errors in the inventory; no device was contacted",
     "1 error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
-    "asking over {name}, which is paid by the byte, takes {daily} MB a day while all is well;"
-    " less with a longer `metered_probe_s`",
+    (
+        "asking over {name}, which is paid by the byte, takes {daily} MB a day while all is well;"
+        " less with a longer `metered_probe_s`"
+    ),
 )
 """Messages that are put together of words, or stand in a template of a device (templates/routeros)."""
 SHOWN_KEYWORDS = frozenset({"hint", "help", "summary", "words", "message", "question", "title"})
