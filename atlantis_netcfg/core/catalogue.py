@@ -208,12 +208,15 @@ class Catalogue:
             found = template.pattern.fullmatch(text)
             values = None if found is None else self._values(template, found.groups())
             if found is not None and values is not None:
-                if None in values or any(", " in value and not _is_data(value) for value in found.groups()):
+                if None in values or any(map(self._may_be_a_list, found.groups())):
                     self._unsure.add(text)
                 given = [value if known is None else known for value, known in zip(found.groups(), values, strict=True)]
                 filled = template.filled(given)
                 return filled if given == list(found.groups()) else self._contracted(filled)
         return None
+
+    def _may_be_a_list(self, value: str) -> bool:
+        return ", " in value and not _is_data(value) and value.strip() not in self._whole
 
     def _contracted(self, text: str) -> str:
         return self._pairs.sub(lambda pair: self._contractions[pair[0]], text) if self._pairs else text
@@ -303,7 +306,9 @@ class Catalogue:
         if _is_data(text):
             return text
         left, joint, right = text.partition(" (")
-        return self._list(text) or self._piece(text) or (self._in_parentheses(left, right) if joint else None)
+        piece = self._piece(text)
+        sure = None if text in self._unsure else piece
+        return self._list(text) or sure or (self._in_parentheses(left, right) if joint else None)
 
     def _sentence(self, text: str) -> str | None:
         """A piece of a text: a message, or messages that are joined."""
