@@ -129,9 +129,15 @@ class Template:
 
 
 class Catalogue:
-    """All messages of one language; `translate` is what a person reads."""
+    """All messages of one language; `translate` is what a person reads.
 
-    def __init__(self, messages: Mapping[str, str]) -> None:
+    `contractions`: what two words become where a value begins with the second one, as `de o` is `do`.
+    """
+
+    def __init__(self, messages: Mapping[str, str], contractions: Mapping[str, str] | None = None) -> None:
+        self._contractions = contractions or {}
+        pairs = "|".join(map(re.escape, self._contractions))
+        self._pairs = re.compile(rf"(?<![\w`])(?:{pairs})(?= \w)") if pairs else None
         self._whole: dict[str, str] = {}
         templates = []
         for msgid, translation in messages.items():
@@ -151,7 +157,7 @@ class Catalogue:
         self._known: dict[str, str | None] = {}
         self._found: dict[str, str | None] = {}
         self._unsure: set[str] = set()
-        """Texts in which a value is unknown."""
+        """Texts in which a value is unknown, or may be a message and the next one behind a comma."""
         self._lists: dict[str, str | None] = {}
 
     def translate(self, text: str) -> str:
@@ -202,11 +208,18 @@ class Catalogue:
             found = template.pattern.fullmatch(text)
             values = None if found is None else self._values(template, found.groups())
             if found is not None and values is not None:
-                if None in values:
+                if None in values or any(map(self._may_be_a_list, found.groups())):
                     self._unsure.add(text)
-                given = (value if known is None else known for value, known in zip(found.groups(), values, strict=True))
-                return template.filled(tuple(given))
+                given = [value if known is None else known for value, known in zip(found.groups(), values, strict=True)]
+                filled = template.filled(given)
+                return filled if given == list(found.groups()) else self._contracted(filled)
         return None
+
+    def _may_be_a_list(self, value: str) -> bool:
+        return ", " in value and not _is_data(value) and value.strip() not in self._whole
+
+    def _contracted(self, text: str) -> str:
+        return self._pairs.sub(lambda pair: self._contractions[pair[0]], text) if self._pairs else text
 
     def _candidates(self, text: str) -> list[Template]:
         found = list(self._others)
@@ -293,7 +306,9 @@ class Catalogue:
         if _is_data(text):
             return text
         left, joint, right = text.partition(" (")
-        return self._list(text) or self._piece(text) or (self._in_parentheses(left, right) if joint else None)
+        piece = self._piece(text)
+        sure = None if text in self._unsure else piece
+        return self._list(text) or sure or (self._in_parentheses(left, right) if joint else None)
 
     def _sentence(self, text: str) -> str | None:
         """A piece of a text: a message, or messages that are joined."""

@@ -33,6 +33,26 @@ CATALOGUES = Path(__file__).parents[1] / "locale"
 """Where the catalogues lie, as gettext has them; `tools/messages.py` writes them."""
 _FOLDERS = {Language.PORTUGUESE: "pt_PT"}
 
+_CONTRACTIONS = {
+    Language.PORTUGUESE: {
+        "de o": "do",
+        "de a": "da",
+        "de os": "dos",
+        "de as": "das",
+        "em o": "no",
+        "em a": "na",
+        "em os": "nos",
+        "em as": "nas",
+        "por o": "pelo",
+        "por a": "pela",
+        "por os": "pelos",
+        "por as": "pelas",
+        "a o": "ao",
+        "a os": "aos",
+    }
+}
+"""What a preposition and an article become where the article is the first word of a value."""
+
 _chosen = Language.ENGLISH
 
 
@@ -72,7 +92,7 @@ def catalogue_file(language: Language) -> Path:
 def _catalogue(language: Language) -> Catalogue:
     from atlantis_netcfg.core.catalogue import Catalogue, read  # noqa: PLC0415 - English needs none
 
-    return Catalogue(read(catalogue_file(language)))
+    return Catalogue(read(catalogue_file(language)), _CONTRACTIONS[language])
 
 
 def translate(text: str) -> str:

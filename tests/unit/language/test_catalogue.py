@@ -135,6 +135,13 @@ def test_a_command_in_a_hint_may_have_been_filled_in(catalogue: Catalogue, text:
     assert catalogue.translate(text) == expected
 
 
+def test_a_preposition_and_the_article_of_a_value_are_one_word() -> None:
+    messages = {"the gateway": "o gateway", "the port of {who} is switched off": "a porta de {who} está desligada"}
+    catalogue = Catalogue(messages, {"de o": "do"})
+    assert catalogue.translate("the port of the gateway is switched off") == "a porta do gateway está desligada"
+    assert catalogue.translate("the port of o is switched off") == "a porta de o está desligada"
+
+
 def test_cells_of_a_table_stay_below_each_other(catalogue: Catalogue) -> None:
     text = "  cpe      not reached       10.0.0.1\n  router   another text      10.0.0.2"
     expected = "  cpe      não alcançado     10.0.0.1\n  router   another text      10.0.0.2"
