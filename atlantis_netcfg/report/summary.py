@@ -225,8 +225,8 @@ class Summary:
     def _bad(self) -> tuple[str, str]:
         worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
         named = [device for device, how in self.endings.items() if how is worst]
-        word, one, several = _BAD[worst]
-        return word, one.format(device=named[0]) if len(named) == 1 else several.format(count=len(named))
+        word, single, several = _BAD[worst]
+        return word, single.format(device=named[0]) if len(named) == 1 else several.format(count=len(named))
 
     def _style(self) -> tuple[Style, str]:
         """Colour and symbol of the verdict: green only where every device was seen and none has a warning."""
