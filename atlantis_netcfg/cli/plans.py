@@ -148,7 +148,7 @@ def _read(file: Path) -> Mapping[str, Any]:
     return plan
 
 
-_HINT = "make one: `provision site=… --plan --save FILE`"
+_HINT = "a plan of a site is kept with `--plan --save FILE`"
 
 
 def _is_whole(plan: Mapping[str, Any]) -> bool:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 from typing import TYPE_CHECKING, Any
 
 import preforked
 import pytest
+from hints_said import advised
 from quay import ROUTER, Quay, quay
 from terminal import terminal
 
@@ -62,10 +62,9 @@ def test_it_is_refused_when_the_declaration_has_moved_on(at: Quay, plan: Path) -
     file.write_text(file.read_text() + "\n# a word\n")
     done = at.provision("apply", str(plan), "--yes", code=3)
     assert "the declaration has changed since the plan" in done.stderr
-    again = re.search(r"`provision (site=coastal --plan --save [^`]+)`", " ".join(done.stderr.split()))
-    assert again is not None
+    (again,) = advised(done.stderr)
     assert at.export() == before
-    at.provision(*again[1].split(), code=2)
+    at.provision(*again, code=2)
     at.provision("apply", str(plan), "--yes", code=0)
 
 

@@ -73,7 +73,7 @@ def _texts(tree: ast.AST) -> Iterator[str]:
 def advised(printed: str) -> list[list[str]]:
     """The commands that a text advises, as the words that a person would type after `provision`."""
     found = re.findall(r"\bprovision ([a-z][^;`,()\n]*)", " ".join(printed.split()) if "`" in printed else printed)
-    return [shlex.split(command) for command in found]
+    return [shlex.split(command) for command in dict.fromkeys(each.strip() for each in found)]
 
 
 def said(printed: str, hint: str) -> str:
