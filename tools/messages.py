@@ -494,7 +494,7 @@ def _lines(texts: Iterable[str], *, sure: bool) -> Iterator[str]:
     """The msgids of these texts: their lines, without the blanks around them."""
     for text in texts:
         for line in text.split("\n"):
-            msgid = line.strip()
+            msgid = re.sub(r"^\d+\. ", "", line.strip())  # the number of a list stays before any translation
             bare = re.sub(r"(?<!\{)\{[a-z_A-Z0-9]*\}|`[^`]*`", "", msgid)
             if not _LETTERS.search(bare) or _FOREIGN.search(msgid):
                 continue
