@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, 
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal
+from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli._checklist_workflow import (
     BACK,
@@ -41,7 +41,7 @@ from atlantis_netcfg.cli._checklist_workflow import (
 from atlantis_netcfg.cli._consent import shown_word
 from atlantis_netcfg.cli._output import progress, tell
 from atlantis_netcfg.cli._session import CommandSession, session
-from atlantis_netcfg.core import paths
+from atlantis_netcfg.core import paths, printable
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
@@ -226,7 +226,7 @@ def as_json(document: Document) -> dict[str, Any]:
 def pages_in(folder: Path) -> Iterator[str]:
     """Where the pages of a checklist are, for people."""
     if (folder / "report.html").exists():
-        yield translate(f"report: {folder / 'report.html'}")
+        yield translate(f"report: {paths.from_home(folder / 'report.html')}")
 
 
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
@@ -290,9 +290,11 @@ def close(
         print(json.dumps({**as_json(document), "errors": result}, ensure_ascii=False))
     else:
         last = [*_next(arguments, document), *pages_in(book.folder)]
-        above = seal(document) if read else body(document)
-        vouched = document.signed is not None or not document.items
-        show([*above, "", *ending(document, _LAST - len(last), vouched=vouched), *last], sys.stdout)
+        above = [*(seal(document) if read else body(document))]
+        if document.signed is not None:  # it stands above the last lines, which have to be few
+            above.append(translate(signed(document)))
+        room = _LAST - sum(-(-max(len(line), 1) // printable.NARROW) for line in last)
+        show([*above, "", *ending(document, room, vouched=not document.items), *last], sys.stdout)
         tell(errors)
     return document.exit
 

@@ -334,7 +334,7 @@ class CommandSession:
                 kept.append(run)
                 failure = f"; its result could not be written: {error.strerror}"
         folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
-        return f"{', '.join(kept)} in {_from_home(folder)}{failure}" if kept else ""
+        return f"{', '.join(kept)} in {paths.from_home(folder)}{failure}" if kept else ""
 
     def _next_command(self, report: RunReport) -> str:
         """What comes next where nothing went wrong; elsewhere the device has a hint of its own."""
@@ -363,12 +363,6 @@ class CommandSession:
 
 PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
 """Flags that the command which carries a plan out does not have, or that say only how it is shown."""
-
-
-def _from_home(path: Path) -> str:
-    """A path as a person types it."""
-    home = Path.home()
-    return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)
 
 
 class PlanOutdated(DeviceFailed):

@@ -30,6 +30,8 @@ _REFUSAL = "failure: "
 """With it RouterOS begins most of its refusals, which stay in its own words."""
 _ADVISED = "advised_command_"
 _WORD = re.compile(r"\w+")
+_MOST_TRIED = 300
+"""Parts of a line that are looked for; a line that has more keeps the rest in English."""
 _LONGEST = 600
 """Letters of the longest text in which joints are looked for: a line of a device can be a whole script."""
 _PROSE = re.compile(r"(?<![\w./-])(?!(?:ms|us|min|km|bytes)\b)[a-z]{2,}(?![\w./-])")
@@ -156,6 +158,8 @@ class Catalogue:
         self._by_word, self._others = _index(templates)
         self._known: dict[str, str | None] = {}
         self._found: dict[str, str | None] = {}
+        self._tried = 0
+        """Parts of the line in hand that were looked for: a line of many joints has more than anybody waits for."""
         self._unsure: set[str] = set()
         """Texts in which a value is unknown, or may be a message and the next one behind a comma."""
         self._lists: dict[str, str | None] = {}
@@ -168,6 +172,7 @@ class Catalogue:
         text = _MARK.sub("", line).strip()
         if not text:
             return line
+        self._tried = 0
         start = line.index(text)
         return line[:start] + (self._text(text) or self._columns(text)) + line[start + len(text) :]
 
@@ -184,9 +189,15 @@ class Catalogue:
 
     def _text(self, text: str) -> str | None:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
-        if text not in self._known:
-            self._known[text] = self._look_up(text)
-        return self._known[text]
+        if text in self._known:
+            return self._known[text]
+        return self._kept(self._known, text, self._look_up(text))
+
+    def _kept(self, found: dict[str, str | None], text: str, result: str | None) -> str | None:
+        """The result, remembered unless it may be missing only because the line was too long to be read to its end."""
+        if self._tried <= _MOST_TRIED:
+            found[text] = result
+        return result
 
     def _look_up(self, text: str) -> str | None:
         message = self._message(text)
@@ -197,9 +208,12 @@ class Catalogue:
         return self._list(text) or message or self._joined(text)
 
     def _message(self, text: str) -> str | None:
-        if text not in self._found:
-            self._found[text] = self._whole.get(text) or self._filled(text)
-        return self._found[text]
+        if text in self._found:
+            return self._found[text]
+        self._tried += 1
+        if self._tried > _MOST_TRIED:
+            return self._whole.get(text)
+        return self._kept(self._found, text, self._whole.get(text) or self._filled(text))
 
     def _filled(self, text: str) -> str | None:
         for template in self._candidates(text):
@@ -254,15 +268,19 @@ class Catalogue:
         """Messages with `, ` between them, all of them known, of which data such as `12.4 kB` need not be."""
         if ", " not in text:
             return None
-        if text not in self._lists:
-            self._lists[text] = self._of_list(text)
-        return self._lists[text]
+        if text in self._lists:
+            return self._lists[text]
+        if self._tried > _MOST_TRIED:
+            return None
+        return self._kept(self._lists, text, self._of_list(text))
 
     def _of_list(self, text: str) -> str | None:
         if text in self._whole:
             return None
         for found in reversed(list(re.finditer(", ", text))):
             left, right = text[: found.start()], text[found.end() :]
+            if self._tried > _MOST_TRIED:
+                return None
             if left.count("`") % 2:
                 continue
             first, rest = self._unit(left), self._unit(right)
@@ -274,6 +292,8 @@ class Catalogue:
     def _joined(self, text: str) -> str | None:
         for joint in _JOINTS:
             for found in re.finditer(re.escape(joint), text):
+                if self._tried > _MOST_TRIED:
+                    return None
                 if text.count("`", 0, found.start()) % 2 == 0:
                     joined = self._parts(text[: found.start()], joint, text[found.end() :])
                     if joined is not None:

@@ -74,6 +74,12 @@ def private_cache(name: str) -> Path | None:
     return folder if ours else None
 
 
+def from_home(path: Path) -> str:
+    """A path as a person types it."""
+    home = Path(os.environ.get("HOME") or "/nowhere")
+    return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)
+
+
 def private_directory(path: Path) -> Path:
     """Make a directory that only its owner can read, or correct the mode of the one that is there."""
     try:

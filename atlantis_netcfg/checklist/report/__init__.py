@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._words import body, ending, lines, seal
+from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signed
 from atlantis_netcfg.checklist.report.document import (
     Document,
     Drawing,
@@ -52,4 +52,5 @@ __all__ = [
     "lines",
     "pages",
     "seal",
+    "signed",
 ]

@@ -31,6 +31,7 @@ GOLDEN = Path(__file__).with_name("golden") / "screens"
 REWRITE = "ATLANTIS_WRITE_SCREENS"
 """Set it to write the screens anew, then look at what has changed."""
 LANGUAGES = ("en", "pt")
+VERDICTS = ("[OK] ", "[!] ", "[~] ", "[?] ", "[FAIL] ", "X FAIL")
 SITE = ("site=coastal", f"only={ROUTER}", "inventory=inventory")
 SENT = '"kind":"layer-sent"'
 
@@ -76,6 +77,10 @@ SITUATIONS = {
 }
 
 
+LEFT_OUT = {"ATLANTIS_STATE", "NO_COLOR", "LC_ALL", "LC_CTYPE", "LANG", "PAGER", "COLUMNS", "LINES"}
+"""What the person who runs the tests has set, and a person at this terminal has not."""
+
+
 @pytest.fixture
 def at(tmp_path: Path) -> Iterator[Quay]:
     with quay(tmp_path) as opened:
@@ -87,8 +92,7 @@ def at(tmp_path: Path) -> Iterator[Quay]:
 
 def environment(at: Quay, **more: str) -> dict[str, str]:
     """Of a person at a terminal: nothing of the test's own paths is told."""
-    left_out = {"ATLANTIS_STATE", "NO_COLOR", "LC_ALL", "LC_CTYPE", "LANG", "PAGER", "COLUMNS", "LINES"}
-    kept = {name: value for name, value in at.environment().items() if name not in left_out}
+    kept = {name: value for name, value in at.environment().items() if name not in LEFT_OUT}
     person = {"HOME": str(at.inventory.parent), "LANG": "C.UTF-8", "TERM": "xterm-256color", "PAGER": "cat"}
     return {**kept, **person, **more}
 
@@ -138,6 +142,22 @@ def kill_the_task(pid: int) -> None:
 STRUCK = {"interrupted": (4, interrupt), "unknown": (5, kill_the_task)}
 
 
+CHECK = ("check", "site=coastal", "vehicle=eca-rov", "endpoint=ethernet", "--rehearse", "break=cable-out")
+SIGNS = {"en": "on\nyes\nA. Technician\n", "pt": "continuar\nsim\nA. Technician\n"}
+
+
+def checked(folder: Path, language: str, columns: int = 80, **env: str) -> Terminal:
+    """A checklist with an item that fails, gone through and signed by a person."""
+    person = {"HOME": str(folder), "LANG": "C.UTF-8", "TERM": "xterm-256color", **env}
+    kept = {name: value for name, value in os.environ.items() if name not in LEFT_OUT}
+    with terminal(columns) as seen:
+        seen.press(SIGNS[language])
+        process = preforked.start([*CHECK, "--lang", language], {**kept, **person}, seen.descriptor, folder)
+        code = process.wait(100)
+    assert code == 6, seen.lines
+    return seen
+
+
 def hold(name: str, language: str, shown: Sequence[str]) -> None:
     """Compare with the golden screen."""
     file = GOLDEN / f"{name}.{language}.txt"
@@ -149,9 +169,9 @@ def hold(name: str, language: str, shown: Sequence[str]) -> None:
 
 def hold_enough(last: Sequence[str]) -> None:
     """Whoever sees these lines alone knows the verdict, and what to do."""
-    assert any(line.startswith(("[OK] ", "[!] ", "[~] ", "[?] ", "[FAIL] ")) for line in last), last
-    starts = {line[:10].strip() for line in last}
-    assert starts & {"do", "next", "fazer", "a seguir"}, last
+    assert any(line.startswith(VERDICTS) for line in last), last
+    starts = {line[:10].strip() for line in last} | {line[:4].strip() for line in last}
+    assert starts & {"do", "next", "fazer", "a seguir", "->"}, last
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -171,19 +191,27 @@ def test_the_screen_of_a_run_that_is_struck(at: Quay, name: str, language: str) 
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("name", [*SITUATIONS, *STRUCK])
+def test_the_screen_of_a_checklist_that_fails(tmp_path: Path, language: str) -> None:
+    seen = checked(tmp_path, language)
+    hold_enough(seen.last)
+    hold("checklist-failed", language, seen.shown)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", [*SITUATIONS, *STRUCK, "checklist-failed"])
 def test_a_narrow_terminal_without_colour_in_the_c_locale(at: Quay, name: str, language: str) -> None:
     """Nothing is lost there, no colour is set, and no letter is sent that such a terminal cannot show."""
-    plain = {"LANG": "C", "LC_ALL": "C", "NO_COLOR": "1"}
+    columns, plain = 40, {"LANG": "C", "LC_ALL": "C", "NO_COLOR": "1"}
     words = ("--lang", language)
-    if name in STRUCK:
-        seen = struck(at, name, *words, columns=40, **plain)
+    if name == "checklist-failed":
+        seen = checked(at.inventory.parent, language, columns, **plain)
+    elif name in STRUCK:
+        seen = struck(at, name, *words, columns=columns, **plain)
     else:
-        seen = run(at, SITUATIONS[name], *words, columns=40, **plain)
+        seen = run(at, SITUATIONS[name], *words, columns=columns, **plain)
     assert not re.findall(rb"\x1b\[[0-9;]*m", seen.raw.replace(b"\x1b[0m", b""))
     assert seen.raw.isascii(), sorted({letter for letter in seen.raw.decode() if not letter.isascii()})
     text = "\n".join(seen.lines)
-    assert re.search(r"(?m)^\[(OK|!|~|\?|FAIL)\] [A-Z]", text), text
-    torn = [line for line in seen.lines if len(line) == 40 and not line.endswith(" ") and " " not in line.strip()]
-    assert all(len(line) <= 40 for line in seen.lines)
-    assert not [line for line in torn if not re.search("[/=:`.]", line)], torn
+    assert any(line.startswith(VERDICTS) for line in seen.lines), text
+    torn = [line for line in seen.lines if len(line) == columns and " " not in line.strip()]
+    assert not [line for line in torn if not re.search(r"[/=:`.]|[0-9a-f]{16}", line)], torn

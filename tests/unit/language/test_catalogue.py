@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.core import language
-from atlantis_netcfg.core.catalogue import Catalogue, read
+from atlantis_netcfg.core.catalogue import _MOST_TRIED, Catalogue, read
 from atlantis_netcfg.core.language import Language
 
 if TYPE_CHECKING:
@@ -192,3 +192,14 @@ def test_english_is_left_alone() -> None:
 @pytest.mark.usefixtures("_portuguese")
 def test_what_the_catalogue_lacks_stays_in_english() -> None:
     assert language.translate("  quite unknown words here") == "  quite unknown words here"
+
+
+def test_a_line_of_many_joints_is_given_up_and_not_waited_for() -> None:
+    """The parts of such a line are as many as its pairs of joints: a checklist of 49 items took minutes."""
+    found = Catalogue(
+        {"not checked": "não verificado", "{name} answers": "{name} responde", "no reply": "sem resposta"}
+    )
+    line = "not checked at: " + ", ".join(f"robot {number}: link {number}; no reply" for number in range(300))
+    assert found.translate(line).count("link") == 300
+    assert found._tried <= _MOST_TRIED + 1000
+    assert found.translate("not checked at: robot1 answers") == "não verificado em: robot1 responde"
