@@ -157,7 +157,8 @@ def page(rows: Sequence[printable.Row]) -> None:
     out, width = sys.stdout, width_of(sys.stdout)
     lines = [line for row in rows for line in printable.wrapped(row, width, _MARGIN)]
     height = shutil.get_terminal_size((printable.NARROW, 24)).lines
-    if width and sys.stdin.isatty() and len(lines) >= height and _paged(lines):
+    able = os.environ.get("TERM", "dumb") != "dumb"  # `less` asks there whether it may go on
+    if width and able and sys.stdin.isatty() and len(lines) >= height and _paged(lines):
         return
     printable.show(lines, out)
 

@@ -76,8 +76,8 @@ def private_cache(name: str) -> Path | None:
 
 def from_home(path: Path) -> str:
     """A path as a person types it."""
-    home = Path(os.environ.get("HOME") or "/nowhere")
-    return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)
+    home = os.environ.get("HOME")
+    return f"~/{path.relative_to(home)}" if home and path.is_relative_to(home) else str(path)
 
 
 def private_directory(path: Path) -> Path:

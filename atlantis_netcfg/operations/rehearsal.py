@@ -99,7 +99,8 @@ def rehearsal(
     others = [host for host in hosts if is_unit(host)]
     spec = site_spec(declaration, emulated, via, {end.name for end in emulated} - requested)
     if emulated or others:
-        words = f"starting {len(emulated) + len(others)} emulated devices"
+        number = len(emulated) + len(others)
+        words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
         notify(Event(",".join(sorted({host.site for host in hosts})), Stage.CONNECTING, words))
     with (
         temporary.folder("twins") as folder,

@@ -28,6 +28,8 @@ WIDTH = 80
 """Columns that the last lines take at most: those of the narrowest usual terminal."""
 _LABEL = 10
 _REASON_LINES = 2
+_LINES = 8
+"""Of the last lines: what a person sees who comes back to a terminal."""
 
 
 class DeviceEnd(StrEnum):
@@ -147,7 +149,12 @@ class Summary:
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
     def rows_for_screen(self, width: int = WIDTH) -> list[Row]:
-        """The lines, none longer than `width` columns as far as words allow."""
+        """The lines, none longer than `width` columns as far as words allow, and eight of them where that is 80."""
+        lines = self._rows(width, _REASON_LINES)
+        return lines if len(lines) <= _LINES + 1 else self._rows(width, 1)
+
+    def _rows(self, width: int, most: int) -> list[Row]:
+        """`most`: lines of the reason, and of what to do."""
         style, mark = self._style()
         verdict = _wrapped(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
         lines: list[Row] = ["", *(Styled(line, style) for line in verdict)]
@@ -156,7 +163,7 @@ class Summary:
             added, changed, removed = self.rows
             plan = translate(f"{added} rows to add, {changed} to change, {removed} to remove")
             lines += _labelled("plan", plan, width)
-        lines += self._look_at(width)
+        lines += self._look_at(width, most)
         if self.limits:
             lines += _labelled("limits", translate(_limits(self.limits)), width)
         if self.next_command:
@@ -254,23 +261,23 @@ class Summary:
                     return name
         return ""
 
-    def _look_at(self, width: int) -> Iterator[Row]:
+    def _look_at(self, width: int, most: int) -> Iterator[Row]:
         """The worst device with its reason and what to do about it; else the first warning, else who had no part."""
         name = self._worst()
         if name:
             result = self.results[name]
-            yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, _REASON_LINES)
+            yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, most)
             hint = result["hint"] or (_STOPPED if self.stopped_by else _AGAIN)
-            yield from _advice(translate(hint), width)
+            yield from _advice(translate(hint), width, most)
         elif self.warned:
             first = self.warned[0]
             words = translate(warnings(self.results[first])[0])
             words = words if first in words else f"{first}: {words}"
-            yield from _labelled("look at", words, width, _REASON_LINES)
+            yield from _labelled("look at", words, width, most)
         else:
             for device, (how, why) in self.unseen.items():
                 words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
-                yield from _labelled("look at", f"{device}: {words}", width, _REASON_LINES)
+                yield from _labelled("look at", f"{device}: {words}", width, most)
                 return
 
 
@@ -321,17 +328,17 @@ def _label(label: str) -> Styled:
 _COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
 
 
-def _advice(hint: str, width: int) -> Iterator[Row]:
+def _advice(hint: str, width: int, most: int) -> Iterator[Row]:
     """What to do; a command in it that would be cut off stands on a line of its own, so that it can be typed."""
     text = re.sub(r"\s+", " ", hint).strip()
     command = _COMMAND.search(text)
-    whole = sum(1 for _ in _labelled("do", text, width)) <= _REASON_LINES
+    whole = sum(1 for _ in _labelled("do", text, width)) <= most
     if whole or command is None:
-        yield from _labelled("do", text, width, _REASON_LINES)
+        yield from _labelled("do", text, width, most)
         return
     before = text[: command.start()].rstrip(" ,;:`")
     if before:
-        yield from _labelled("do", f"{before}:", width, _REASON_LINES)
+        yield from _labelled("do", f"{before}:", width, most)
     yield _command(command[1])
 
 

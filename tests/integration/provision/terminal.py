@@ -25,6 +25,9 @@ _MASKS = (
     (re.compile(r"\(\d+\s[^()\d]*,\s+[\d.]+\s+kB,\s+[\d.]+\s+s\)"), "(COST)"),
     (re.compile(r"\([\d.]+\s+s\)"), "(TIME)"),
     (re.compile(r"\d{8}T\d{6}Z(-\d+)?"), "20261125T120000Z"),
+    (re.compile(r"(digest|resumo) [0-9a-f\n]{64,66}(?=\n)"), r"\1 DIGEST"),
+    (re.compile(r"SHA256:[\w+/]{43}"), "SHA256:KEY"),
+    (re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d WES?T \(\d\d:\d\d UTC\)"), "2026-11-25 12:00 WET (12:00 UTC)"),
     (re.compile(r"127\.0\.0\.1:\d+"), "127.0.0.1:8729"),
 )
 """What no two runs have alike. A cost ends its line, so that its length moves nothing else."""

@@ -60,7 +60,7 @@ def test_a_state_that_no_run_has_confirmed_or_that_is_damaged(at: Quay) -> None:
     assert at.json("restore", f"device={ROUTER}", "to=latest", "--plan", code=0)["devices"][ROUTER]["planned"] == 0
     with next(at.inventory.rglob("*.yml")).open("a", encoding="utf-8") as file:
         file.write("\n# another revision\n")
-    (declared,) = advised(at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=0).stdout)
+    declared, *_ = advised(at.provision("restore", f"device={ROUTER}", "to=latest", "--plan", code=0).stdout)
     assert declared == ["site=coastal"]
     follow(at, declared)
     for path in (at.state / "real/coastal/confirmed").iterdir():

@@ -101,6 +101,9 @@ FIRST_CONTACT: dict[str, tuple[str, ...]] = {
 }
 TRUST = ("trust", "site=coastal", f"only={ROUTER}", f"only={GATEWAY}")
 NO_DEVICE: dict[str, str] = {
+    "apply": "it is a run of a plan that was saved: what a device says is told as `run` tells it",
+    "init": "it makes files of answers, and contacts nobody",
+    "doctor": "it looks at this laptop, and at a certificate; nobody logs in",
     "validate": "it reads the inventory, and contacts nobody",
     "dds": "it makes files of the inventory, and contacts nobody",
     "image": "it reads the vendor's file and a card; what a card calls itself is in tests/unit/cli/test_printable.py",

@@ -72,7 +72,7 @@ def test_a_rehearsed_rollback_says_what_stands_for_the_device(at: Quay) -> None:
     (journal,) = (at.state / "real/coastal/runs").glob("*/journal.jsonl")
     lines = journal.read_text(encoding="utf-8").splitlines(keepends=True)
     journal.write_text("".join(line for line in lines if "state-confirmed" not in line), encoding="utf-8")
-    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", code=0).stdout
+    said = at.provision("rollback", "site=coastal", "to=latest", "--rehearse", "--verbose", code=0).stdout
     assert "coastal-router: no run has read it back: first brought to what is declared" in said
     assert "not rehearsed: what coastal-router is now: what is declared stands for it" in said
 

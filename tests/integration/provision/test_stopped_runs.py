@@ -76,7 +76,7 @@ def test_a_stop_settles_the_device(at: Quay, number: signal.Signals) -> None:
         process.send_signal(number)
         text = ended(at, process, 4)
     assert "taken back, the device is as before" in text
-    assert f"stopped by {'Ctrl-C' if number == signal.SIGINT else number.name}" in text
+    assert f"STOPPED by {'Ctrl-C' if number == signal.SIGINT else number.name}" in text
     assert at.export().splitlines() == before.splitlines()
     assert [row["unfinished"] for row in at.runs()] == [False]
     assert at.json("site=coastal", "--yes", code=0)["devices"][ROUTER]["status"] == "changed"

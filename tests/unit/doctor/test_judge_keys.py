@@ -167,7 +167,7 @@ def test_encrypted_values(tmp_path: Path, decrypt: Callable[[str], str], expecte
 def test_a_wrong_password_is_told_with_the_place_of_the_first_value(tmp_path: Path) -> None:
     item = keys.secrets_item(vaulted(tmp_path), _wrong)
     assert item.verdict == "FAIL"
-    assert "host_vars/coastal-router.yml:7: this secret cannot be decrypted, nor 1 more" in item.measured
+    assert "host_vars/coastal-router.yml:8: this secret cannot be decrypted, nor 1 more" in item.measured
     assert item.hint == "check the vault's password: it is not the one of this value"
 
 

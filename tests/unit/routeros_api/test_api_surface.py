@@ -24,6 +24,7 @@ def test_the_public_surface() -> None:
         "Unreachable",
         "certificate_of",
         "may_cut_off",
+        "shown_certificate",
     ]
 
 

@@ -77,6 +77,7 @@ COMPARES = re.compile(
     r"[Vv]ersions? (?:[<>]=?|not in) |[<>]=? [\w.]*version\b|(?:if|while|and|or) not [\w.]*has_safe_mode"
 )
 REFUSALS = {
+    "operations/doctor/software.py": "tests/unit/doctor: versions of packages, each with what to type",
     "bootstrap/run.py": "tests/integration/adopt: every objection has a hint, which its class demands",
     "bootstrap/steps.py": "refuses nothing: it words a reset, a date and a question",
     "routeros/packages.py": "one error with a hint for all of its reasons",

@@ -25,11 +25,12 @@ NO_COMMANDS = {
     "/atlantis": "the same of menus",
     "/ip/address/add atlantis=x": "what is compared with a name that is cut short",
     "/ip/address/add co=x": "a name that is cut short, for which the parser is asked",
+    "/nonexistent": "the home of users who have none",
     "/quit": "a word of the console's own, which the trees show at the root only as a script's word",
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
 _PUT_IN = re.compile(r"(?:/ )?X\b")
-_OF_A_COMPUTER = re.compile(r"/(etc|media|opt|usr|var)/")
+_OF_A_COMPUTER = re.compile(r"/(dev|etc|media|opt|sys|usr|var)/")
 """Paths of gateways and laptops; RouterOS has no menu of these names."""
 _OPEN_END = re.compile(r"/X$")
 
