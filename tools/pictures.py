@@ -52,9 +52,13 @@ def main() -> None:
 
 def provision(state: str, *words: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[bytes]:
     """Start a command with a state folder of its own; what it says of its progress is not shown."""
-    kept = {name: value for name, value in os.environ.items() if name not in {"NO_COLOR", "LC_ALL", "LANGUAGE"}}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in {"NO_COLOR", "LC_ALL", "LANGUAGE", "XDG_STATE_HOME", "ATLANTIS_STATE"}
+    }
     environment = kept | {
-        "ATLANTIS_STATE": state,
+        "HOME": state,  # so that a picture shows no folder of this machine
         "ATLANTIS_NO_MACHINES": "1",
         "COLUMNS": str(COLUMNS),
         "LANG": "C.UTF-8",
