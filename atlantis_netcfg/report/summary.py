@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, Styled
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 _AGAIN = "remove the cause, then type the same command again"
 """What to do where whoever failed had no better advice."""
 _STOPPED = "type the same command again to go on"
-WIDTH = 80
-"""Columns that the last lines take at most: those of the narrowest usual terminal."""
 _LABEL = 10
 _REASON_LINES = 2
 _LINES = 8
@@ -148,7 +146,7 @@ class Summary:
         """Devices that ended well and have a warning."""
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
-    def rows_for_screen(self, width: int = WIDTH) -> list[Row]:
+    def rows_for_screen(self, width: int = NARROW) -> list[Row]:
         """The lines, none longer than `width` columns as far as words allow, and eight of them where that is 80."""
         lines = self._rows(width, _REASON_LINES)
         return lines if len(lines) <= _LINES + 1 else self._rows(width, 1)

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, GridCell, Gri
 from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, Styled, visible
+from atlantis_netcfg.core.printable import Row, Style, Styled, plain, visible
 from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ _BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 
 def lines(document: Document) -> str:
     """The text, without a line feed at the end."""
-    return "\n".join([*body(document), "", *map(_plain, ending(document))])
+    return "\n".join([*body(document), "", *map(plain, ending(document))])
 
 
 def body(document: Document) -> Iterator[str]:
@@ -228,11 +228,6 @@ _STYLES = {
     ShownState.FAIL: Style.BAD,
     ShownState.ERROR: Style.BAD,
 }
-
-
-def _plain(row: Row) -> str:
-    pieces = row if isinstance(row, tuple) else (row,)
-    return "".join(piece.text if isinstance(piece, Styled) else piece for piece in pieces)
 
 
 def _coloured(shown: ShownState, text: str) -> str | Styled:
