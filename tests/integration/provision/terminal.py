@@ -30,7 +30,8 @@ _MASKS = (
     (re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d WES?T \(\d\d:\d\d UTC\)"), "2026-11-25 12:00 WET (12:00 UTC)"),
     (re.compile(r"127\.0\.0\.1:\d+"), "127.0.0.1:8729"),
 )
-"""What no two runs have alike. A cost ends its line, so that its length moves nothing else."""
+"""What no two runs have alike. A cost ends its line, so that its length moves nothing else; it may go on in a second line,
+so that nothing is masked before all lines are together."""
 
 
 @dataclass
@@ -51,7 +52,7 @@ class Terminal:
     @property
     def shown(self) -> list[str]:
         """The lines that are on the screen now, without those that scrolled away above it."""
-        return masked([line.rstrip() for line in self.screen.display])
+        return self.lines[-self.rows :]
 
     @property
     def lines(self) -> list[str]:
