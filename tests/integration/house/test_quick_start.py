@@ -95,6 +95,7 @@ def typed(command: Shown) -> list[str]:
     ("script", "code", "fails"),
     [
         ('read -p "Your name: " a; echo "[$a]"', 0, ""),
+        ('printf "\\nYour name: \\n  (in full)"; read a; echo "[$a]"', 0, ""),
         ("exit 3", 3, "never asked"),
         ('read -p "Your name: " a; read -p "Other: " b', 0, "it waits"),
     ],
