@@ -24,7 +24,7 @@ from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, 
 from atlantis_netcfg.checklist.confirmations import named
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed
+from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed, to_look_at
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli._checklist_workflow import (
     BACK,
@@ -326,7 +326,7 @@ def _next(arguments: Arguments, document: Document) -> Iterator[str]:
         return
     waiting = sum(item.open and item.override is None for item in document.items)
     if document.signed is not None:
-        words = "Mend what has failed, then begin a new checklist; type:"
+        words = _begin_anew(to_look_at(document)[1])
     elif waiting == 1:
         words = "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:"
     elif waiting:
@@ -335,6 +335,18 @@ def _next(arguments: Arguments, document: Document) -> Iterator[str]:
         words = "NOT SIGNED: nothing is open. To sign, type on a terminal:"
     yield translate(words)
     yield f"  {again(arguments, _NOT_AT_A_TERMINAL)}"
+
+
+def _begin_anew(bad: Sequence[Item]) -> str:
+    """After the signature of what has not passed. The worst is named: its own lines may have scrolled away."""
+    if not bad:
+        return "Nothing was checked. Begin a new checklist; type:"
+    worst, others = bad[0].id, len(bad) - 1
+    if others == 0:
+        return f"Mend {worst}, then begin a new checklist; type:"
+    if others == 1:
+        return f"Mend {worst} and 1 other, then begin a new checklist; type:"
+    return f"Mend {worst} and {others} others, then begin a new checklist; type:"
 
 
 def _pages(document: Document, book: Book) -> Mapping[str, bytes]:

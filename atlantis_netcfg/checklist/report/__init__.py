@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signed
+from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signed, to_look_at
 from atlantis_netcfg.checklist.report.document import (
     Document,
     Drawing,
@@ -53,4 +53,5 @@ __all__ = [
     "pages",
     "seal",
     "signed",
+    "to_look_at",
 ]

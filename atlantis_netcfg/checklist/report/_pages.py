@@ -39,11 +39,11 @@ from atlantis_netcfg.checklist.report._words import (
     english,
     evidence_groups,
     evidence_words,
-    first,
     headline,
     scope,
     signed,
     title,
+    to_look_at,
 )
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -238,7 +238,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
             counts=counts(document.items),
             scope=scope(document),
             anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
-            first=first(document),
+            first=to_look_at(document),
             overridden=[item for item in document.items if item.override is not None],
             unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
             attached=attached(document, files),

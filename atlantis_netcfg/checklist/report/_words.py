@@ -53,7 +53,7 @@ def by_state(items: Iterable[Item]) -> list[Item]:
     return sorted(items, key=lambda item: order.index(state(item)))
 
 
-def first(document: Document) -> tuple[str, list[Item]]:
+def to_look_at(document: Document) -> tuple[str, list[Item]]:
     """What somebody has to look at, the worst first, and a heading for it."""
     every = [item for item in by_state(document.items) if state(item) not in _SETTLED]
     grave = any(state(item) not in GREEN for item in every)
@@ -258,7 +258,7 @@ def _counts_rows(document: Document) -> Iterator[Row]:
 
 def _worst_rows(document: Document, room: int) -> Iterator[Row]:
     """The item to look at first; of a long text as many lines as there are, the rest stands above."""
-    every = first(document)[1]
+    every = to_look_at(document)[1]
     if not every:
         return
     worst, hint = every[0], every[0].hint

@@ -30,8 +30,8 @@ _MASKS = (
     (re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d WES?T \(\d\d:\d\d UTC\)"), "2026-11-25 12:00 WET (12:00 UTC)"),
     (re.compile(r"127\.0\.0\.1:\d+"), "127.0.0.1:8729"),
 )
-"""What no two runs have alike. A cost ends its line, so that its length moves nothing else; it may go on in a second line,
-so that nothing is masked before all lines are together."""
+"""What no two runs have alike. A cost ends its line, so that its length moves nothing else; it may go on in the next
+one, so that lines are masked together."""
 
 
 @dataclass

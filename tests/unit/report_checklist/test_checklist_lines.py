@@ -12,7 +12,7 @@ import pytest
 
 from atlantis_netcfg.checklist.report import Document, LeftOut, Row, ending, lines
 from atlantis_netcfg.checklist.report._shapes import ASCII, state
-from atlantis_netcfg.checklist.report._words import first
+from atlantis_netcfg.checklist.report._words import to_look_at
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import show
 
@@ -86,10 +86,10 @@ def test_the_end_fits_and_tells_the_worst(name: str, room: int) -> None:
     told = ends(document, room)
     assert max(map(len, told)) <= 80
     assert len(told) <= room
-    shown = state(first(document)[1][0]) if first(document)[1] else None
+    shown = state(to_look_at(document)[1][0]) if to_look_at(document)[1] else None
     if shown is not None:
         assert told[0].startswith(f"{ASCII[shown]} {shown}: The checklist has ")
-        assert any(line.startswith(f"{first(document)[1][0].id}: ") for line in told)
+        assert any(line.startswith(f"{to_look_at(document)[1][0].id}: ") for line in told)
 
 
 def test_a_long_text_is_shortened_visibly_and_its_advice_stays() -> None:

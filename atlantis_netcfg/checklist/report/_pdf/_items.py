@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 def first(sheet: Sheet, document: Document) -> None:
     """What somebody has to look at, the worst first, with what to do."""
-    what, every = words.first(document)
+    what, every = words.to_look_at(document)
     if every:
         sheet.head(translate(what))
     for item in every:
