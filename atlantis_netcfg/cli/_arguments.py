@@ -132,6 +132,9 @@ REMOVE_FOREIGN = Flag(
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
 SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
+YES = Flag("yes", "do not ask before changing devices")
+CHANGE = (ACCEPT_COST, UNPROTECTED, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
+"""What every command takes that changes devices under the guard."""
 
 FRAME = (
     Flag("lang", "the language of what is printed; else that of LANG", takes="en|pt"),

@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.cli._arguments import (
     ACCEPT_COST,
     ASK_VAULT_PASS,
+    CHANGE,
     INVENTORY,
     JSON,
     ONLY,
-    REMOVE_FOREIGN,
-    UNPROTECTED,
     VERBOSE,
     VIA,
     Arguments,
@@ -333,12 +332,7 @@ RESTORE = CommandSpec(
         Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
         Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
         Flag("yes", "do not ask before changing the device"),
-        ACCEPT_COST,
-        UNPROTECTED,
-        REMOVE_FOREIGN,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        *CHANGE,
     ),
     details=(
         "Meet the replacement first: `provision adopt --replaced` gives it our user and a certificate of its own.\n"

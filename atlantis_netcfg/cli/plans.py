@@ -9,16 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
+    CHANGE,
     INVENTORY,
-    JSON,
-    REMOVE_FOREIGN,
-    UNPROTECTED,
-    VERBOSE,
+    YES,
     Arguments,
     CommandSpec,
-    Flag,
     Group,
     Word,
 )
@@ -43,13 +38,8 @@ APPLY = CommandSpec(
         INVENTORY,
     ),
     flags=(
-        Flag("yes", "do not ask before changing devices"),
-        ACCEPT_COST,
-        UNPROTECTED,
-        REMOVE_FOREIGN,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        YES,
+        *CHANGE,
     ),
     details=(
         "Site, hosts and bearer are those of the plan. It is refused when the declaration has changed (exit code 3), "

@@ -5,13 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
+    CHANGE,
     INVENTORY,
-    JSON,
-    REMOVE_FOREIGN,
-    UNPROTECTED,
-    VERBOSE,
     Arguments,
     CommandSpec,
     Flag,
@@ -47,12 +42,7 @@ RESUME = CommandSpec(
         Flag(
             "rehearse", "the same against emulated devices, first brought to their states before the run", harmless=True
         ),
-        ACCEPT_COST,
-        UNPROTECTED,
-        REMOVE_FOREIGN,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        *CHANGE,
     ),
     details=(
         "What a broken run has left open on a device is waited for first. `--plan` does not wait: it shows what "

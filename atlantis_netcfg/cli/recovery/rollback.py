@@ -5,14 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
+    CHANGE,
     INVENTORY,
-    JSON,
     ONLY,
-    REMOVE_FOREIGN,
-    UNPROTECTED,
-    VERBOSE,
+    YES,
     Arguments,
     CommandSpec,
     Flag,
@@ -53,13 +49,8 @@ ROLLBACK = CommandSpec(
             "the same against emulated devices, first brought to what the real ones were when they were last read back",
             harmless=True,
         ),
-        Flag("yes", "do not ask before changing devices"),
-        ACCEPT_COST,
-        UNPROTECTED,
-        REMOVE_FOREIGN,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        YES,
+        *CHANGE,
     ),
     details=(
         "Secrets are not in the saved state: what the device holds of them stays.\n"
