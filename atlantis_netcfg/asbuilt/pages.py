@@ -1,0 +1,247 @@
+"""A record as a person sees it: lines of a screen, and a page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from atlantis_netcfg.asbuilt.record import (
+    FACTS,
+    DeviceRecord,
+    DeviceState,
+    Fact,
+    Neighbour,
+    Origin,
+    PortRecord,
+    Record,
+    ReportTable,
+    report_tables,
+    shown,
+    title_of,
+)
+from atlantis_netcfg.checklist.report._texts import page_language, unread
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.report.drift import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_COLUMN = 26
+"""At which the values of a screen begin."""
+_STYLES = {
+    DeviceState.READ: Style.GOOD,
+    DeviceState.IN_PART: Style.WARNING,
+    DeviceState.NOT_REACHED: Style.BAD,
+}
+WORDS = {
+    DeviceState.READ: "READ",
+    DeviceState.IN_PART: "READ IN PART",
+    DeviceState.NOT_REACHED: "NOT REACHED",
+    DeviceState.BY_HAND: "NOT ASKED",
+    DeviceState.NOT_REHEARSED: "NOT REHEARSED",
+    DeviceState.LEFT_OUT: "LEFT OUT",
+}
+
+
+def heading(record: Record) -> str:
+    """What it is."""
+    return f"As built: {record.title} ({record.site})"
+
+
+def subtitle(record: Record) -> str:
+    """Which record, and when it was made."""
+    return f"record {record.id}, {time_text(record.at, record.time_zone)}"
+
+
+def what(record: Record) -> str:
+    """Whether anything real was asked."""
+    return "emulated devices, nothing real was asked" if record.rehearsed else "nothing was changed"
+
+
+def where(fact: Fact, zone: str) -> str:
+    """Where a value is from, in words."""
+    at = time_text(fact.at, zone) if fact.at is not None else ""
+    if fact.value is None:
+        return f"not read: {fact.note}" if fact.note else "not read"
+    if fact.origin is Origin.READ:
+        return "read in this run"
+    if fact.origin is Origin.DECLARED:
+        return fact.note or "declared"
+    words = f"stored, of {at}" if at else "stored"
+    return f"{words}, {fact.note}" if fact.note else words
+
+
+def checklist_words(fact: Fact, zone: str) -> str:
+    """The last signed checklist of the site."""
+    if fact.value is None:
+        return f"last signed checklist of the site: {fact.note}"
+    return f"last signed checklist of the site: {fact.value} ({where(fact, zone)})"
+
+
+def facts_of(device: DeviceRecord) -> list[tuple[str, Fact]]:
+    """The values of a device, in their order."""
+    return [(name, device.facts[name]) for name in FACTS if name in device.facts]
+
+
+def read_words(device: DeviceRecord, zone: str) -> str:
+    """Of what time the ports are, where they were not read in this run; empty where they were."""
+    if device.state in {DeviceState.READ, DeviceState.IN_PART}:
+        return ""
+    if device.read_at is None:
+        return "it was never read on this computer"
+    return f"its last known values, read on {time_text(device.read_at, zone)}"
+
+
+def link_words(port: PortRecord) -> str:
+    """The link of a port: whether it is up, how fast, and its MAC."""
+    words = f"link {port.link}, {port.speed}" if port.speed else f"link {port.link}"
+    return f"{words}, MAC {port.mac}" if port.mac else words
+
+
+def neighbour_words(neighbour: Neighbour) -> str:
+    """Who was heard, and how."""
+    return f"heard: {shown(neighbour)}, by {' and '.join(neighbour.by)}"
+
+
+def closing(record: Record) -> str:
+    """How it ended, in one sentence."""
+    states = [device.state for device in record.devices]
+    read, away = (states.count(state) for state in (DeviceState.READ, DeviceState.NOT_REACHED))
+    part, rest = states.count(DeviceState.IN_PART), len(states)
+    if not read and not away and not part:
+        return "Nobody was asked, so nothing was read"
+    words = [f"{read} of {rest} devices were read"]
+    words += [f"{part} in part"] if part else []
+    words += [f"{away} did not answer"] if away else []
+    out = states.count(DeviceState.LEFT_OUT)
+    words += [f"{out} were left out"] if out else []
+    left = rest - read - part - away - out
+    words += [f"{left} cannot be asked"] if left else []
+    return ", ".join(words)
+
+
+def compared_words(record: Record) -> str:
+    """With what it is compared."""
+    if record.since is None:
+        return "There is no record before this one: nothing is compared."
+    if not record.changes:
+        return f"Of what was read, nothing is different from record {record.since}."
+    return f"Different from record {record.since}:"
+
+
+def rows(record: Record, kept: str) -> Iterator[Row]:
+    """Every line of a screen; `kept`: where the record is."""
+    for row in _rows(record, kept):
+        text = plain(row)
+        yield from wrapped(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
+
+
+def _rows(record: Record, kept: str) -> Iterator[Row]:
+    yield Styled(translate(heading(record)), Style.TITLE)
+    yield translate(subtitle(record))
+    yield translate(what(record))
+    for device in record.devices:
+        yield ""
+        yield from _device(device, record.time_zone)
+    yield ""
+    if record.checklist is not None:
+        yield translate(checklist_words(record.checklist, record.time_zone))
+    yield translate(compared_words(record))
+    yield from ((Styled("  ~ ", Style.WARNING), translate(change.words)) for change in record.changes)
+    yield from (translate(f"note: {note}") for note in record.notes)
+    yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
+    yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
+    yield ""
+    yield translate(f"kept: {kept}")
+    yield translate(closing(record))
+
+
+def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
+    word = translate(WORDS[device.state])
+    kind = translate(device.kind.replace("_", " "))
+    yield Styled(device.name, Style.TITLE), f": {kind}, ", Styled(word, _STYLES.get(device.state, Style.QUIET))
+    for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
+        if words:
+            yield f"  {translate(words)}"
+    for name, fact in facts_of(device):
+        value = f"{fact.value} ({translate(where(fact, zone))})" if fact.value else translate(where(fact, zone))
+        yield f"  {translate(title_of(name)):<{_COLUMN - 2}}{value}"
+    for port in device.ports:
+        yield f"  {translate(f'port {port.name}'):<{_COLUMN - 2}}{translate(link_words(port))}"
+        if port.belongs:
+            yield f"{'':<{_COLUMN}}{translate(f'by the declaration: {port.belongs}')}"
+        yield from (f"{'':<{_COLUMN}}{translate(neighbour_words(item))}" for item in port.neighbours)
+    for item in device.elsewhere:
+        yield f"  {translate('port not known'):<{_COLUMN - 2}}{translate(neighbour_words(item))}"
+    for name, version in device.packages.items():
+        yield f"  {translate(f'package {name}'):<{_COLUMN - 2}}{translate(version)}"
+    yield from (f"  {translate(f'note: {note}')}" for note in device.notes)
+
+
+def anchor(name: str) -> str:
+    """The mark of a device on the page; the labels name it."""
+    return f"device-{name}"
+
+
+def html(record: Record, digest: str) -> bytes:
+    """The page: no script, no request; the same for the same record. `digest`: SHA-256 of its `as-built.json`."""
+    style = _environment().get_template("as-built.css.j2").render()
+    page = _environment().get_template("as-built.html.j2")
+    text = page.render(
+        record=record,
+        digest=digest,
+        style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
+        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        language=page_language(),
+        unread=unread(),
+        tables=report_tables(record),
+    )
+    return text.encode()
+
+
+def table_words(table: ReportTable) -> str:
+    """What a table of the report is."""
+    return f"Table {table.number}: {table.title}"
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("atlantis_netcfg.asbuilt"),
+        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=StrictUndefined,
+        finalize=_written_out,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(tr=translate)
+    made.globals.update(
+        heading=heading,
+        subtitle=subtitle,
+        what=what,
+        where=where,
+        facts_of=facts_of,
+        title_of=title_of,
+        words=WORDS,
+        read_words=read_words,
+        link_words=link_words,
+        neighbour_words=neighbour_words,
+        closing=closing,
+        checklist_words=checklist_words,
+        compared_words=compared_words,
+        table_words=table_words,
+        anchor=anchor,
+    )
+    return made
+
+
+def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
+    """Write out what cannot be seen, in all that is printed."""
+    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)
