@@ -196,7 +196,7 @@ _MODULE_MM = 0.4
 
 def _draw(paper: Paper, label: Label, box: tuple[float, float, float, float], record: Record) -> None:
     x, y, width, height = box
-    code = segno.make(label.text, error="l", micro=False)
+    code = segno.make(label.text, error="m", micro=False)
     modules = len(code.matrix) + 8  # four on each side stay white (ISO/IEC 18004)
     side = min(height - 2 * _EDGE, width * _SHARE)
     if side / modules < _MODULE_MM:
