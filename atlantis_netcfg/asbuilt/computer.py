@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.asbuilt.record import Fact, Link, Neighbour, Origin, PortRecord
 from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
+from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Gateway
 from atlantis_netcfg.operations.computers._access import is_server
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, SERVER, concerns
@@ -58,17 +59,24 @@ class ComputerFacts:
     """What was not answered, though every computer can answer it."""
 
 
-def declared_packages(declaration: Declaration, host: Host, request: Request) -> tuple[str, ...]:
-    """Every package that a run of the site would install on a computer, by name."""
+def declared_packages(
+    declaration: Declaration, host: Host, request: Request
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Every package that a run of the site would install on a computer, by name; and what is not known of them."""
     if is_server(host):
-        return tuple(sorted(str(getattr(package, "name", package)) for package in SERVER_PACKAGES))
-    parts = (
-        part(declaration, host, request)
-        for name, part in PARTS.items()
-        if name not in {ACCESS, SERVER} and concerns(name, host)
-    )
-    found = ((desired.get("packages") or {}).get("packages") or () for desired in parts)
-    return tuple(sorted({str(package["name"]) for packages in found for package in packages}))
+        return tuple(sorted(SERVER_PACKAGES)), ()
+    found: set[str] = set()
+    notes = []
+    for name, part in PARTS.items():
+        if name in {ACCESS, SERVER} or not concerns(name, host):
+            continue
+        try:
+            desired = part(declaration, host, request).get("packages") or {}
+        except NetcfgError as error:
+            notes.append(f"which packages `{name}` installs is not known, so they were not asked for: {error}")
+            continue
+        found |= {str(package["name"]) for package in desired.get("packages") or ()}
+    return tuple(sorted(found)), tuple(notes)
 
 
 def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, RunProgram]]:

@@ -151,9 +151,8 @@ class SiteLook:
         mask = self.declaration.pilot.asbuilt.mask
         found = routeros.read(replies, hardware.ports, modem, mask, addresses(self.declaration, self.site))
         shown = {"certificate": Fact(value=certificate, origin=Origin.READ)}
-        return _filled(device, {**found.facts, **shown}, found.ports, found.missing).model_copy(
-            update={"elsewhere": found.elsewhere, "notes": (*device.notes, *found.notes)}
-        )
+        filled = _filled(device, {**found.facts, **shown}, found.ports, found.missing, found.notes)
+        return filled.model_copy(update={"elsewhere": found.elsewhere})
 
     async def _unit(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """A RutOS unit: its serial number, and the numbers of modem and SIM; of no other field the name is known."""
@@ -167,11 +166,11 @@ class SiteLook:
         facts = {name: _fact(value, "the unit does not say it to this user") for name, value in values.items()}
         facts["version"] = _fact(None, "no page of RutOS that tells its firmware is known here")
         facts["certificate"] = _fact(pin, "it is known by none")
-        return _filled(device, facts, (), ())
+        return _filled(device, facts)
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """One SSH command. Raises NotReached with the words of ssh, CostRefused."""
-        packages = computer.declared_packages(self.declaration, host, self.request)
+        packages, notes = computer.declared_packages(self.declaration, host, self.request)
         asked_for = computer.questions(host, packages)
         answers: Mapping[str, Answer] = await ask_gateway(
             self.declaration, host, self.request, asked_for, lambda *_: None, self.ssh_config
@@ -179,9 +178,8 @@ class SiteLook:
         if all(answer.trouble is not None for answer in answers.values()):
             raise ComputerSilent(next(iter(answers.values())).words)
         found = computer.read(host, answers, packages, addresses(self.declaration, self.site))
-        return _filled(device, found.facts, found.ports, found.missing).model_copy(
-            update={"packages": dict(found.packages)}
-        )
+        filled = _filled(device, found.facts, found.ports, found.missing, notes)
+        return filled.model_copy(update={"packages": dict(found.packages)})
 
 
 class ComputerSilent(NetcfgError):
@@ -191,7 +189,11 @@ class ComputerSilent(NetcfgError):
 
 
 def _filled(
-    device: DeviceRecord, facts: Mapping[str, Fact], ports: Sequence[PortRecord], missing: Sequence[str]
+    device: DeviceRecord,
+    facts: Mapping[str, Fact],
+    ports: Sequence[PortRecord] = (),
+    missing: Sequence[str] = (),
+    notes: Sequence[str] = (),
 ) -> DeviceRecord:
     """A device that was read; a declared port that it does not have stays, and says so by its link."""
     there = {port.name for port in ports}
@@ -205,7 +207,7 @@ def _filled(
             "read_at": datetime.now(UTC),
             "facts": {**device.facts, **facts},
             "ports": (*named, *absent),
-            "notes": tuple(_differs(device, facts)),
+            "notes": (*_differs(device, facts), *notes),
         }
     )
 

@@ -9,6 +9,7 @@ folder of the laptop that made it. Nothing secret is in it: neither keys nor pas
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -164,18 +165,34 @@ def _labels(record: Record, device: DeviceRecord, digest: str, place: str) -> It
 
 def labels_pdf(record: Record, digest: str, place: str, sheet: AsBuilt) -> bytes:
     """A4 sheets of labels of the declared size. Raises UsageError where a QR code has no room on a label."""
-    paper = LabelSheet(translate(heading(record)), record.tool, record.at)
-    paper.set_auto_page_break(False)
     width, height = sheet.label_width_mm, sheet.label_height_mm
     columns, lines = (int((whole + 0.01) // part) for whole, part in zip(_A4, (width, height), strict=True))
     left, top = (_A4[0] - columns * width) / 2, (_A4[1] - lines * height) / 2
-    for number, label in enumerate(labels_of(record, digest, place)):
-        place_on_page = number % (columns * lines)
-        if not place_on_page:
+    labels = labels_of(record, digest, place)
+    codes = [segno.make(label.text, error="m", micro=False) for label in labels]
+    side = _side(width, height, max(len(code.matrix) for code in codes) + 2 * _QUIET)
+    paper = LabelSheet(translate(heading(record)), record.tool, record.at)
+    paper.set_auto_page_break(False)
+    for number, (label, code) in enumerate(zip(labels, codes, strict=True)):
+        here = number % (columns * lines)
+        if not here:
             paper.add_page()
-        x, y = left + place_on_page % columns * width, top + place_on_page // columns * height
-        _draw(paper, label, (x, y, width, height), record)
+        x, y = left + here % columns * width, top + here // columns * height
+        _code(paper, code.matrix, x + _EDGE, y + (height - side) / 2, side)
+        _text(paper, _words(label, record), (x + _EDGE + side + 1, y + _EDGE + 1), x + width - _EDGE)
     return paper.written()
+
+
+def _side(width: float, height: float, modules: int) -> float:
+    """How large the QR codes of a sheet are, in mm. Raises UsageError where the largest one has no room on a label."""
+    side, least = min(height - 2 * _EDGE, width * _SHARE), modules * _MODULE_MM
+    if side >= least:
+        return side
+    raise UsageError(
+        f"labels of {width:g} by {height:g} mm are too small for their QR codes",
+        hint=f"declare `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or "
+        "more, under `asbuilt` in group_vars/all/pilot.yml",
+    )
 
 
 class LabelSheet(Paper):
@@ -188,33 +205,23 @@ class LabelSheet(Paper):
         """Nothing: as above."""
 
 
+_QUIET = 4
+"""Modules around a QR code that stay white (ISO/IEC 18004)."""
 _SHARE = 0.5
 """Of a label's width that the QR code takes at most."""
 _MODULE_MM = 0.4
 """A QR code's module on paper is not smaller. A rule of thumb: no telephone has tried it; zbar reads it at 300 dpi."""
 
 
-def _draw(paper: Paper, label: Label, box: tuple[float, float, float, float], record: Record) -> None:
-    x, y, width, height = box
-    code = segno.make(label.text, error="m", micro=False)
-    modules = len(code.matrix) + 8  # four on each side stay white (ISO/IEC 18004)
-    side = min(height - 2 * _EDGE, width * _SHARE)
-    if side / modules < _MODULE_MM:
-        least = modules * _MODULE_MM
-        raise UsageError(
-            f"a label of {width:g} by {height:g} mm is too small for the QR code of {label.device}",
-            hint=f"declare `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or "
-            "more, under `asbuilt` in group_vars/all/pilot.yml",
-        )
-    _code(paper, code.matrix, x + _EDGE, y + (height - side) / 2, side / modules)
-    left = x + _EDGE + side + 1
-    paper.set_xy(left, y + _EDGE + 1)
-    for text, size, bold in _words(label, record):
+def _text(paper: Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:
+    """Lines from a point on, broken where the label ends."""
+    paper.set_xy(*at)
+    for text, size, bold in words:
         paper.set_font(FAMILY, "B" if bold else "", size)
         paper.set_text_color(0)
-        paper.set_x(left)
-        room, line = x + width - _EDGE - left, paper.font_size * 1.25
-        paper.multi_cell(room, line, printable(text), align="L", new_x="LEFT", new_y="NEXT")
+        paper.set_x(at[0])
+        line = paper.font_size * 1.25
+        paper.multi_cell(right - at[0], line, printable(text), align="L", new_x="LEFT", new_y="NEXT")
 
 
 def _words(label: Label, record: Record) -> Iterator[tuple[str, float, bool]]:
@@ -227,17 +234,14 @@ def _words(label: Label, record: Record) -> Iterator[tuple[str, float, bool]]:
         yield translate("REHEARSED"), 7.5, True
 
 
-def _code(paper: Paper, matrix: tuple[bytearray, ...], x: float, y: float, module: float) -> None:
-    """The dark modules, those of a row that touch as one rectangle; the quiet zone is what is left white around."""
+def _code(paper: Paper, matrix: tuple[bytearray, ...], x: float, y: float, side: float) -> None:
+    """The dark modules, those of a row that touch as one rectangle; around them four modules stay white."""
+    module = side / (len(matrix) + 2 * _QUIET)
     paper.set_fill_color(0)
-    for number, row in enumerate(matrix, start=4):
-        start = 0
-        while start < len(row):
-            if not row[start]:
-                start += 1
-                continue
-            end = start
-            while end < len(row) and row[end]:
-                end += 1
-            paper.rect(x + (start + 4) * module, y + number * module, (end - start) * module, module, style="F")
-            start = end
+    for number, row in enumerate(matrix, start=_QUIET):
+        column = _QUIET
+        for dark, run in groupby(row):
+            length = len(list(run))
+            if dark:
+                paper.rect(x + column * module, y + number * module, length * module, module, style="F")
+            column += length

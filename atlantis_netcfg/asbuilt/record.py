@@ -129,6 +129,9 @@ FACTS = (
 _OF_RUNS = frozenset({"adopted", "confirmed"})
 """What this computer's journal says; it differs from record to record, and is no difference of the device."""
 
+_MADE_ANEW = frozenset({"certificate", "host_key"})
+"""Rehearsal: keys of an emulated device are made when it starts."""
+
 
 class Change(_Data):
     """One difference of a device from the record before."""
@@ -137,10 +140,15 @@ class Change(_Data):
     what: str
     before: str | None
     after: str | None
+    neighbour: bool = False
+    """It is about who was heard on a port, which is no property of the device."""
 
     @property
     def words(self) -> str:
         """What a person reads."""
+        if self.neighbour:
+            has = f"now has {self.after}" if self.after is not None else f"no longer has {self.before}"
+            return f"{self.device}: {self.what} {has}"
         if self.before is None:
             return f"{self.device}: {self.what} is now {self.after}; it was not known before"
         if self.after is None:
@@ -239,17 +247,19 @@ def _changes(record: Record, before: Record) -> Iterator[Change]:
         earlier = before.device(device.name)
         if device.state not in {DeviceState.READ, DeviceState.IN_PART} or earlier is None or earlier.read_at is None:
             continue
-        changed = (*_of_facts(device, earlier), *_of_ports(device, earlier), *_of_packages(device, earlier))
+        skipped = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
+        changed = (*_of_facts(device, earlier, skipped), *_of_ports(device, earlier), *_of_packages(device, earlier))
         yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in changed)
+        yield from _of_neighbours(device, earlier)
 
 
 _Difference = tuple[str, str | None, str | None]
 
 
-def _of_facts(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
+def _of_facts(now: DeviceRecord, before: DeviceRecord, skipped: frozenset[str]) -> Iterator[_Difference]:
     for name in FACTS:
         fact, old = now.facts.get(name), before.facts.get(name)
-        if name in _OF_RUNS or fact is None or fact.value is None:
+        if name in skipped or fact is None or fact.value is None:
             continue
         known = old.value if old is not None else None
         if fact.value != known:
@@ -267,15 +277,19 @@ def _of_ports(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
         yield from ((f"{what} of port {port.name}", a, b) for what, a, b in pairs if a != b and b is not None)
         if port.speed is not None and old.speed not in {None, port.speed}:
             yield f"speed of port {port.name}", old.speed, port.speed
-        yield from _of_neighbours(port, old)
     yield from ((f"port {name}", old.mac or old.link.value, None) for name, old in old_ports.items())
 
 
-def _of_neighbours(port: PortRecord, old: PortRecord) -> Iterator[_Difference]:
+def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
     """By MAC: who is new on a port, and who is no longer heard; an entry ages, so that a pause looks the same."""
-    there, gone = ({item.mac: item for item in each.neighbours} for each in (port, old))
-    yield from ((f"what is heard on port {port.name}", None, shown(there[mac])) for mac in there if mac not in gone)
-    yield from ((f"what is heard on port {port.name}", shown(gone[mac]), None) for mac in gone if mac not in there)
+    ports = {port.name: port.neighbours for port in before.ports}
+    for port in now.ports:
+        here = {item.mac: shown(item) for item in port.neighbours}
+        gone = {item.mac: shown(item) for item in ports.get(port.name, ())}
+        pairs = [(None, here[mac]) for mac in here if mac not in gone]
+        pairs += [(gone[mac], None) for mac in gone if mac not in here]
+        for old, new in pairs:
+            yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
 
 
 def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
