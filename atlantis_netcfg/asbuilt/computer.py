@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt.record import Fact, Link, Neighbour, Origin, PortRecord
+from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
 from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Gateway
@@ -172,7 +172,7 @@ def _made(name: str) -> bool:
     return name.startswith(("docker", "br-", "veth", "virbr", "tap", "dummy", "bond"))
 
 
-def _neighbours(text: str | None, port: str, declared: Mapping[str, str]) -> Iterator[Neighbour]:
+def _neighbours(text: str | None, port: str, declared: Mapping[str, str]) -> Iterator[PortNeighbour]:
     """Each MAC once, by the first of its addresses."""
     seen: set[str] = set()
     for row in _rows(text):
@@ -182,7 +182,7 @@ def _neighbours(text: str | None, port: str, declared: Mapping[str, str]) -> Ite
             continue
         seen.add(mac)
         known = declared.get(mac) or declared.get(address)
-        yield Neighbour(mac=mac, by=("ARP",), address=address, declared=known)
+        yield PortNeighbour(mac=mac, by=("ARP",), address=address, declared=known)
 
 
 def _rows(text: str | None) -> list[dict[str, object]]:

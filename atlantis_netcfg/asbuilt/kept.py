@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from atlantis_netcfg.asbuilt.record import Record
+from atlantis_netcfg.asbuilt.record import AsBuiltRecord
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.journal import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FILE = "as-built.json"
 _DERIVED = ("exit", "errors", "tables")
-"""What `Record.as_json` adds: it follows from the rest."""
+"""What `AsBuiltRecord.as_json` adds: it follows from the rest."""
 
 
 def folder_of(store: Store, site: str) -> Path:
@@ -32,7 +32,7 @@ def folder_of(store: Store, site: str) -> Path:
     return store.root / site / "asbuilt"
 
 
-def latest(folder: Path) -> Record | None:
+def latest(folder: Path) -> AsBuiltRecord | None:
     """The newest record, None where there is none. Raises StateDamaged where it cannot be read."""
     names = [path.name for path in folder.iterdir() if (path / FILE).is_file()] if folder.is_dir() else []
     if not names:
@@ -47,13 +47,13 @@ def latest(folder: Path) -> Record | None:
         ) from error
 
 
-def parsed(data: bytes) -> Record:
+def parsed(data: bytes) -> AsBuiltRecord:
     """Read an `as-built.json`. ValueError if it is none."""
     found = json.loads(data)
     if not isinstance(found, dict):
         raise ValueError("no record")  # noqa: TRY004 - a file that holds another thing
     try:
-        return Record.model_validate({name: value for name, value in found.items() if name not in _DERIVED})
+        return AsBuiltRecord.model_validate({name: value for name, value in found.items() if name not in _DERIVED})
     except ValidationError as error:
         raise ValueError(str(error)) from error
 

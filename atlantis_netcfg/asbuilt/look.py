@@ -12,10 +12,10 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.asbuilt import computer, routeros
-from atlantis_netcfg.asbuilt.record import DeviceRecord, DeviceState, Fact, Origin, PortRecord, Spent, masked
+from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
 from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.errors import NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.declaration.model import (
     Cpe,
@@ -98,7 +98,7 @@ class SiteLook:
         device = DeviceRecord(
             name=host.name,
             kind=host.device.kind,
-            state=DeviceState.LEFT_OUT,
+            state=ReadState.LEFT_OUT,
             why="left out by `only=`",
             facts=dict(_declared(host)),
             ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.declaration, host).items()),
@@ -114,21 +114,23 @@ class SiteLook:
         except NetcfgError as error:
             self.notify(Event(host.name, Stage.FAILED, str(error)))
             hint = error.hint and complete(error.hint, site=host.site, device=host.name)
-            return device.model_copy(update={"state": DeviceState.NOT_REACHED, "why": str(error), "hint": hint})
-        self.notify(Event(host.name, Stage.DONE, "read"))
+            return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
+        self.notify(
+            Event(host.name, *((Stage.DONE, "read") if found.read_at is not None else (Stage.FAILED, found.why)))
+        )
         return found
 
-    def _why_not(self, host: Host) -> tuple[DeviceState | None, str]:
+    def _why_not(self, host: Host) -> tuple[ReadState | None, str]:
         """Why a host cannot be asked; None if it can."""
         device = host.device
         if isinstance(device, SatelliteTerminal):
-            return DeviceState.BY_HAND, _NO_INTERFACE
+            return ReadState.BY_HAND, _NO_INTERFACE
         if isinstance(device, LteRouter) and device.driver not in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
-            return DeviceState.BY_HAND, f"its driver `{device.driver}` reads the link, and nothing that names the unit"
+            return ReadState.BY_HAND, f"its driver `{device.driver}` reads the link, and nothing that names the unit"
         if not handled(host) and not is_computer(host) and not isinstance(device, LteRouter):
-            return DeviceState.BY_HAND, f"nobody reads a {device.kind.replace('_', ' ')} yet"
+            return ReadState.BY_HAND, f"nobody reads a {device.kind.replace('_', ' ')} yet"
         if self.request.rehearsed and host.name not in self.request.targets:
-            return DeviceState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
+            return ReadState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
         return None, ""
 
     async def _read(self, host: Host, device: DeviceRecord) -> DeviceRecord:
@@ -169,23 +171,18 @@ class SiteLook:
         return _filled(device, facts)
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
-        """One SSH command. Raises NotReached with the words of ssh, CostRefused."""
+        """One SSH command; where ssh does not get there, its words say why. Raises CostRefused."""
         packages, notes = computer.declared_packages(self.declaration, host, self.request)
         asked_for = computer.questions(host, packages)
         answers: Mapping[str, Answer] = await ask_gateway(
             self.declaration, host, self.request, asked_for, lambda *_: None, self.ssh_config
         )
         if all(answer.trouble is not None for answer in answers.values()):
-            raise ComputerSilent(next(iter(answers.values())).words)
+            why = next(iter(answers.values())).words
+            return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": why})
         found = computer.read(host, answers, packages, addresses(self.declaration, self.site))
         filled = _filled(device, found.facts, found.ports, found.missing, notes)
         return filled.model_copy(update={"packages": dict(found.packages)})
-
-
-class ComputerSilent(NetcfgError):
-    """A computer answered none of the questions: nothing is known of it."""
-
-    exit = ExitCode.CHECKS_FAILED
 
 
 def _filled(
@@ -202,7 +199,7 @@ def _filled(
     absent = [port for port in device.ports if port.name not in there]
     return device.model_copy(
         update={
-            "state": DeviceState.IN_PART if missing else DeviceState.READ,
+            "state": ReadState.IN_PART if missing else ReadState.READ,
             "why": "; ".join(missing),
             "read_at": datetime.now(UTC),
             "facts": {**device.facts, **facts},
@@ -252,7 +249,9 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
         if other.device.powered_by is not None and other.device.powered_by.device == host.name
     }
     site = declaration.sites[host.site]
-    boxes = {link.name: link.device for link in (*site.bearers, *site.served_links)}
+    boxes = {bearer.name: bearer.device for bearer in site.bearers} | {
+        link.name: link.device for link in site.served_links
+    }
     words = {PortUse.LAN: "LAN of the site", PortUse.MANAGEMENT: "the technician's laptop", PortUse.OFF: "nothing: off"}
     found = {}
     for port in device.ports:

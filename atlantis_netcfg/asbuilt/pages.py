@@ -12,13 +12,13 @@ from markupsafe import Markup
 
 from atlantis_netcfg.asbuilt.record import (
     FACTS,
+    AsBuiltRecord,
     DeviceRecord,
-    DeviceState,
     Fact,
-    Neighbour,
     Origin,
+    PortNeighbour,
     PortRecord,
-    Record,
+    ReadState,
     ReportTable,
     report_tables,
     shown,
@@ -36,31 +36,31 @@ if TYPE_CHECKING:
 _COLUMN = 26
 """At which the values of a screen begin."""
 _STYLES = {
-    DeviceState.READ: Style.GOOD,
-    DeviceState.IN_PART: Style.WARNING,
-    DeviceState.NOT_REACHED: Style.BAD,
+    ReadState.READ: Style.GOOD,
+    ReadState.IN_PART: Style.WARNING,
+    ReadState.NOT_REACHED: Style.BAD,
 }
 WORDS = {
-    DeviceState.READ: "READ",
-    DeviceState.IN_PART: "READ IN PART",
-    DeviceState.NOT_REACHED: "NOT REACHED",
-    DeviceState.BY_HAND: "NOT ASKED",
-    DeviceState.NOT_REHEARSED: "NOT REHEARSED",
-    DeviceState.LEFT_OUT: "LEFT OUT",
+    ReadState.READ: "READ",
+    ReadState.IN_PART: "READ IN PART",
+    ReadState.NOT_REACHED: "NOT REACHED",
+    ReadState.BY_HAND: "NOT ASKED",
+    ReadState.NOT_REHEARSED: "NOT REHEARSED",
+    ReadState.LEFT_OUT: "LEFT OUT",
 }
 
 
-def heading(record: Record) -> str:
+def heading(record: AsBuiltRecord) -> str:
     """What it is."""
     return f"As built: {record.title} ({record.site})"
 
 
-def subtitle(record: Record) -> str:
+def subtitle(record: AsBuiltRecord) -> str:
     """Which record, and when it was made."""
     return f"record {record.id}, {time_text(record.at, record.time_zone)}"
 
 
-def what(record: Record) -> str:
+def what(record: AsBuiltRecord) -> str:
     """Whether anything real was asked."""
     return "emulated devices, nothing real was asked" if record.rehearsed else "nothing was changed"
 
@@ -92,7 +92,7 @@ def facts_of(device: DeviceRecord) -> list[tuple[str, Fact]]:
 
 def read_words(device: DeviceRecord, zone: str) -> str:
     """Of what time the ports are, where they were not read in this run; empty where they were."""
-    if device.state in {DeviceState.READ, DeviceState.IN_PART}:
+    if device.state in {ReadState.READ, ReadState.IN_PART}:
         return ""
     if device.read_at is None:
         return "it was never read on this computer"
@@ -105,29 +105,29 @@ def link_words(port: PortRecord) -> str:
     return f"{words}, MAC {port.mac}" if port.mac else words
 
 
-def neighbour_words(neighbour: Neighbour) -> str:
+def neighbour_words(neighbour: PortNeighbour) -> str:
     """Who was heard, and how."""
     return f"heard: {shown(neighbour)}, by {' and '.join(neighbour.by)}"
 
 
-def closing(record: Record) -> str:
+def closing(record: AsBuiltRecord) -> str:
     """How it ended, in one sentence."""
     states = [device.state for device in record.devices]
-    read, away = (states.count(state) for state in (DeviceState.READ, DeviceState.NOT_REACHED))
-    part, rest = states.count(DeviceState.IN_PART), len(states)
+    read, away = (states.count(state) for state in (ReadState.READ, ReadState.NOT_REACHED))
+    part, rest = states.count(ReadState.IN_PART), len(states)
     if not read and not away and not part:
         return "Nobody was asked, so nothing was read"
     words = [f"{read} of {rest} devices were read"]
     words += [f"{part} in part"] if part else []
     words += [f"{away} did not answer"] if away else []
-    out = states.count(DeviceState.LEFT_OUT)
+    out = states.count(ReadState.LEFT_OUT)
     words += [f"{out} were left out"] if out else []
     left = rest - read - part - away - out
     words += [f"{left} cannot be asked"] if left else []
     return ", ".join(words)
 
 
-def compared_words(record: Record) -> str:
+def compared_words(record: AsBuiltRecord) -> str:
     """With what it is compared."""
     if record.since is None:
         return "There is no record before this one: nothing is compared."
@@ -136,14 +136,16 @@ def compared_words(record: Record) -> str:
     return f"Different from record {record.since}:"
 
 
-def rows(record: Record, kept: str) -> Iterator[Row]:
+def rows(record: AsBuiltRecord, kept: str) -> Iterator[Row]:
     """Every line of a screen; `kept`: where the record is."""
-    for row in _rows(record, kept):
+    for row in _rows(record):
         text = plain(row)
         yield from wrapped(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
+    yield translate(f"kept: {kept}")
+    yield translate(closing(record))
 
 
-def _rows(record: Record, kept: str) -> Iterator[Row]:
+def _rows(record: AsBuiltRecord) -> Iterator[Row]:
     yield Styled(translate(heading(record)), Style.TITLE)
     yield translate(subtitle(record))
     yield translate(what(record))
@@ -159,8 +161,6 @@ def _rows(record: Record, kept: str) -> Iterator[Row]:
     yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
     yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
     yield ""
-    yield translate(f"kept: {kept}")
-    yield translate(closing(record))
 
 
 def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
@@ -190,7 +190,7 @@ def anchor(name: str) -> str:
     return f"device-{name}"
 
 
-def html(record: Record, digest: str) -> bytes:
+def html(record: AsBuiltRecord, digest: str) -> bytes:
     """The page: no script, no request; the same for the same record. `digest`: SHA-256 of its `as-built.json`."""
     style = _environment().get_template("as-built.css.j2").render()
     page = _environment().get_template("as-built.html.j2")

@@ -40,7 +40,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Record, ReportTable
+    from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Fact, ReportTable
     from atlantis_netcfg.declaration.model import AsBuilt
 
 _INDENT = 5.0
@@ -51,7 +51,7 @@ _EDGE = 2.5
 """Of a label that stays free, in mm: sheets are cut, and printers do not meet them exactly."""
 
 
-def pdf(record: Record, digest: str) -> bytes:
+def pdf(record: AsBuiltRecord, digest: str) -> bytes:
     """The record, the same bytes for the same record. `digest`: SHA-256 of its `as-built.json`."""
     paper = _paper(record, digest)
     paper.add_page()
@@ -80,7 +80,7 @@ def pdf(record: Record, digest: str) -> bytes:
     return paper.written()
 
 
-def _paper(record: Record, digest: str) -> Paper:
+def _paper(record: AsBuiltRecord, digest: str) -> Paper:
     paper = Paper(translate(heading(record)), record.tool, record.at)
     words = [translate(f"{record.site}, record {record.id}"), f"SHA-256 {digest[:DIGITS]}…"]
     paper.head_line = "; ".join(
@@ -111,8 +111,8 @@ def _device(paper: Paper, device: DeviceRecord, zone: str) -> None:
 
 
 def _value(fact: Fact, zone: str) -> str:
-    said = translate(where(fact, zone))
-    return f"{fact.value} ({said})" if fact.value else said
+    origin = translate(where(fact, zone))
+    return f"{fact.value} ({origin})" if fact.value else origin
 
 
 def _table(paper: Paper, table: ReportTable) -> None:
@@ -138,7 +138,7 @@ class Label:
     text: str
 
 
-def labels_of(record: Record, digest: str, place: str) -> tuple[Label, ...]:
+def labels_of(record: AsBuiltRecord, digest: str, place: str) -> tuple[Label, ...]:
     """A label for each device of the site, and for each port of which the declaration says what belongs there.
 
     `place`: where the record is, below the state folder.
@@ -146,7 +146,7 @@ def labels_of(record: Record, digest: str, place: str) -> tuple[Label, ...]:
     return tuple(label for device in record.devices for label in _labels(record, device, digest, place))
 
 
-def _labels(record: Record, device: DeviceRecord, digest: str, place: str) -> Iterator[Label]:
+def _labels(record: AsBuiltRecord, device: DeviceRecord, digest: str, place: str) -> Iterator[Label]:
     fact = device.facts.get("serial")
     serial = fact.value if fact is not None and fact.value else "not read"
     ports = [(port.name, port.belongs) for port in device.ports if port.belongs]
@@ -163,7 +163,7 @@ def _labels(record: Record, device: DeviceRecord, digest: str, place: str) -> It
         yield Label(device.name, port, belongs, serial, "\n".join(lines))
 
 
-def labels_pdf(record: Record, digest: str, place: str, sheet: AsBuilt) -> bytes:
+def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -> bytes:
     """A4 sheets of labels of the declared size. Raises UsageError where a QR code has no room on a label."""
     width, height = sheet.label_width_mm, sheet.label_height_mm
     columns, lines = (int((whole + 0.01) // part) for whole, part in zip(_A4, (width, height), strict=True))
@@ -224,7 +224,7 @@ def _text(paper: Paper, words: Iterator[tuple[str, float, bool]], at: tuple[floa
         paper.multi_cell(right - at[0], line, printable(text), align="L", new_x="LEFT", new_y="NEXT")
 
 
-def _words(label: Label, record: Record) -> Iterator[tuple[str, float, bool]]:
+def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bool]]:
     """What stands beside the code: text, size of its letters, whether they are bold."""
     yield (label.device if label.port is None else f"{label.device} {label.port}"), 9.0, True
     yield translate(label.belongs), 7.5, False

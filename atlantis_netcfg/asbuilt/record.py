@@ -42,7 +42,7 @@ class Fact(_Data):
     """Where it was found, or why it is not known."""
 
 
-class Neighbour(_Data):
+class PortNeighbour(_Data):
     """Who was heard on a port: nothing of it is from the declaration but `declared`."""
 
     mac: str
@@ -73,10 +73,10 @@ class PortRecord(_Data):
     """In the words of the device: `1Gbps`, `1000 Mbit/s`."""
     belongs: str | None = None
     """What belongs there by the declaration; None: the declaration says nothing of it."""
-    neighbours: tuple[Neighbour, ...] = ()
+    neighbours: tuple[PortNeighbour, ...] = ()
 
 
-class DeviceState(StrEnum):
+class ReadState(StrEnum):
     """What came of a device."""
 
     READ = "read"
@@ -93,7 +93,7 @@ class DeviceRecord(_Data):
 
     name: str
     kind: str
-    state: DeviceState
+    state: ReadState
     why: str = ""
     """Why it was not read, or not whole."""
     hint: str | None = None
@@ -102,7 +102,7 @@ class DeviceRecord(_Data):
     facts: dict[str, Fact] = {}
     """By the names of `FACTS`."""
     ports: tuple[PortRecord, ...] = ()
-    elsewhere: tuple[Neighbour, ...] = ()
+    elsewhere: tuple[PortNeighbour, ...] = ()
     """Heard, but nobody can tell at which port."""
     packages: dict[str, str] = {}
     """Of a computer: declared package to the version that dpkg says; `not installed` where there is none."""
@@ -163,7 +163,7 @@ class Spent(_Data):
     bytes: int
 
 
-class Record(_Data):
+class AsBuiltRecord(_Data):
     """What is kept as `as-built.json`."""
 
     format: int = 1
@@ -195,9 +195,9 @@ class Record(_Data):
     def exit(self) -> ExitCode:
         """Nobody read is not green, nor is a device that did not answer, or not whole."""
         states = {device.state for device in self.devices}
-        if states & {DeviceState.NOT_REACHED, DeviceState.IN_PART}:
+        if states & {ReadState.NOT_REACHED, ReadState.IN_PART}:
             return ExitCode.CHECKS_FAILED
-        return ExitCode.DONE if DeviceState.READ in states else ExitCode.NOTHING
+        return ExitCode.DONE if ReadState.READ in states else ExitCode.NOTHING
 
     def device(self, name: str) -> DeviceRecord | None:
         """What stands in it of a device."""
@@ -217,7 +217,7 @@ def masked(number: str, mask: NumberMask) -> str:
     return "*" * (len(number) - len(shown)) + shown
 
 
-def compared(record: Record, before: Record | None) -> Record:
+def compared(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecord:
     """The record with its differences from the one before, and with the last known values of whom nobody reached."""
     if before is None:
         return record
@@ -241,11 +241,11 @@ def _stored(fact: Fact, read_at: datetime) -> Fact:
     return fact.model_copy(update={"origin": Origin.STORED, "at": fact.at or read_at})
 
 
-def _changes(record: Record, before: Record) -> Iterator[Change]:
+def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
     """Only of what was read in this run: what nobody reached is not known to be another one."""
     for device in record.devices:
         earlier = before.device(device.name)
-        if device.state not in {DeviceState.READ, DeviceState.IN_PART} or earlier is None or earlier.read_at is None:
+        if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
             continue
         skipped = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
         changed = (*_of_facts(device, earlier, skipped), *_of_ports(device, earlier), *_of_packages(device, earlier))
@@ -286,7 +286,7 @@ def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
     for port in now.ports:
         here = {item.mac: shown(item) for item in port.neighbours}
         gone = {item.mac: shown(item) for item in ports.get(port.name, ())}
-        pairs = [(None, here[mac]) for mac in here if mac not in gone]
+        pairs: list[tuple[str | None, str | None]] = [(None, here[mac]) for mac in here if mac not in gone]
         pairs += [(gone[mac], None) for mac in gone if mac not in here]
         for old, new in pairs:
             yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
@@ -298,7 +298,7 @@ def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Differenc
             yield f"package {name}", before.packages.get(name), version
 
 
-def shown(neighbour: Neighbour) -> str:
+def shown(neighbour: PortNeighbour) -> str:
     """Who it is, as far as it was heard."""
     words = [neighbour.mac, *(item for item in (neighbour.address, neighbour.name) if item)]
     return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
@@ -340,9 +340,9 @@ _HARDWARE = ("device", "kind", "model", "serial number", "software version")
 _COMPUTERS = frozenset({"gateway", "vpn_server", "control_centre"})
 
 
-def report_tables(record: Record) -> tuple[ReportTable, ...]:
+def report_tables(record: AsBuiltRecord) -> tuple[ReportTable, ...]:
     """Tables 8, 9, 31 and 32, in columns of ours: the report's own columns are lost (pilot.md, section 5)."""
-    devices = [item for item in record.devices if item.state in {DeviceState.READ, DeviceState.IN_PART}]
+    devices = [item for item in record.devices if item.state in {ReadState.READ, ReadState.IN_PART}]
     centre = any(device.kind in {"vpn_server", "control_centre"} for device in record.devices)
     checklist = record.checklist.value if record.checklist is not None else None
     tested = devices if checklist is not None else []

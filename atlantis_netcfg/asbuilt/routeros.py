@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.asbuilt.record import Fact, Link, Neighbour, Origin, PortRecord, masked
+from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, masked
 from atlantis_netcfg.bearers.lte.routeros import monitor_query
 from atlantis_netcfg.operations.links.session import command, rows
 from atlantis_netcfg.routeros.api import Command
@@ -47,7 +47,7 @@ class RouterOsFacts:
 
     facts: Mapping[str, Fact]
     ports: tuple[PortRecord, ...]
-    elsewhere: tuple[Neighbour, ...]
+    elsewhere: tuple[PortNeighbour, ...]
     missing: tuple[str, ...] = ()
     """Menus that it refused, with its words."""
     notes: tuple[str, ...] = ()
@@ -69,14 +69,14 @@ def read(
     menus = dict(zip(_MENUS, replies, strict=False))
     links = dict(zip(ports, replies[len(_MENUS) :], strict=False))
     found = {name: rows(reply) or () for name, reply in menus.items()}
-    said = _first(found["resource"]) | _first(found["board"])
+    system = _first(found["resource"]) | _first(found["board"])
     monitored = replies[len(_MENUS) + len(ports)] if modem is not None else None
     interfaces = [row for row in found["interfaces"] if row.get("type") in _PORTS and "default-name" in row]
     known = _joined(found, declared)
     made = tuple(_port(row, links.get(row["default-name"]), known) for row in interfaces)
     names = {row.get("name") for row in interfaces}
     return RouterOsFacts(
-        facts={**dict(_system(said)), **dict(_modem(monitored, mask))},
+        facts={**dict(_system(system)), **dict(_modem(monitored, mask))},
         ports=made,
         elsewhere=tuple(item.shown for item in known if item.interface not in names),
         missing=tuple(_refusals(menus, _NEEDED)),
@@ -96,11 +96,11 @@ def _first(menu: Sequence[Row]) -> dict[str, str]:
     return dict(menu[0]) if menu else {}
 
 
-def _system(said: Mapping[str, str]) -> Iterator[tuple[str, Fact]]:
-    yield "model", _fact(said.get("model") or said.get("board-name"), "the device names no model")
-    yield "serial", _fact(said.get("serial-number"), "the board shows no serial number")
-    yield "version", _fact(said.get("version"), "the device says no version")
-    yield "boot_firmware", _fact(said.get("current-firmware"), "the board has no boot loader of its own")
+def _system(system: Mapping[str, str]) -> Iterator[tuple[str, Fact]]:
+    yield "model", _fact(system.get("model") or system.get("board-name"), "the device names no model")
+    yield "serial", _fact(system.get("serial-number"), "the board shows no serial number")
+    yield "version", _fact(system.get("version"), "the device says no version")
+    yield "boot_firmware", _fact(system.get("current-firmware"), "the board has no boot loader of its own")
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
@@ -132,8 +132,10 @@ class _Found:
     declared: str | None = None
 
     @property
-    def shown(self) -> Neighbour:
-        return Neighbour(mac=self.mac, by=tuple(self.by), address=self.address, name=self.name, declared=self.declared)
+    def shown(self) -> PortNeighbour:
+        return PortNeighbour(
+            mac=self.mac, by=tuple(self.by), address=self.address, name=self.name, declared=self.declared
+        )
 
 
 def _joined(found: Mapping[str, Sequence[Row]], declared: Mapping[str, str]) -> list[_Found]:

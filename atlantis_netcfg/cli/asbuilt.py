@@ -21,7 +21,7 @@ from atlantis_netcfg.cli._arguments import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from atlantis_netcfg.asbuilt.record import Record
+    from atlantis_netcfg.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
 
@@ -84,7 +84,7 @@ def _refuse_all(site: str) -> None:
         raise UsageError("`provision asbuilt` is about one site at a time", hint="type its name: `site=coastal`")
 
 
-def _made(opened: CommandSession) -> tuple[Record, Path, str]:
+def _made(opened: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     """The record, the folder in which it is kept, and the SHA-256 of its `as-built.json`. Raises NetcfgError."""
     import hashlib
     import json
@@ -110,13 +110,13 @@ def _made(opened: CommandSession) -> tuple[Record, Path, str]:
     return record, folder, digest
 
 
-def _read(opened: CommandSession) -> Record:
+def _read(opened: CommandSession) -> AsBuiltRecord:
     """Ask, once it is agreed what the asking may cost."""
     import asyncio
 
     from atlantis_netcfg import __version__
     from atlantis_netcfg.asbuilt.look import SiteLook, look_at
-    from atlantis_netcfg.asbuilt.record import Record
+    from atlantis_netcfg.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.journal import utc_now
     from atlantis_netcfg.operations import Mode
@@ -128,7 +128,7 @@ def _read(opened: CommandSession) -> Record:
     with progress(quiet=opened.as_json) as notify:
         site = SiteLook(declaration, opened.site, request, notify, opened.left_out)
         devices, costs = asyncio.run(look_at(site, opened.hosts))
-    return Record(
+    return AsBuiltRecord(
         id="",
         site=opened.site,
         title=declaration.sites[opened.site].title,

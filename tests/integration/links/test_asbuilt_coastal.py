@@ -14,7 +14,7 @@ import pytest
 from links_bench import PATIENCE_S, Bench, bench
 
 from atlantis_netcfg.asbuilt.look import SiteLook
-from atlantis_netcfg.asbuilt.record import DeviceRecord, DeviceState, Link, Origin, Record, compared
+from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.declaration import choose
@@ -44,18 +44,18 @@ def coastal(running: Bench) -> Iterator[Bench]:
     running.do(ROUTER, "around", plugged={}, cards={})
 
 
-def looked(coastal: Bench, *only: str, name: str = "1") -> tuple[Record, SiteLook]:
+def looked(coastal: Bench, *only: str, name: str = "1") -> tuple[AsBuiltRecord, SiteLook]:
     request = coastal.request.model_copy(update={"targets": coastal.request.targets | coastal.targets})
     site = SiteLook(coastal.declaration, "coastal", request, ignore, {GATEWAY: "EXAMPLE reason"}, PATIENCE_S)
     devices = asyncio.run(site.devices(choose(coastal.declaration, "coastal", only)))
-    made = Record(
+    made = AsBuiltRecord(
         id=name, site="coastal", title="Coastal testbed", at=utc_now(), tool="0", inventory="", rehearsed=True,
         mask=NumberMask.LAST4, devices=devices, spent=site.spent,
     )  # fmt: skip
     return made, site
 
 
-def device(record: Record, name: str) -> DeviceRecord:
+def device(record: AsBuiltRecord, name: str) -> DeviceRecord:
     found = record.device(name)
     assert found is not None
     return found
@@ -64,11 +64,11 @@ def device(record: Record, name: str) -> DeviceRecord:
 def test_every_device_is_there_with_what_came_of_it(coastal: Bench) -> None:
     record, _ = looked(coastal)
     assert {item.name: item.state for item in record.devices} == {
-        ROUTER: DeviceState.READ,
-        NEAR: DeviceState.READ,
-        UNIT: DeviceState.READ,
-        TERMINAL: DeviceState.BY_HAND,
-        GATEWAY: DeviceState.NOT_REHEARSED,
+        ROUTER: ReadState.READ,
+        NEAR: ReadState.READ,
+        UNIT: ReadState.READ,
+        TERMINAL: ReadState.BY_HAND,
+        GATEWAY: ReadState.NOT_REHEARSED,
     }
     assert record.exit is ExitCode.DONE
     serials = [device(record, name).facts["serial"].value for name in (ROUTER, NEAR, UNIT)]
@@ -132,7 +132,7 @@ def test_a_device_that_does_not_answer_is_not_green_and_keeps_what_was_known(coa
     coastal.away(NEAR)
     record = compared(looked(coastal, name="2")[0], before)
     near = device(record, NEAR)
-    assert (near.state, record.exit) == (DeviceState.NOT_REACHED, ExitCode.CHECKS_FAILED)
+    assert (near.state, record.exit) == (ReadState.NOT_REACHED, ExitCode.CHECKS_FAILED)
     assert near.facts["serial"].origin is Origin.STORED
     assert near.read_at == device(before, NEAR).read_at
     assert {fact.origin for fact in near.facts.values()} <= {Origin.STORED, Origin.DECLARED, Origin.NOT_READ}
@@ -145,7 +145,7 @@ def test_an_impostor_is_told_nothing_and_gives_nothing(coastal: Bench) -> None:
     target = coastal.request.targets[NEAR].model_copy(update={"pin": "0" * 64})
     coastal.targets = {NEAR: target}
     near = device(looked(coastal)[0], NEAR)
-    assert near.state is DeviceState.NOT_REACHED
+    assert near.state is ReadState.NOT_REACHED
     assert "certificate" in near.why
     assert near.read_at is None
 
@@ -153,7 +153,7 @@ def test_an_impostor_is_told_nothing_and_gives_nothing(coastal: Bench) -> None:
 def test_only_some_are_asked_and_nobody_is_no_green(coastal: Bench) -> None:
     record, site = looked(coastal, TERMINAL)
     assert (record.exit, site.spent) == (ExitCode.NOTHING, {})
-    assert device(record, ROUTER).state is DeviceState.LEFT_OUT
+    assert device(record, ROUTER).state is ReadState.LEFT_OUT
 
 
 def provision(state: Path, *words: str) -> subprocess.CompletedProcess[str]:

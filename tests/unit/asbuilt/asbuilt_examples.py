@@ -6,20 +6,20 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from atlantis_netcfg.asbuilt.record import (
+    AsBuiltRecord,
     DeviceRecord,
-    DeviceState,
     Fact,
     Link,
-    Neighbour,
     Origin,
+    PortNeighbour,
     PortRecord,
-    Record,
+    ReadState,
 )
 from atlantis_netcfg.declaration.model import NumberMask
 
 AT = datetime(2026, 11, 25, 10, 0, tzinfo=UTC)
 LATER = AT + timedelta(days=1)
-GATEWAY = Neighbour(mac="02:00:5E:00:00:07", by=("bridge", "ARP"), address="10.64.1.7", declared="coastal-gateway")
+GATEWAY = PortNeighbour(mac="02:00:5E:00:00:07", by=("bridge", "ARP"), address="10.64.1.7", declared="coastal-gateway")
 
 
 def read(value: str) -> Fact:
@@ -33,13 +33,13 @@ def port(name: str = "ether3", **more: Any) -> PortRecord:  # noqa: ANN401 - fie
 
 def router(serial: str = "EXAMPLE1", *ports: PortRecord, **more: Any) -> DeviceRecord:  # noqa: ANN401 - its fields
     facts = {"model": read("EXAMPLE-BOARD"), "serial": read(serial), "version": read("7.18.2 (stable)")}
-    given = {"state": DeviceState.READ, "read_at": AT, "facts": facts, "ports": ports or (port(),)}
+    given = {"state": ReadState.READ, "read_at": AT, "facts": facts, "ports": ports or (port(),)}
     return DeviceRecord.model_validate({"name": "coastal-router", "kind": "router", **given, **more})
 
 
 def away(**more: Any) -> DeviceRecord:  # noqa: ANN401 - fields of DeviceRecord
     """A router that did not answer."""
-    given = {"state": DeviceState.NOT_REACHED, "why": "nobody answers", "hint": "look at its power"}
+    given = {"state": ReadState.NOT_REACHED, "why": "nobody answers", "hint": "look at its power"}
     return DeviceRecord.model_validate({"name": "coastal-router", "kind": "router", **given, **more})
 
 
@@ -50,13 +50,13 @@ def terminal() -> DeviceRecord:
     return DeviceRecord(
         name="coastal-sat",
         kind="satellite_terminal",
-        state=DeviceState.BY_HAND,
+        state=ReadState.BY_HAND,
         why="a person looks at its pages",
         facts={"serial": blind, "version": seen},
     )
 
 
-def record(*devices: DeviceRecord, **more: Any) -> Record:  # noqa: ANN401 - fields of Record
+def record(*devices: DeviceRecord, **more: Any) -> AsBuiltRecord:  # noqa: ANN401 - fields of AsBuiltRecord
     given = {
         "id": "20261125T100000Z",
         "site": "coastal",
@@ -69,4 +69,4 @@ def record(*devices: DeviceRecord, **more: Any) -> Record:  # noqa: ANN401 - fie
         "mask": NumberMask.LAST4,
         "devices": devices or (router(), terminal()),
     }
-    return Record.model_validate({**given, **more})
+    return AsBuiltRecord.model_validate({**given, **more})

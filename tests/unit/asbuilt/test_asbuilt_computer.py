@@ -11,7 +11,7 @@ import pytest
 
 from atlantis_netcfg.asbuilt import computer
 from atlantis_netcfg.asbuilt.look import SiteLook
-from atlantis_netcfg.asbuilt.record import DeviceState, Link, Origin
+from atlantis_netcfg.asbuilt.record import Link, Origin, ReadState
 from atlantis_netcfg.checklist.probes import CommandResult, Trouble
 from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.core.events import ignore
@@ -162,7 +162,7 @@ def test_this_computer_in_place_of_a_gateway_is_read_in_one_ssh_command(
     ssh = Ssh(tmp_path, 'exec sh -c "$last"')
     monkeypatch.setenv("PATH", ssh.path)
     found = ssh.look()
-    assert found.state is DeviceState.READ, found.why
+    assert found.state is ReadState.READ, found.why
     assert len(ssh.calls.read_text().splitlines()) == 1
     assert found.facts["kernel"].value == f"{os.uname().release} {os.uname().machine}"
     assert found.facts["os"].origin is Origin.READ
@@ -175,7 +175,7 @@ def test_a_gateway_that_does_not_answer_is_not_reached_and_has_no_value(
     ssh = Ssh(tmp_path, "echo 'ssh: connect to host EXAMPLE port 22: No route to host' >&2; exit 255")
     monkeypatch.setenv("PATH", ssh.path)
     found = ssh.look()
-    assert found.state is DeviceState.NOT_REACHED
+    assert found.state is ReadState.NOT_REACHED
     assert "coastal-gateway was not reached: ssh: connect to host EXAMPLE port 22: No route to host" in found.why
     assert (found.read_at, found.packages) == (None, {})
     assert all(fact.origin is not Origin.READ for fact in found.facts.values())

@@ -6,12 +6,12 @@ import pytest
 from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
 
 from atlantis_netcfg.asbuilt.record import (
+    AsBuiltRecord,
     DeviceRecord,
-    DeviceState,
     Fact,
     Link,
     Origin,
-    Record,
+    ReadState,
     compared,
     masked,
     report_tables,
@@ -35,11 +35,11 @@ def test_a_number_is_masked_as_declared(mask: NumberMask, number: str, shown: st
     assert masked(number, mask) == shown
 
 
-def later(*devices: DeviceRecord) -> Record:
+def later(*devices: DeviceRecord) -> AsBuiltRecord:
     return record(*devices, id="20261126T100000Z", at=LATER)
 
 
-def words(now: Record, before: Record) -> list[str]:
+def words(now: AsBuiltRecord, before: AsBuiltRecord) -> list[str]:
     return [change.words for change in compared(now, before).changes]
 
 
@@ -99,7 +99,7 @@ def test_another_certificate_is_a_difference_but_of_an_emulated_device(*, rehear
 def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> None:
     found = compared(later(away()), record()).device("coastal-router")
     assert found is not None
-    assert found.state is DeviceState.NOT_REACHED
+    assert found.state is ReadState.NOT_REACHED
     assert found.facts["serial"] == Fact(value="EXAMPLE1", origin=Origin.STORED, at=AT)
     assert (found.read_at, [each.name for each in found.ports]) == (AT, ["ether3"])
 
@@ -120,7 +120,7 @@ def test_last_known_values_keep_their_time_over_many_records_and_are_compared_wh
     [
         ((router(), terminal()), ExitCode.DONE),
         ((router(), away(name="coastal-cpe")), ExitCode.CHECKS_FAILED),
-        ((router(state=DeviceState.IN_PART),), ExitCode.CHECKS_FAILED),
+        ((router(state=ReadState.IN_PART),), ExitCode.CHECKS_FAILED),
         ((terminal(),), ExitCode.NOTHING),
         ((away(),), ExitCode.CHECKS_FAILED),
     ],

@@ -265,9 +265,9 @@ def _bridge_hosts(core: Core, _call: Call) -> Rows:
                 continue
             place = {"on-interface": core.topology.name(number), "bridge": core.topology.name(bridge)}
             card = cards[number]
-            heard = core.spec.around.plugged.get((card.factory or {})["name"], ())
+            macs = core.spec.around.plugged.get((card.factory or {})["name"], ())
             found.append((core.store.text(ethernet, card, "mac-address") or "", place, True))
-            found += [(mac.upper(), place, False) for mac in heard]
+            found += [(mac.upper(), place, False) for mac in macs]
     flags = {"dynamic": "true", "invalid": "false", "external": "false", "disabled": "false"}
     return [
         {".id": id_text(number), "mac-address": mac, **place, "local": _truth(local), **flags}
