@@ -44,7 +44,7 @@ _NEEDED = ("os", "kernel", "links")
 PACKAGE_LINES = r"-f=${Package}=${Version}=${db:Status-Status}\n"
 """How dpkg-query is told to print a package."""
 NOT_INSTALLED = "not installed"
-_PLACEHOLDERS = frozenset({"", "none", "default string", "to be filled by o.e.m.", "not specified", "0"})
+_PLACEHOLDERS = re.compile(r"|0+|none|default string|to be filled by o\.e\.m\.|not specified", re.IGNORECASE)
 """What firmware says where nobody has written a number."""
 
 
@@ -96,7 +96,7 @@ def read(
     printed = {name: _printed(answer) for name, answer in answers.items()}
     port = host.device.network.interface if isinstance(host.device, Gateway) and host.device.network else None
     return ComputerFacts(
-        facts=dict(_facts(printed)),
+        facts=_facts(printed),
         ports=tuple(_ports(printed, port, declared)),
         packages=_versions(printed.get("packages"), packages),
         missing=tuple(
@@ -118,14 +118,17 @@ def _why(answer: Answer) -> str:
     return answer.words or last or "it printed nothing"
 
 
-def _facts(printed: Mapping[str, str | None]) -> Iterator[tuple[str, Fact]]:
+def _facts(printed: Mapping[str, str | None]) -> dict[str, Fact]:
     key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", printed["host_key"] or "")
-    yield "model", _fact(_worthy(printed["board"]) or _worthy(printed["product"]), "its firmware names no model")
+    model = _worthy(printed["board"]) or _worthy(printed["product"])
     serial = _worthy(printed["board_serial"]) or _worthy(printed["product_serial"])
-    yield "serial", _fact(serial, "its firmware names no serial number")
-    yield "os", _fact(_release(printed["os"] or ""), "its system does not say")
-    yield "kernel", _fact(printed["kernel"], "its system does not say")
-    yield "host_key", _fact(key[0] if key else None, f"it has no {_HOST_KEY}")
+    return {
+        "model": _fact(model, "its firmware names no model"),
+        "serial": _fact(serial, "its firmware names no serial number"),
+        "os": _fact(_release(printed["os"] or ""), "its system does not say"),
+        "kernel": _fact(printed["kernel"], "its system does not say"),
+        "host_key": _fact(key[0] if key else None, f"it has no {_HOST_KEY}"),
+    }
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
@@ -133,7 +136,7 @@ def _fact(value: str | None, why_not: str) -> Fact:
 
 
 def _worthy(text: str | None) -> str | None:
-    return None if text is None or text.lower() in _PLACEHOLDERS else text
+    return None if text is None or _PLACEHOLDERS.fullmatch(text) else text
 
 
 def _release(text: str) -> str | None:

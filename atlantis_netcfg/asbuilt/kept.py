@@ -51,7 +51,7 @@ def parsed(data: bytes) -> AsBuiltRecord:
     """Read an `as-built.json`. ValueError if it is none."""
     found = json.loads(data)
     if not isinstance(found, dict):
-        raise ValueError("no record")  # noqa: TRY004 - a file that holds another thing
+        raise ValueError  # noqa: TRY004 - a file that holds another thing
     try:
         return AsBuiltRecord.model_validate({name: value for name, value in found.items() if name not in _DERIVED})
     except ValidationError as error:

@@ -100,7 +100,7 @@ class SiteLook:
             kind=host.device.kind,
             state=ReadState.LEFT_OUT,
             why="left out by `only=`",
-            facts=dict(_declared(host)),
+            facts=_declared(host),
             ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.declaration, host).items()),
         )
         if not chosen:
@@ -220,20 +220,18 @@ def _fact(value: str | None, why_not: str) -> Fact:
     return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
 
 
-def _declared(host: Host) -> Iterator[tuple[str, Fact]]:
+def _declared(host: Host) -> dict[str, Fact]:
     """What the declaration says of a device; of a terminal also what a person has seen on its pages."""
     device = host.device
-    if device.model is not None:
-        yield "model", Fact(value=device.model, origin=Origin.DECLARED)
+    model = {} if device.model is None else {"model": Fact(value=device.model, origin=Origin.DECLARED)}
     if not isinstance(device, SatelliteTerminal):
-        return
-    yield "serial", Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE)
+        return model
     seen = device.evidence
-    if seen is None:
-        yield "version", Fact(value=None, origin=Origin.NOT_READ, note="nobody has looked at its pages yet")
-    else:
+    version = Fact(value=None, origin=Origin.NOT_READ, note="nobody has looked at its pages yet")
+    if seen is not None:
         note = f"declared: {seen.by} has seen it on its pages on {seen.seen_on}"
-        yield "version", Fact(value=seen.firmware, origin=Origin.DECLARED, note=note)
+        version = Fact(value=seen.firmware, origin=Origin.DECLARED, note=note)
+    return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
 
 
 def places(declaration: Declaration, host: Host) -> dict[str, str]:

@@ -221,7 +221,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters.update(tr=translate)
+    made.filters.update(translate=translate)
     made.globals.update(
         heading=heading,
         subtitle=subtitle,

@@ -76,7 +76,7 @@ def read(
     made = tuple(_port(row, links.get(row["default-name"]), known) for row in interfaces)
     names = {row.get("name") for row in interfaces}
     return RouterOsFacts(
-        facts={**dict(_system(system)), **dict(_modem(monitored, mask))},
+        facts={**_system(system), **_modem(monitored, mask)},
         ports=made,
         elsewhere=tuple(item.shown for item in known if item.interface not in names),
         missing=tuple(_refusals(menus, _NEEDED)),
@@ -96,28 +96,30 @@ def _first(menu: Sequence[Row]) -> dict[str, str]:
     return dict(menu[0]) if menu else {}
 
 
-def _system(system: Mapping[str, str]) -> Iterator[tuple[str, Fact]]:
-    yield "model", _fact(system.get("model") or system.get("board-name"), "the device names no model")
-    yield "serial", _fact(system.get("serial-number"), "the board shows no serial number")
-    yield "version", _fact(system.get("version"), "the device says no version")
-    yield "boot_firmware", _fact(system.get("current-firmware"), "the board has no boot loader of its own")
+def _system(system: Mapping[str, str]) -> dict[str, Fact]:
+    model = system.get("model") or system.get("board-name")
+    return {
+        "model": _fact(model, "the device names no model"),
+        "serial": _fact(system.get("serial-number"), "the board shows no serial number"),
+        "version": _fact(system.get("version"), "the device says no version"),
+        "boot_firmware": _fact(system.get("current-firmware"), "the board has no boot loader of its own"),
+    }
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
     return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
 
 
-def _modem(reply: Reply | None, mask: NumberMask) -> Iterator[tuple[str, Fact]]:
+def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
     """Model and firmware of a modem, and the numbers that name it and its SIM as far as a record may show them."""
     if reply is None:
-        return
+        return {}
     row = _first(rows(reply) or ())
     silent = "the modem does not say it now"
     model = " ".join(row[name] for name in ("manufacturer", "model") if row.get(name))
-    yield "modem", _fact(model, silent)
-    yield "modem_firmware", _fact(row.get("revision"), silent)
-    for name in ("imei", "iccid"):
-        yield name, _fact(masked(row[name], mask) if row.get(name) else None, silent)
+    numbers = {name: masked(row[name], mask) if row.get(name) else None for name in ("imei", "iccid")}
+    named = {"modem": _fact(model, silent), "modem_firmware": _fact(row.get("revision"), silent)}
+    return named | {name: _fact(number, silent) for name, number in numbers.items()}
 
 
 @dataclass(slots=True)
