@@ -40,7 +40,7 @@ _STYLES = {
     ReadState.IN_PART: Style.WARNING,
     ReadState.NOT_REACHED: Style.BAD,
 }
-WORDS = {
+_STATES = {
     ReadState.READ: "READ",
     ReadState.IN_PART: "READ IN PART",
     ReadState.NOT_REACHED: "NOT REACHED",
@@ -48,6 +48,11 @@ WORDS = {
     ReadState.NOT_REHEARSED: "NOT REHEARSED",
     ReadState.LEFT_OUT: "LEFT OUT",
 }
+
+
+def state_word(device: DeviceRecord) -> str:
+    """What came of a device, in capitals, in the language of the person."""
+    return translate(_STATES[device.state])
 
 
 def heading(record: AsBuiltRecord) -> str:
@@ -164,7 +169,7 @@ def _rows(record: AsBuiltRecord) -> Iterator[Row]:
 
 
 def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
-    word = translate(WORDS[device.state])
+    word = state_word(device)
     kind = translate(device.kind.replace("_", " "))
     yield Styled(device.name, Style.TITLE), f": {kind}, ", Styled(word, _STYLES.get(device.state, Style.QUIET))
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
@@ -229,7 +234,7 @@ def _environment() -> Environment:
         where=where,
         facts_of=facts_of,
         title_of=title_of,
-        words=WORDS,
+        state_word=state_word,
         read_words=read_words,
         link_words=link_words,
         neighbour_words=neighbour_words,

@@ -17,7 +17,6 @@ import segno
 
 from atlantis_netcfg.asbuilt.kept import FILE
 from atlantis_netcfg.asbuilt.pages import (
-    WORDS,
     anchor,
     checklist_words,
     closing,
@@ -27,6 +26,7 @@ from atlantis_netcfg.asbuilt.pages import (
     link_words,
     neighbour_words,
     read_words,
+    state_word,
     subtitle,
     table_words,
     where,
@@ -91,7 +91,7 @@ def _paper(record: AsBuiltRecord, digest: str) -> Paper:
 
 
 def _device(paper: Paper, device: DeviceRecord, zone: str) -> None:
-    paper.head(f"{device.name}: {translate(WORDS[device.state])}")
+    paper.head(f"{device.name}: {state_word(device)}")
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
         if words:
             paper.tell(translate(words), indent=_INDENT)

@@ -12,7 +12,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.declaration.model import NumberMask
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
 
 class _Data(BaseModel):
@@ -147,8 +147,9 @@ class Change(_Data):
     def words(self) -> str:
         """What a person reads."""
         if self.neighbour:
-            has = f"now has {self.after}" if self.after is not None else f"no longer has {self.before}"
-            return f"{self.device}: {self.what} {has}"
+            if self.after is None:
+                return f"{self.device}: {self.what} no longer has {self.before}"
+            return f"{self.device}: {self.what} now has {self.after}"
         if self.before is None:
             return f"{self.device}: {self.what} is now {self.after}; it was not known before"
         if self.after is None:
@@ -304,7 +305,7 @@ def shown(neighbour: PortNeighbour) -> str:
     return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
 
 
-_TITLES: Mapping[str, str] = {
+_TITLES = {
     "model": "model",
     "serial": "serial number",
     "version": "software version",
