@@ -115,9 +115,8 @@ class SiteLook:
             self.notify(Event(host.name, Stage.FAILED, str(error)))
             hint = error.hint and complete(error.hint, site=host.site, device=host.name)
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
-        self.notify(
-            Event(host.name, *((Stage.DONE, "read") if found.read_at is not None else (Stage.FAILED, found.why)))
-        )
+        answered = found.read_at is not None
+        self.notify(Event(host.name, Stage.DONE if answered else Stage.FAILED, "read" if answered else found.why))
         return found
 
     def _why_not(self, host: Host) -> tuple[ReadState | None, str]:

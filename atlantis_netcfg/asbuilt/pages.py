@@ -177,17 +177,22 @@ def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
             yield f"  {translate(words)}"
     for name, fact in facts_of(device):
         value = f"{fact.value} ({translate(where(fact, zone))})" if fact.value else translate(where(fact, zone))
-        yield f"  {translate(title_of(name)):<{_COLUMN - 2}}{value}"
+        yield _label(translate(title_of(name)), value)
     for port in device.ports:
-        yield f"  {translate(f'port {port.name}'):<{_COLUMN - 2}}{translate(link_words(port))}"
+        yield _label(translate(f"port {port.name}"), translate(link_words(port)))
         if port.belongs:
             yield f"{'':<{_COLUMN}}{translate(f'by the declaration: {port.belongs}')}"
         yield from (f"{'':<{_COLUMN}}{translate(neighbour_words(item))}" for item in port.neighbours)
     for item in device.elsewhere:
-        yield f"  {translate('port not known'):<{_COLUMN - 2}}{translate(neighbour_words(item))}"
+        yield _label(translate("port not known"), translate(neighbour_words(item)))
     for name, version in device.packages.items():
-        yield f"  {translate(f'package {name}'):<{_COLUMN - 2}}{translate(version)}"
+        yield _label(translate(f"package {name}"), translate(version))
     yield from (f"  {translate(f'note: {note}')}" for note in device.notes)
+
+
+def _label(title: str, value: str) -> str:
+    """A value beside what it is; a title that is too long moves it to the right."""
+    return f"  {title:<{_COLUMN - 3}} {value}"
 
 
 def anchor(name: str) -> str:

@@ -249,9 +249,12 @@ def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
         if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
             continue
         skipped = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
-        changed = (*_of_facts(device, earlier, skipped), *_of_ports(device, earlier), *_of_packages(device, earlier))
+        changed = [*_of_facts(device, earlier, skipped), *_of_packages(device, earlier)]
+        # The cards of an emulated computer are made when it starts, as its keys are.
+        lasting = not record.rehearsed or device.kind not in _COMPUTERS
+        changed += _of_ports(device, earlier) if lasting else ()
         yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in changed)
-        yield from _of_neighbours(device, earlier)
+        yield from _of_neighbours(device, earlier) if lasting else ()
 
 
 _Difference = tuple[str, str | None, str | None]

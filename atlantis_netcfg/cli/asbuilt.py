@@ -66,7 +66,7 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
         via=arguments.optional("via"),
         chosen=lambda declaration: choose(declaration, arguments.word("site"), arguments.many("only")),
     ) as opened:
-        if opened.rehearsal is not None and opened.asked:
+        if opened.rehearsal is not None and any(host.name in opened.rehearsal.targets for host in opened.hosts):
             opened.configure_twins()
         record, folder, digest = _made(opened)
     if opened.as_json:

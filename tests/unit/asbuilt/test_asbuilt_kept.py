@@ -61,3 +61,15 @@ def test_json_says_how_it_ended_and_can_be_read_back() -> None:
     found = json.loads(data())
     assert (found["exit"], found["errors"], [table["number"] for table in found["tables"]]) == (0, [], [8, 9, 31, 32])
     assert parsed(data()) == record()
+
+
+def test_programs_find_the_keys_that_they_know() -> None:
+    found = json.loads(data())
+    assert set(found) == {
+        *("format", "id", "site", "title", "at", "tool", "inventory", "rehearsed", "time_zone", "mask", "checklist"),
+        *("devices", "since", "changes", "notes", "not_rehearsed", "spent", "costs", "exit", "errors", "tables"),
+    }
+    assert set(found["devices"][0]) == {
+        *("name", "kind", "state", "why", "hint", "read_at", "facts", "ports", "elsewhere", "packages", "notes"),
+    }
+    assert set(found["devices"][0]["facts"]["serial"]) == {"value", "origin", "at", "note"}

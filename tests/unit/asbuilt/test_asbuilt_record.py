@@ -96,6 +96,13 @@ def test_another_certificate_is_a_difference_but_of_an_emulated_device(*, rehear
     assert [change.what for change in found] == ([] if rehearsed else ["TLS certificate"])
 
 
+@pytest.mark.parametrize("rehearsed", [True, False])
+def test_another_card_is_a_difference_but_of_an_emulated_computer(*, rehearsed: bool) -> None:
+    before, now = (router("EXAMPLE1", port(mac=f"02:00:5E:00:01:0{n}"), kind="gateway") for n in "12")
+    found = compared(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
+    assert [change.what for change in found] == ([] if rehearsed else ["MAC of port ether3"])
+
+
 def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> None:
     found = compared(later(away()), record()).device("coastal-router")
     assert found is not None
