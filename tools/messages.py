@@ -31,6 +31,7 @@ PACKAGE = "atlantis_netcfg"
 PORTUGUESE = ROOT / PACKAGE / "locale" / "pt_PT" / "LC_MESSAGES" / "provision.po"
 
 IN = (
+    "asbuilt",
     "cli",
     "report",
     "checklist",

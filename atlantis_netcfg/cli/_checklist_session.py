@@ -141,16 +141,9 @@ def listening(
     from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
 
     if opened.rehearsal.targets:
-        _configure(opened)
+        opened.configure_twins()
     with rehearsed_ears(opened.declaration, opened.site, opened.rehearsal, faults) as ears:
         yield Listening(ears, ears)
-
-
-def _configure(opened: CommandSession) -> None:
-    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links."""
-    report = opened.perform(Mode.APPLY)
-    if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
-        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
 
 def folder_of(store: Store, site: str) -> Path:

@@ -179,6 +179,15 @@ class CommandSession:
             verbose=self.arguments.given(VERBOSE),
         )
 
+    def configure_twins(self) -> None:
+        """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links.
+
+        A check that fails is for whoever looks at them afterwards to tell. Raises NetcfgError.
+        """
+        report = self.perform(Mode.APPLY)
+        if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
+            raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
+
     def _refuse_early(self, request: Request) -> None:
         """Refuse what can be known before anything is started: a wrong bearer, a site that somebody works at."""
         for host in self.hosts:

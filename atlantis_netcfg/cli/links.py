@@ -68,7 +68,7 @@ def run_links(arguments: Arguments) -> ExitCode:
     _one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if opened.rehearsal is not None:
-            _configure_links(opened)
+            opened.configure_twins()
         report = _report(opened, _look(opened))
     print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text()))
     return report.exit
@@ -80,19 +80,6 @@ def _one_site(site: str) -> None:
 
     if site == ALL:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
-
-
-def _configure_links(opened: CommandSession) -> None:
-    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links.
-
-    A check that fails is for the look to tell.
-    """
-    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.operations import Mode
-
-    report = opened.perform(Mode.APPLY)
-    if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
-        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
 
 def _look(opened: CommandSession) -> LinksStatus:

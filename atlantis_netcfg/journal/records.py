@@ -71,6 +71,8 @@ class RunStarted:
     restore: str | None = None
     """Restore: the run whose confirmed state is put on the device."""
     purpose: Purpose = Purpose.CONFIGURE
+    by: str = ""
+    """Adoption: who typed it, and on which computer, as these are called there; empty: it was not recorded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

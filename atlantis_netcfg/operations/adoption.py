@@ -19,6 +19,7 @@ from atlantis_netcfg.journal import (
     ContactStep,
     Journal,
     JournalFailed,
+    LockHolder,
     NoJournal,
     Outcome,
     Purpose,
@@ -304,6 +305,7 @@ class Adoption:
             rehearsed=self.rehearsed,
             command=self.command,
             purpose=Purpose.ADOPT,
+            by=f"{LockHolder.me(self.command).user} on {socket.gethostname()}",
         )
 
     def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> JournalFailed | None:

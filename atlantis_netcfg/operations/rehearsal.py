@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 from atlantis_netcfg.bootstrap.steps import FACTORY_ADDRESS, FACTORY_USER
 from atlantis_netcfg.core import temporary
@@ -201,6 +202,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
         router=RouterSpec(
             name=host.name,
             board=hardware.board,
+            serial_number=f"TWIN{crc32(host.name.encode()):08X}",
             ports=hardware.ports,
             poe_ports=hardware.poe_ports,
             radios=tuple(Radio(name=name) for name in hardware.radios),

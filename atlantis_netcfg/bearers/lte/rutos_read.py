@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.bearers.lte.judge import LteReading, Registration
@@ -35,6 +35,8 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "tries": ("pinleft", "pin_left"),
     "slot": ("active_sim", "sim_slot"),
     "plmn": ("opernum", "operator_number", "plmn", "provider_number"),
+    "imei": ("imei",),
+    "iccid": ("iccid",),
 }
 """What is asked for to the names under which it may stand, the newest first."""
 
@@ -265,6 +267,14 @@ class RutosLook:
     requests: int = 0
     sent: int = 0
     received: int = 0
+    identities: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """`imei` and `iccid`, whole: for a record that masks them, and for nothing else."""
+
+
+def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
+    """The numbers that name the modem and its SIM, where the unit tells them."""
+    found = {name: text(modem, name) for name in ("imei", "iccid")}
+    return {name: value for name, value in found.items() if value is not None and value.strip("0")}
 
 
 def read(endpoint: RutosEndpoint) -> RutosLook:
@@ -296,7 +306,8 @@ def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosL
     rows = session.optional(slots)
     reading = reading_of(modem, session.optional(interfaces))
     serial = serial_of(session.optional(device))
-    return RutosLook(reading, serial, _sections(rows), wire.requests, wire.sent, wire.received)
+    spent = (wire.requests, wire.sent, wire.received)
+    return RutosLook(reading, serial, _sections(rows), *spent, identities_of(modem))
 
 
 def _sections(rows: object) -> tuple[str, ...]:
@@ -377,7 +388,8 @@ def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
             )
         cached = found.get("cache")
         merged |= found | (cached if isinstance(cached, dict) else {})
-    return RutosLook(reading_of(merged), None, (), wire.requests, wire.sent, wire.received)
+    spent = (wire.requests, wire.sent, wire.received)
+    return RutosLook(reading_of(merged), None, (), *spent, identities_of(merged))
 
 
 def _call(

@@ -91,6 +91,13 @@ PROGRAMS: tuple[str, ...] = (
     r"cat /etc/network/interfaces",
     r"cat /etc/systemd/network/05-atlantis\.network",
     r"cat /proc/net/udp",
+    r"cat /etc/os-release",
+    r"cat /proc/device-tree/(model|serial-number)",
+    r"cat /sys/class/dmi/id/product_(name|serial)",
+    r"cat /sys/class/net/[a-z][a-z0-9]{0,14}/speed",
+    r"uname -rm",
+    r"ssh-keygen -l -f /etc/ssh/ssh_host_ed25519_key\.pub",
+    r"dpkg-query -W -f=\$\{Package\}=\$\{Version\}=\$\{db:Status-Status\}\\n( [a-z0-9][a-z0-9+.-]+)+",
     r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
 )
 """Full matches of the arguments joined by blanks; an argument with a blank is refused before."""

@@ -84,7 +84,9 @@ from atlantis_netcfg.declaration.model.gateways import (
 )
 from atlantis_netcfg.declaration.model.pilot import (
     ETHERNET,
+    AsBuilt,
     Column,
+    NumberMask,
     OpenVpnVersion,
     Partner,
     Pilot,
@@ -123,6 +125,7 @@ __all__ = [
     "Address",
     "AddressBy",
     "AllowedTarget",
+    "AsBuilt",
     "Bearer",
     "BearerKind",
     "BearerTraits",
@@ -170,6 +173,7 @@ __all__ = [
     "Name",
     "Network",
     "NetworkTool",
+    "NumberMask",
     "OpenVpnVersion",
     "Pace",
     "Partner",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, StrictBool, StrictInt
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
 from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution
@@ -130,6 +130,25 @@ class Vehicle(Model):
     """How the pre-test checklist looks at each; what is missing, a person confirms."""
 
 
+class NumberMask(StrEnum):
+    """How much of a number that names a SIM or a modem (IMEI, ICCID) stands in a record."""
+
+    FULL = "full"
+    LAST4 = "last4"
+    NONE = "none"
+
+
+class AsBuilt(Model):
+    """What `provision asbuilt` writes down, and the sheet of labels that it prints."""
+
+    mask: NumberMask = NumberMask.LAST4
+    """Of IMEI and ICCID: `full` hides all digits, `last4` all but the last four, `none` hides nothing."""
+    label_width_mm: Annotated[StrictFloat, Field(ge=35, le=210)] = 70.0
+    """Of one label; as many as have room stand side by side on A4. 70 by 36 mm are sheets of 24 labels."""
+    label_height_mm: Annotated[StrictFloat, Field(ge=25, le=297)] = 36.0
+    """Of one label."""
+
+
 class Pilot(Model):
     """Values that every site shares."""
 
@@ -147,3 +166,4 @@ class Pilot(Model):
     dds: Dds | None = None
     """None: no profiles are made."""
     gateways: Gateways = Gateways()
+    asbuilt: AsBuilt = AsBuilt()

@@ -234,6 +234,8 @@ class Environment(_Spec):
     cards: dict[str, str] = Field(default_factory=dict)
     """Address to the MAC that answers there: they answer pings and ARP, like `neighbours` of the router's own spec."""
     called: tuple[Called, ...] = ()
+    plugged: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Port (factory name) to the MACs that its bridge has heard on it."""
     loads: dict[str, Load] = Field(default_factory=dict)
     """PoE port (factory name) to what hangs on it."""
     dhcp_servers: dict[str, tuple[str, ...]] = Field(default_factory=dict)

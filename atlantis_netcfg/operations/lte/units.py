@@ -51,6 +51,8 @@ class UnitStatus:
     sent: int = 0
     received: int = 0
     serial: str | None = None
+    identities: Mapping[str, str] = field(default_factory=dict, repr=False)
+    """`imei` and `iccid`, whole; for a record that masks them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,9 +163,8 @@ class LteUnit:
         if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
             # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
             reading = replace(reading, pin_refused=True)
-        return UnitStatus(
-            reading, judge(reading, self.expected), found.requests, found.sent, found.received, found.serial
-        )
+        spent = (found.requests, found.sent, found.received)
+        return UnitStatus(reading, judge(reading, self.expected), *spent, found.serial, found.identities)
 
     def _identify(self, serial: str | None) -> None:
         """A unit is known by its serial number, where it tells one."""

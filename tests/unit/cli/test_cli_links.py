@@ -1,4 +1,4 @@
-"""`provision links` with words that cannot be right: golden/links.txt reads like a console."""
+"""Commands that look at a site, with words that cannot be right: golden/*.txt read like a console."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.core.errors import ExitCode
 
-GOLDEN = Path(__file__).with_name("golden") / "links.txt"
-CASES = [block.partition("\n")[::2] for block in GOLDEN.read_text(encoding="utf-8").strip().split("\n\n")]
+GOLDEN = Path(__file__).with_name("golden")
+TEXTS = [(GOLDEN / name).read_text(encoding="utf-8") for name in ("links.txt", "asbuilt.txt")]
+CASES = [block.partition("\n")[::2] for text in TEXTS for block in text.strip().split("\n\n")]
 
 
 @pytest.mark.parametrize(("line", "said"), CASES, ids=[line for line, _ in CASES])
@@ -23,4 +25,13 @@ def test_what_is_said_about_a_mistake(
     printed = capsys.readouterr()
     assert f"{printed.err.strip()}\nexit {code}" == said.strip()
     assert printed.out == ""
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_a_record_of_example_values_is_refused_before_anything_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    assert main(["asbuilt", "site=coastal"]) == ExitCode.USAGE
+    assert "only a rehearsal may use them" in capsys.readouterr().err
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

@@ -17,6 +17,8 @@ from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     from atlantis_netcfg.checklist.report.document import Document, Item
 
 FAMILY = "DejaVu"
@@ -79,25 +81,25 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-class Sheet(FPDF):
-    """Pages of one document; lengths are millimetres, sizes of letters points."""
+class Paper(FPDF):
+    """A4 in our fonts; lengths are millimetres, sizes of letters points."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, title: str, tool: str, created: datetime) -> None:
         super().__init__(format="A4")
         self.set_margin(_MARGIN)
         self.set_auto_page_break(True, 16)
-        self.set_creation_date(document.ended or document.started)
-        self.set_title(printable(translate(name_of_page(document))))
-        self.set_creator(printable(f"atlantis-netcfg {document.tool}"))
+        self.set_creation_date(created)
+        self.set_title(printable(title))
+        self.set_creator(printable(f"atlantis-netcfg {tool}"))
         self.set_lang(page_language())
         self.alias_nb_pages(_PAGES)
         _with_fonts(self)
-        self._document = document
-        self._links_to = {id(item): self.add_link(page=1) for item in document.items}
+        self.head_line, self.foot_line = "", ""
+        """What stands on every page, so that one that was torn off is known."""
         self.plain()
 
     def written(self) -> bytes:
-        """All pages; the sheet is used up then."""
+        """All pages; the paper is used up then."""
         try:
             return bytes(self.output())
         finally:
@@ -105,16 +107,11 @@ class Sheet(FPDF):
                 font.close()
 
     def header(self) -> None:
-        """Site, run and digest on every page, so that one that was torn off is known."""
-        document = self._document
-        words = [translate(f"{document.site}, run {document.run}")]
-        if document.rehearsed:
-            words.append(translate(PageText.REHEARSED))
-        digest = f"digest {document.signed.digest}" if document.signed is not None else PageText.NOT_SIGNED
+        """The first line of a page, above a rule."""
         # It may stand on top of a paragraph that is indented.
         indented, self.l_margin = self.l_margin, _MARGIN
         self.plain(6.5, faint=True)
-        self.say("; ".join((*words, translate(digest))))
+        self.say(self.head_line)
         self.set_draw_color(150)
         self.line(_MARGIN, self.y + 0.5, self.w - self.r_margin, self.y + 0.5)
         self.set_y(self.y + 3)
@@ -125,7 +122,7 @@ class Sheet(FPDF):
         self.set_y(-12)
         self.plain(7, faint=True)
         self.set_x(_MARGIN)
-        self.cell(0, 4, printable(translate(signed(self._document)))[:90])
+        self.cell(0, 4, printable(self.foot_line)[:90])
         self.set_x(_MARGIN)
         self.cell(0, 4, translate(f"page {self.page_no()} of {_PAGES}"), align="R")
 
@@ -176,6 +173,20 @@ class Sheet(FPDF):
         """Begin a new page unless there is so much room."""
         if self.will_page_break(height):
             self.add_page()
+
+
+class Sheet(Paper):
+    """Pages of one document."""
+
+    def __init__(self, document: Document) -> None:
+        super().__init__(translate(name_of_page(document)), document.tool, document.ended or document.started)
+        self._links_to = {id(item): self.add_link(page=1) for item in document.items}
+        words = [translate(f"{document.site}, run {document.run}")]
+        if document.rehearsed:
+            words.append(translate(PageText.REHEARSED))
+        digest = f"digest {document.signed.digest}" if document.signed is not None else PageText.NOT_SIGNED
+        self.head_line = "; ".join((*words, translate(digest)))
+        self.foot_line = translate(signed(document))
 
     def tint(self, state: ShownState | None) -> None:
         """The colours of a state, and an edge that tells it on black and white paper."""

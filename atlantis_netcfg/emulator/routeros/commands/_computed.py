@@ -253,9 +253,32 @@ def _arp(core: Core, _call: Call) -> Rows:
     ]
 
 
+def _bridge_hosts(core: Core, _call: Call) -> Rows:
+    """What bridges have heard on their ports, and the ports' own addresses, which are `local` (Manual, Bridge)."""
+    bridged, ethernet = core.store.table("/interface/bridge/port"), core.store.table("/interface/ethernet")
+    cards = {item.id: item for item in ethernet.items}
+    found = []
+    for item in bridged.items:
+        bridge = core.store.target(bridged, item, "bridge")
+        for number in core.topology.port_members(item):
+            if number not in cards or not core.topology.up(bridge) or not core.topology.interfaces[number].running:
+                continue
+            place = {"on-interface": core.topology.name(number), "bridge": core.topology.name(bridge)}
+            card = cards[number]
+            macs = core.spec.around.plugged.get((card.factory or {})["name"], ())
+            found.append((core.store.text(ethernet, card, "mac-address") or "", place, True))
+            found += [(mac.upper(), place, False) for mac in macs]
+    flags = {"dynamic": "true", "invalid": "false", "external": "false", "disabled": "false"}
+    return [
+        {".id": id_text(number), "mac-address": mac, **place, "local": _truth(local), **flags}
+        for number, (mac, place, local) in enumerate(found, start=1)
+    ]
+
+
 COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
     "/file": _files,
     "/interface": _interfaces,
+    "/interface/bridge/host": _bridge_hosts,
     "/interface/ethernet/poe": _poe,
     "/interface/wifi/registration-table": registrations,
     "/interface/wireless/registration-table": registrations,

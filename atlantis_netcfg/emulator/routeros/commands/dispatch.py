@@ -31,6 +31,7 @@ _SPECIAL: dict[str, tuple[Handler, str]] = {
     "/interface/comment": (system.interface, "write"),
     "/interface/disable": (system.interface, "write"),
     "/interface/enable": (system.interface, "write"),
+    "/interface/ethernet/monitor": (system.ethernet, "read"),
     "/interface/ethernet/poe/monitor": (system.monitor, "read"),
     "/interface/ethernet/poe/set": (system.poe, "write"),
     "/interface/lte/monitor": (lte.monitor, "read"),

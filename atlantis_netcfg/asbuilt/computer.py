@@ -1,0 +1,196 @@
+"""What a computer is asked of itself, by programs that only read, and how what they print is read.
+
+All of it goes in one SSH command, by the program of the checklist that runs programs of a closed list
+(`checklist/probes/registry.py`). Of packages those are asked for that the declaration has the toolkit install.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
+from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.declaration.model import Gateway
+from atlantis_netcfg.operations.computers._access import is_server
+from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, SERVER, concerns
+from atlantis_netcfg.vpn.server import PACKAGES as SERVER_PACKAGES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes import Answer
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.request import Request
+
+_TREE, _DMI = "/proc/device-tree", "/sys/class/dmi/id"
+_HOST_KEY = "/etc/ssh/ssh_host_ed25519_key.pub"
+_PROGRAMS: Mapping[str, tuple[str, ...]] = {
+    "os": ("cat", "/etc/os-release"),
+    "kernel": ("uname", "-rm"),
+    "board": ("cat", f"{_TREE}/model"),
+    "board_serial": ("cat", f"{_TREE}/serial-number"),
+    "product": ("cat", f"{_DMI}/product_name"),
+    "product_serial": ("cat", f"{_DMI}/product_serial"),
+    "links": ("ip", "-j", "link"),
+    "neighbours": ("ip", "-j", "neigh"),
+    "host_key": ("ssh-keygen", "-l", "-f", _HOST_KEY),
+}
+"""By the name of what they tell; an ARM board has a device tree, a PC has the tables of its firmware."""
+_NEEDED = ("os", "kernel", "links")
+PACKAGE_LINES = r"-f=${Package}=${Version}=${db:Status-Status}\n"
+"""How dpkg-query is told to print a package."""
+NOT_INSTALLED = "not installed"
+_PLACEHOLDERS = re.compile(r"|0+|none|default string|to be filled by o\.e\.m\.|not specified", re.IGNORECASE)
+"""What firmware says where nobody has written a number."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComputerFacts:
+    """What one computer said."""
+
+    facts: Mapping[str, Fact]
+    ports: tuple[PortRecord, ...]
+    packages: Mapping[str, str]
+    missing: tuple[str, ...] = ()
+    """What was not answered, though every computer can answer it."""
+
+
+def declared_packages(
+    declaration: Declaration, host: Host, request: Request
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Every package that a run of the site would install on a computer, by name; and what is not known of them."""
+    if is_server(host):
+        return tuple(sorted(SERVER_PACKAGES)), ()
+    found: set[str] = set()
+    notes = []
+    for name, part in PARTS.items():
+        if name in {ACCESS, SERVER} or not concerns(name, host):
+            continue
+        try:
+            desired = part(declaration, host, request).get("packages") or {}
+        except NetcfgError as error:
+            notes.append(f"which packages `{name}` installs is not known, so they were not asked for: {error}")
+            continue
+        found |= {str(package["name"]) for package in desired.get("packages") or ()}
+    return tuple(sorted(found)), tuple(notes)
+
+
+def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, RunProgram]]:
+    """Everything that is asked, in one turn; the speed of a port only where the declaration names its interface."""
+    programs = dict(_PROGRAMS)
+    if isinstance(host.device, Gateway) and host.device.network is not None:
+        programs["speed"] = ("cat", f"/sys/class/net/{host.device.network.interface}/speed")
+    if packages:
+        programs["packages"] = ("dpkg-query", "-W", PACKAGE_LINES, *packages)
+    return [(name, RunProgram(name, Place.GATEWAY, argv)) for name, argv in programs.items()]
+
+
+def read(
+    host: Host, answers: Mapping[str, Answer], packages: Sequence[str], declared: Mapping[str, str]
+) -> ComputerFacts:
+    """Read the answers to `questions`; `declared`: MAC or address to the host that has it."""
+    printed = {name: _printed(answer) for name, answer in answers.items()}
+    port = host.device.network.interface if isinstance(host.device, Gateway) and host.device.network else None
+    return ComputerFacts(
+        facts=_facts(printed),
+        ports=tuple(_ports(printed, port, declared)),
+        packages=_versions(printed.get("packages"), packages),
+        missing=tuple(
+            f"{' '.join(_PROGRAMS[name])}: {_why(answers[name])}" for name in _NEEDED if printed[name] is None
+        ),
+    )
+
+
+def _printed(answer: Answer) -> str | None:
+    """What a program printed; None where it could not. dpkg-query ends with 1 where one package of many is missing."""
+    if not isinstance(answer, CommandResult) or answer.trouble is not None:
+        return None
+    text = answer.out.replace("\0", "").strip()
+    return text if answer.rc == 0 or text else None
+
+
+def _why(answer: Answer) -> str:
+    last = next((line for line in reversed(getattr(answer, "err", "").splitlines()) if line), "")
+    return answer.words or last or "it printed nothing"
+
+
+def _facts(printed: Mapping[str, str | None]) -> dict[str, Fact]:
+    key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", printed["host_key"] or "")
+    model = _worthy(printed["board"]) or _worthy(printed["product"])
+    serial = _worthy(printed["board_serial"]) or _worthy(printed["product_serial"])
+    return {
+        "model": _fact(model, "its firmware names no model"),
+        "serial": _fact(serial, "its firmware names no serial number"),
+        "os": _fact(_release(printed["os"] or ""), "its system does not say"),
+        "kernel": _fact(printed["kernel"], "its system does not say"),
+        "host_key": _fact(key[0] if key else None, f"it has no {_HOST_KEY}"),
+    }
+
+
+def _fact(value: str | None, why_not: str) -> Fact:
+    return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
+
+
+def _worthy(text: str | None) -> str | None:
+    return None if text is None or _PLACEHOLDERS.fullmatch(text) else text
+
+
+def _release(text: str) -> str | None:
+    found = re.search(r'^PRETTY_NAME="?([^"\n]+)"?$', text, re.MULTILINE)
+    return found[1] if found else None
+
+
+def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:
+    """Every package that was asked for; one that dpkg does not know as installed is not installed."""
+    if text is None:
+        return {}
+    rows = [line.split("=") for line in text.splitlines() if line.count("=") >= 2]  # noqa: PLR2004 - three fields
+    installed = {row[0]: "=".join(row[1:-1]) for row in rows if row[-1] == "installed"}
+    return {name: installed.get(name, NOT_INSTALLED) for name in packages}
+
+
+def _ports(printed: Mapping[str, str | None], named: str | None, declared: Mapping[str, str]) -> Iterator[PortRecord]:
+    """The network cards: what the kernel makes by itself, as `lo` and tunnels, has another type of link."""
+    for row in _rows(printed["links"]):
+        name, mac = str(row.get("ifname", "")), str(row.get("address", "")).upper()
+        if row.get("link_type") != "ether" or not name or _made(name):
+            continue
+        state = {"UP": Link.UP, "DOWN": Link.DOWN}.get(str(row.get("operstate")), Link.UNKNOWN)
+        speed = printed.get("speed") if name == named else None
+        yield PortRecord(
+            name=name,
+            mac=mac or None,
+            link=state,
+            speed=f"{speed} Mbit/s" if speed is not None and speed.isdecimal() else None,
+            belongs="LAN of the site" if name == named else None,
+            neighbours=tuple(_neighbours(printed["neighbours"], name, declared)),
+        )
+
+
+def _made(name: str) -> bool:
+    return name.startswith(("docker", "br-", "veth", "virbr", "tap", "dummy", "bond"))
+
+
+def _neighbours(text: str | None, port: str, declared: Mapping[str, str]) -> Iterator[PortNeighbour]:
+    """Each MAC once, by the first of its addresses."""
+    seen: set[str] = set()
+    for row in _rows(text):
+        mac, address = str(row.get("lladdr", "")).upper(), str(row.get("dst", ""))
+        state = row.get("state")
+        if row.get("dev") != port or not mac or mac in seen or (isinstance(state, list) and "FAILED" in state):
+            continue
+        seen.add(mac)
+        known = declared.get(mac) or declared.get(address)
+        yield PortNeighbour(mac=mac, by=("ARP",), address=address, declared=known)
+
+
+def _rows(text: str | None) -> list[dict[str, object]]:
+    try:
+        found = json.loads(text or "[]")
+    except ValueError:
+        return []
+    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []

@@ -1,0 +1,73 @@
+"""The records of a site on this computer: `<state>/<real|rehearsal>/<site>/asbuilt/<record>/`.
+
+A record is there when its `as-built.json` is, which is written last: a folder without it was left by a kill, and counts
+for nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from pydantic import ValidationError
+
+from atlantis_netcfg.asbuilt.record import AsBuiltRecord
+from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.journal import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from datetime import datetime
+    from pathlib import Path
+
+    from atlantis_netcfg.journal import Store
+
+FILE = "as-built.json"
+_DERIVED = ("exit", "errors", "tables")
+"""What `AsBuiltRecord.as_json` adds: it follows from the rest."""
+
+
+def folder_of(store: Store, site: str) -> Path:
+    """Where the records of a site are kept."""
+    return store.root / site / "asbuilt"
+
+
+def latest(folder: Path) -> AsBuiltRecord | None:
+    """The newest record, None where there is none. Raises StateDamaged where it cannot be read."""
+    names = [path.name for path in folder.iterdir() if (path / FILE).is_file()] if folder.is_dir() else []
+    if not names:
+        return None
+    path = folder / max(names, key=run_order) / FILE
+    try:
+        return parsed(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise StateDamaged(
+            f"the last record cannot be read: {path}",
+            hint="put its folder aside: the next record is then the first one, and has no differences",
+        ) from error
+
+
+def parsed(data: bytes) -> AsBuiltRecord:
+    """Read an `as-built.json`. ValueError if it is none."""
+    found = json.loads(data)
+    if not isinstance(found, dict):
+        raise ValueError  # noqa: TRY004 - a file that holds another thing
+    try:
+        return AsBuiltRecord.model_validate({name: value for name, value in found.items() if name not in _DERIVED})
+    except ValidationError as error:
+        raise ValueError(str(error)) from error
+
+
+def new_folder(folder: Path, now: datetime) -> Path:
+    """The folder of a new record, empty; its name is the record's id. Raises JournalFailed."""
+    with os_errors_as("the record", folder):
+        return new_run(make_private(folder), now)
+
+
+def keep(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Put the files of a record on disk, `as-built.json` last. Raises JournalFailed."""
+    if FILE not in files:
+        raise NetcfgError(f"a record without {FILE} was to be kept: this must never happen")
+    with os_errors_as("the record", folder):
+        for name in sorted(files, key=lambda name: name == FILE):
+            write_atomically(folder / name, files[name])

@@ -1,0 +1,333 @@
+"""Ask every device of a site at once what it is, one session a device, and put it together with what is known of it.
+
+Nothing is changed. What does not answer is listed, and is no error; what nobody can ask is listed with its reason.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.asbuilt import computer, routeros
+from atlantis_netcfg.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
+from atlantis_netcfg.checklist.history import VehicleState, books
+from atlantis_netcfg.checklist.runner._real import ask_gateway
+from atlantis_netcfg.core.errors import NetcfgError, complete
+from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.declaration.model import (
+    Cpe,
+    LteDriver,
+    LteRouter,
+    PortUse,
+    Router,
+    SatelliteTerminal,
+)
+from atlantis_netcfg.journal import Purpose, Run, Store
+from atlantis_netcfg.operations.bearers import PATIENCE_S
+from atlantis_netcfg.operations.computers._access import is_computer
+from atlantis_netcfg.operations.kinds import handled, managed
+from atlantis_netcfg.operations.links.look import LinkQueries, bills, session_to
+from atlantis_netcfg.operations.lte.units import LteUnit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.checklist.probes import Answer
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.links.session import ReadOnlySession
+    from atlantis_netcfg.operations.request import Request
+
+_DONE = frozenset({"changed", "unchanged"})
+"""Outcomes of a run in which a device was read back as declared."""
+_NO_INTERFACE = "no machine interface of it is documented: a person looks at its pages"
+
+
+@dataclass(slots=True)
+class SiteLook:
+    """One look at a site: whom to ask, and what came of it."""
+
+    declaration: Declaration
+    site: str
+    request: Request
+    notify: Subscriber
+    not_emulated: Mapping[str, str] = field(default_factory=dict)
+    """Rehearsal: host that nothing stands for, to the reason."""
+    patience_s: float = PATIENCE_S
+    ssh_config: str | None = None
+    """File of OpenSSH that says how a computer's name is reached, in place of the declared address."""
+    sessions: dict[str, ReadOnlySession] = field(default_factory=dict)
+
+    async def devices(self, chosen: Sequence[Host]) -> tuple[DeviceRecord, ...]:
+        """Every host of the site, in the order of the declaration; those that are not `chosen` are not asked."""
+        names = {host.name for host in chosen}
+        hosts = self.declaration.site_hosts(self.site)
+        found = await asyncio.gather(*(self._device(host, chosen=host.name in names) for host in hosts))
+        history = JournalFacts(self.declaration, self.site, self._store)
+        return tuple(history.added(device) for device in found)
+
+    @property
+    def checklist(self) -> Fact:
+        """The last signed checklist of the site."""
+        signed = [book for book in books(self._store.root / self.site / "checks") if book.state is VehicleState.SIGNED]
+        document = signed[-1].document if signed else None
+        if document is None or document.signed is None:
+            return Fact(value=None, origin=Origin.NOT_READ, note="there is no signed checklist on this computer")
+        note = f"signed by {document.signed.by}, digest {document.signed.digest[:16]}"
+        return Fact(value=document.run, origin=Origin.STORED, at=document.signed.at, note=note)
+
+    @property
+    def _store(self) -> Store:
+        return Store(self.request.state, rehearsed=self.request.rehearsed)
+
+    @property
+    def spent(self) -> dict[str, Spent]:
+        """What each session has cost on the wire."""
+        return {name: Spent(round_trips=item.round_trips, bytes=item.bytes) for name, item in self.sessions.items()}
+
+    def costs(self, seconds: float) -> dict[str, str]:
+        """The bills of the sessions with RouterOS devices over links that are paid by the byte."""
+        hosts = self.declaration.site_hosts(self.site)
+        first = next((host for host in hosts if isinstance(host.device, Router)), hosts[0])
+        queries = LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
+        return {name: bill.words for name, bill in bills(queries, None, seconds).items()}
+
+    async def _device(self, host: Host, *, chosen: bool) -> DeviceRecord:
+        device = DeviceRecord(
+            name=host.name,
+            kind=host.device.kind,
+            state=ReadState.LEFT_OUT,
+            why="left out by `only=`",
+            facts=_declared(host),
+            ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.declaration, host).items()),
+        )
+        if not chosen:
+            return device
+        state, why = self._why_not(host)
+        if state is not None:
+            return device.model_copy(update={"state": state, "why": why})
+        self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
+        try:
+            found = await self._read(host, device)
+        except NetcfgError as error:
+            self.notify(Event(host.name, Stage.FAILED, str(error)))
+            hint = error.hint and complete(error.hint, site=host.site, device=host.name)
+            return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
+        answered = found.read_at is not None
+        self.notify(Event(host.name, Stage.DONE if answered else Stage.FAILED, "read" if answered else found.why))
+        return found
+
+    def _why_not(self, host: Host) -> tuple[ReadState | None, str]:
+        """Why a host cannot be asked; None if it can."""
+        device = host.device
+        if isinstance(device, SatelliteTerminal):
+            return ReadState.BY_HAND, _NO_INTERFACE
+        if isinstance(device, LteRouter) and device.driver not in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
+            return ReadState.BY_HAND, f"its driver `{device.driver}` reads the link, and nothing that names the unit"
+        if not handled(host) and not is_computer(host) and not isinstance(device, LteRouter):
+            return ReadState.BY_HAND, f"nobody reads a {device.kind.replace('_', ' ')} yet"
+        if self.request.rehearsed and host.name not in self.request.targets:
+            return ReadState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
+        return None, ""
+
+    async def _read(self, host: Host, device: DeviceRecord) -> DeviceRecord:
+        """Raises NetcfgError where it does not answer."""
+        if handled(host):
+            return await self._routeros(host, device)
+        if is_computer(host):
+            return await self._computer(host, device)
+        return await self._unit(host, device)
+
+    async def _routeros(self, host: Host, device: DeviceRecord) -> DeviceRecord:
+        """One session of two round trips behind the handshake: the login, and everything else at once."""
+        hardware = managed(self.declaration, host).hardware
+        modem = hardware.modem.name if hardware.modem is not None else None
+        door = session_to(self.declaration, self.site, host, self.request, self.patience_s)
+        self.sessions[host.name] = door
+        async with door.opened() as session:
+            certificate = session.certificate
+            replies = await session.flight(routeros.questions(hardware.ports, modem))
+        mask = self.declaration.pilot.asbuilt.mask
+        found = routeros.read(replies, hardware.ports, modem, mask, addresses(self.declaration, self.site))
+        shown = {"certificate": Fact(value=certificate, origin=Origin.READ)}
+        filled = _filled(device, {**found.facts, **shown}, found.ports, found.missing, found.notes)
+        return filled.model_copy(update={"elsewhere": found.elsewhere})
+
+    async def _unit(self, host: Host, device: DeviceRecord) -> DeviceRecord:
+        """A RutOS unit: its serial number, and the numbers of modem and SIM; of no other field the name is known."""
+        assert isinstance(host.device, LteRouter)  # noqa: S101 - `_why_not` lets nothing else through
+        target = self.request.targets.get(host.name)
+        unit = LteUnit(host, host.device, self._store, self.notify, self.request.rehearsed, target)
+        status = await asyncio.to_thread(unit.look)
+        mask, pin = self.declaration.pilot.asbuilt.mask, unit.endpoint.pin
+        numbers = {name: masked(number, mask) for name, number in status.identities.items()}
+        values = {"serial": status.serial, "imei": numbers.get("imei"), "iccid": numbers.get("iccid")}
+        facts = {name: _fact(value, "the unit does not say it to this user") for name, value in values.items()}
+        facts["version"] = _fact(None, "no page of RutOS that tells its firmware is known here")
+        facts["certificate"] = _fact(pin, "it is known by none")
+        return _filled(device, facts)
+
+    async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
+        """One SSH command; where ssh does not get there, its words say why. Raises CostRefused."""
+        packages, notes = computer.declared_packages(self.declaration, host, self.request)
+        asked_for = computer.questions(host, packages)
+        answers: Mapping[str, Answer] = await ask_gateway(
+            self.declaration, host, self.request, asked_for, lambda *_: None, self.ssh_config
+        )
+        if all(answer.trouble is not None for answer in answers.values()):
+            why = next(iter(answers.values())).words
+            return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": why})
+        found = computer.read(host, answers, packages, addresses(self.declaration, self.site))
+        filled = _filled(device, found.facts, found.ports, found.missing, notes)
+        return filled.model_copy(update={"packages": dict(found.packages)})
+
+
+def _filled(
+    device: DeviceRecord,
+    facts: Mapping[str, Fact],
+    ports: Sequence[PortRecord] = (),
+    missing: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> DeviceRecord:
+    """A device that was read; a declared port that it does not have stays, and says so by its link."""
+    there = {port.name for port in ports}
+    places = {port.name: port.belongs for port in device.ports}
+    named = [port.model_copy(update={"belongs": port.belongs or places.get(port.name)}) for port in ports]
+    absent = [port for port in device.ports if port.name not in there]
+    return device.model_copy(
+        update={
+            "state": ReadState.IN_PART if missing else ReadState.READ,
+            "why": "; ".join(missing),
+            "read_at": datetime.now(UTC),
+            "facts": {**device.facts, **facts},
+            "ports": (*named, *absent),
+            "notes": (*_differs(device, facts), *notes),
+        }
+    )
+
+
+def _differs(device: DeviceRecord, facts: Mapping[str, Fact]) -> Iterator[str]:
+    declared, read = device.facts.get("model"), facts.get("model")
+    if declared is None or declared.value is None or read is None or read.value in {None, declared.value}:
+        return
+    yield f"the declaration has model {declared.value}, and the device says {read.value}"
+
+
+def _fact(value: str | None, why_not: str) -> Fact:
+    return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
+
+
+def _declared(host: Host) -> dict[str, Fact]:
+    """What the declaration says of a device; of a terminal also what a person has seen on its pages."""
+    device = host.device
+    model = {} if device.model is None else {"model": Fact(value=device.model, origin=Origin.DECLARED)}
+    if not isinstance(device, SatelliteTerminal):
+        return model
+    seen = device.evidence
+    version = Fact(value=None, origin=Origin.NOT_READ, note="nobody has looked at its pages yet")
+    if seen is not None:
+        note = f"declared: {seen.by} has seen it on its pages on {seen.seen_on}"
+        version = Fact(value=seen.firmware, origin=Origin.DECLARED, note=note)
+    return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
+
+
+def places(declaration: Declaration, host: Host) -> dict[str, str]:
+    """Port to what belongs there by the declaration."""
+    device = host.device
+    if isinstance(device, Cpe):
+        return {device.port: "the cable to the router, which also feeds it"}
+    if not isinstance(device, Router):
+        return {}
+    fed = {
+        other.device.powered_by.port: other.name
+        for other in declaration.site_hosts(host.site)
+        if other.device.powered_by is not None and other.device.powered_by.device == host.name
+    }
+    site = declaration.sites[host.site]
+    boxes = {bearer.name: bearer.device for bearer in site.bearers} | {
+        link.name: link.device for link in site.served_links
+    }
+    words = {PortUse.LAN: "LAN of the site", PortUse.MANAGEMENT: "the technician's laptop", PortUse.OFF: "nothing: off"}
+    found = {}
+    for port in device.ports:
+        what = words.get(port.use) or f"link {port.link}: {boxes.get(port.link or '') or 'a cable'}"
+        power = f", power for {fed[port.name]}" if port.name in fed and fed[port.name] not in what else ""
+        found[port.name] = f"{what}{power}"
+    return found
+
+
+def addresses(declaration: Declaration, site: str) -> dict[str, str]:
+    """MAC or address to the host or link of the site that has it by the declaration."""
+    found: dict[str, str] = {}
+    for bearer in declaration.sites[site].bearers:
+        found[str(bearer.gateway)] = f"next hop of {bearer.name}"
+        found |= {str(canary): f"canary of {bearer.name}" for canary in bearer.canaries}
+    for entry in declaration.sites[site].lan.reservations:
+        found |= {entry.mac: entry.name, str(entry.address): entry.name}
+    for host in declaration.site_hosts(site):
+        address = getattr(host.device, "address", None) or getattr(
+            getattr(host.device, "access", None), "address", None
+        )
+        found |= {str(key): host.name for key in (host.device.mac, address) if key is not None}
+    return found
+
+
+class JournalFacts:
+    """What this computer has written down of the devices of a site: adoptions, confirmed runs, pins."""
+
+    def __init__(self, declaration: Declaration, site: str, store: Store) -> None:
+        self._declaration, self._store = declaration, store
+        names = (*store.archived(site), *(run.id for run in store.runs(site)))
+        self._runs = [store.run(site, name) for name in sorted(names, reverse=True)]
+
+    def added(self, device: DeviceRecord) -> DeviceRecord:
+        """The device with them."""
+        facts = {
+            **device.facts,
+            "adopted": self._adopted(device.name),
+            "confirmed": self._confirmed(device.name),
+            "host_key": self._host_key(device),
+        }
+        return device.model_copy(update={"facts": {name: fact for name, fact in facts.items() if fact is not None}})
+
+    def _run(self, name: str, purpose: Purpose) -> Run | None:
+        """The latest run of this purpose that has read the device back as it was to be."""
+        runs = (run for run in self._runs if run.purpose is purpose)
+        return next((run for run in runs if (end := run.outcomes.get(name)) is not None and end.status in _DONE), None)
+
+    def _adopted(self, name: str) -> Fact | None:
+        host = self._declaration.hosts[name]
+        if not handled(host):
+            return None
+        run = self._run(name, Purpose.ADOPT)
+        if run is None:
+            return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no adoption of it")
+        by = run.started.by if run.started is not None else ""
+        return Fact(value=by or "who did it was not recorded", origin=Origin.STORED, at=run.at, note=f"run {run.id}")
+
+    def _confirmed(self, name: str) -> Fact:
+        run = self._run(name, Purpose.CONFIGURE)
+        if run is None:
+            return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no such run of it")
+        return Fact(value=run.id, origin=Origin.STORED, at=run.at, note=run.outcomes[name].status)
+
+    def _host_key(self, device: DeviceRecord) -> Fact | None:
+        """The one that a device has shown itself counts; RouterOS shows none over its API."""
+        if "host_key" in device.facts or not handled(self._declaration.hosts[device.name]):
+            return device.facts.get("host_key")
+        declared = managed(self._declaration, self._declaration.hosts[device.name]).access.host_key
+        if declared is not None:
+            return Fact(value=declared, origin=Origin.DECLARED)
+        pinned = self._store.pins.host_key(device.name)
+        if pinned is not None:
+            return Fact(value=pinned, origin=Origin.STORED, note="the pin of this computer")
+        return Fact(value=None, origin=Origin.NOT_READ, note="nobody has agreed to one on this computer")
+
+
+async def look_at(site: SiteLook, chosen: Sequence[Host]) -> tuple[tuple[DeviceRecord, ...], dict[str, str]]:
+    """Ask, and give the devices, with the bills of links that are paid by the byte."""
+    began = time.monotonic()
+    devices = await site.devices(chosen)
+    return devices, site.costs(time.monotonic() - began)

@@ -1,0 +1,257 @@
+"""A record as a person sees it: lines of a screen, and a page that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from atlantis_netcfg.asbuilt.record import (
+    FACTS,
+    AsBuiltRecord,
+    DeviceRecord,
+    Fact,
+    Origin,
+    PortNeighbour,
+    PortRecord,
+    ReadState,
+    ReportTable,
+    report_tables,
+    shown,
+    title_of,
+)
+from atlantis_netcfg.checklist.report._texts import page_language, unread
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.report.drift import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_COLUMN = 26
+"""At which the values of a screen begin."""
+_STYLES = {
+    ReadState.READ: Style.GOOD,
+    ReadState.IN_PART: Style.WARNING,
+    ReadState.NOT_REACHED: Style.BAD,
+}
+_STATES = {
+    ReadState.READ: "READ",
+    ReadState.IN_PART: "READ IN PART",
+    ReadState.NOT_REACHED: "NOT REACHED",
+    ReadState.BY_HAND: "NOT ASKED",
+    ReadState.NOT_REHEARSED: "NOT REHEARSED",
+    ReadState.LEFT_OUT: "LEFT OUT",
+}
+
+
+def state_word(device: DeviceRecord) -> str:
+    """What came of a device, in capitals, in the language of the person."""
+    return translate(_STATES[device.state])
+
+
+def heading(record: AsBuiltRecord) -> str:
+    """What it is."""
+    return f"As built: {record.title} ({record.site})"
+
+
+def subtitle(record: AsBuiltRecord) -> str:
+    """Which record, and when it was made."""
+    return f"record {record.id}, {time_text(record.at, record.time_zone)}"
+
+
+def what(record: AsBuiltRecord) -> str:
+    """Whether anything real was asked."""
+    return "emulated devices, nothing real was asked" if record.rehearsed else "nothing was changed"
+
+
+def where(fact: Fact, zone: str) -> str:
+    """Where a value is from, in words."""
+    at = time_text(fact.at, zone) if fact.at is not None else ""
+    if fact.value is None:
+        return f"not read: {fact.note}" if fact.note else "not read"
+    if fact.origin is Origin.READ:
+        return "read in this run"
+    if fact.origin is Origin.DECLARED:
+        return fact.note or "declared"
+    words = f"stored, of {at}" if at else "stored"
+    return f"{words}, {fact.note}" if fact.note else words
+
+
+def checklist_words(fact: Fact, zone: str) -> str:
+    """The last signed checklist of the site."""
+    if fact.value is None:
+        return f"last signed checklist of the site: {fact.note}"
+    return f"last signed checklist of the site: {fact.value} ({where(fact, zone)})"
+
+
+def facts_of(device: DeviceRecord) -> list[tuple[str, Fact]]:
+    """The values of a device, in their order."""
+    return [(name, device.facts[name]) for name in FACTS if name in device.facts]
+
+
+def read_words(device: DeviceRecord, zone: str) -> str:
+    """Of what time the ports are, where they were not read in this run; empty where they were."""
+    if device.state in {ReadState.READ, ReadState.IN_PART}:
+        return ""
+    if device.read_at is None:
+        return "it was never read on this computer"
+    return f"its last known values, read on {time_text(device.read_at, zone)}"
+
+
+def link_words(port: PortRecord) -> str:
+    """The link of a port: whether it is up, how fast, and its MAC."""
+    words = f"link {port.link}, {port.speed}" if port.speed else f"link {port.link}"
+    return f"{words}, MAC {port.mac}" if port.mac else words
+
+
+def neighbour_words(neighbour: PortNeighbour) -> str:
+    """Who was heard, and how."""
+    return f"heard: {shown(neighbour)}, by {' and '.join(neighbour.by)}"
+
+
+def closing(record: AsBuiltRecord) -> str:
+    """How it ended, in one sentence."""
+    states = [device.state for device in record.devices]
+    read, away = (states.count(state) for state in (ReadState.READ, ReadState.NOT_REACHED))
+    part, rest = states.count(ReadState.IN_PART), len(states)
+    if not read and not away and not part:
+        return "Nobody was asked, so nothing was read"
+    words = [f"{read} of {rest} devices were read"]
+    words += [f"{part} in part"] if part else []
+    words += [f"{away} did not answer"] if away else []
+    out = states.count(ReadState.LEFT_OUT)
+    words += [f"{out} were left out"] if out else []
+    left = rest - read - part - away - out
+    words += [f"{left} cannot be asked"] if left else []
+    return ", ".join(words)
+
+
+def compared_words(record: AsBuiltRecord) -> str:
+    """With what it is compared."""
+    if record.since is None:
+        return "There is no record before this one: nothing is compared."
+    if not record.changes:
+        return f"Of what was read, nothing is different from record {record.since}."
+    return f"Different from record {record.since}:"
+
+
+def rows(record: AsBuiltRecord, kept: str) -> Iterator[Row]:
+    """Every line of a screen; `kept`: where the record is."""
+    for row in _rows(record):
+        text = plain(row)
+        yield from wrapped(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
+    yield translate(f"kept: {kept}")
+    yield translate(closing(record))
+
+
+def _rows(record: AsBuiltRecord) -> Iterator[Row]:
+    yield Styled(translate(heading(record)), Style.TITLE)
+    yield translate(subtitle(record))
+    yield translate(what(record))
+    for device in record.devices:
+        yield ""
+        yield from _device(device, record.time_zone)
+    yield ""
+    if record.checklist is not None:
+        yield translate(checklist_words(record.checklist, record.time_zone))
+    yield translate(compared_words(record))
+    yield from ((Styled("  ~ ", Style.WARNING), translate(change.words)) for change in record.changes)
+    yield from (translate(f"note: {note}") for note in record.notes)
+    yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
+    yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
+    yield ""
+
+
+def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
+    word = state_word(device)
+    kind = translate(device.kind.replace("_", " "))
+    yield Styled(device.name, Style.TITLE), f": {kind}, ", Styled(word, _STYLES.get(device.state, Style.QUIET))
+    for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
+        if words:
+            yield f"  {translate(words)}"
+    for name, fact in facts_of(device):
+        value = f"{fact.value} ({translate(where(fact, zone))})" if fact.value else translate(where(fact, zone))
+        yield _label(translate(title_of(name)), value)
+    for port in device.ports:
+        yield _label(translate(f"port {port.name}"), translate(link_words(port)))
+        if port.belongs:
+            yield f"{'':<{_COLUMN}}{translate(f'by the declaration: {port.belongs}')}"
+        yield from (f"{'':<{_COLUMN}}{translate(neighbour_words(item))}" for item in port.neighbours)
+    for item in device.elsewhere:
+        yield _label(translate("port not known"), translate(neighbour_words(item)))
+    for name, version in device.packages.items():
+        yield _label(translate(f"package {name}"), translate(version))
+    yield from (f"  {translate(f'note: {note}')}" for note in device.notes)
+
+
+def _label(title: str, value: str) -> str:
+    """A value beside what it is; a title that is too long moves it to the right."""
+    return f"  {title:<{_COLUMN - 3}} {value}"
+
+
+def anchor(name: str) -> str:
+    """The mark of a device on the page; the labels name it."""
+    return f"device-{name}"
+
+
+def html(record: AsBuiltRecord, digest: str) -> bytes:
+    """The page: no script, no request; the same for the same record. `digest`: SHA-256 of its `as-built.json`."""
+    style = _environment().get_template("as-built.css.j2").render()
+    page = _environment().get_template("as-built.html.j2")
+    text = page.render(
+        record=record,
+        digest=digest,
+        style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
+        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        language=page_language(),
+        unread=unread(),
+        tables=report_tables(record),
+    )
+    return text.encode()
+
+
+def table_words(table: ReportTable) -> str:
+    """What a table of the report is."""
+    return f"Table {table.number}: {table.title}"
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("atlantis_netcfg.asbuilt"),
+        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=StrictUndefined,
+        finalize=_written_out,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(translate=translate)
+    made.globals.update(
+        heading=heading,
+        subtitle=subtitle,
+        what=what,
+        where=where,
+        facts_of=facts_of,
+        title_of=title_of,
+        state_word=state_word,
+        read_words=read_words,
+        link_words=link_words,
+        neighbour_words=neighbour_words,
+        closing=closing,
+        checklist_words=checklist_words,
+        compared_words=compared_words,
+        table_words=table_words,
+        anchor=anchor,
+    )
+    return made
+
+
+def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
+    """Write out what cannot be seen, in all that is printed."""
+    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)

@@ -1,0 +1,247 @@
+"""A record on paper: all of it as PDF, and a sheet of labels for ports and devices.
+
+A label's QR code holds plain text, and no address: at the quay a telephone has no way to the laptop or to the internet,
+and a link to a file of another computer opens nowhere. Any reader shows the text: which device and port it is, its
+serial number, which record says more, the first digits of that record's SHA-256, and where the page lies in the state
+folder of the laptop that made it. Nothing secret is in it: neither keys nor passwords, IMEI or ICCID.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+from math import ceil
+from typing import TYPE_CHECKING
+
+import segno
+
+from atlantis_netcfg.asbuilt.kept import FILE
+from atlantis_netcfg.asbuilt.pages import (
+    anchor,
+    checklist_words,
+    closing,
+    compared_words,
+    facts_of,
+    heading,
+    link_words,
+    neighbour_words,
+    read_words,
+    state_word,
+    subtitle,
+    table_words,
+    where,
+)
+from atlantis_netcfg.asbuilt.record import report_tables, title_of
+from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Paper, printable
+from atlantis_netcfg.checklist.report._texts import unread
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.asbuilt.record import AsBuiltRecord, DeviceRecord, Fact, ReportTable
+    from atlantis_netcfg.declaration.model import AsBuilt
+
+_INDENT = 5.0
+DIGITS = 16
+"""Of the record's SHA-256, in a QR code and beside it."""
+_A4 = (210.0, 297.0)
+_EDGE = 2.5
+"""Of a label that stays free, in mm: sheets are cut, and printers do not meet them exactly."""
+
+
+def pdf(record: AsBuiltRecord, digest: str) -> bytes:
+    """The record, the same bytes for the same record. `digest`: SHA-256 of its `as-built.json`."""
+    paper = _paper(record, digest)
+    paper.add_page()
+    paper.tell(translate(heading(record)), size=17, bold=True)
+    if unread():
+        paper.tell(unread(), faint=True)
+    paper.tell(translate(subtitle(record)), faint=True)
+    if record.rehearsed:
+        paper.tell(translate("REHEARSAL: nothing real was asked."), size=13, bold=True)
+    paper.tell(translate(closing(record)), size=11, bold=True)
+    if record.checklist is not None:
+        paper.tell(translate(checklist_words(record.checklist, record.time_zone)))
+    paper.tell(f"{FILE}: SHA-256 {digest}", size=SMALL)
+    paper.head(translate("What is different"))
+    paper.tell(translate(compared_words(record)))
+    for change in record.changes:
+        paper.tell(f"• {translate(change.words)}", indent=_INDENT)
+    for device in record.devices:
+        _device(paper, device, record.time_zone)
+    for table in report_tables(record):
+        _table(paper, table)
+    if record.not_rehearsed:
+        paper.head(translate("Not rehearsed"))
+    for entry in record.not_rehearsed:
+        paper.tell(translate(entry), indent=_INDENT)
+    return paper.written()
+
+
+def _paper(record: AsBuiltRecord, digest: str) -> Paper:
+    paper = Paper(translate(heading(record)), record.tool, record.at)
+    words = [translate(f"{record.site}, record {record.id}"), f"SHA-256 {digest[:DIGITS]}…"]
+    paper.head_line = "; ".join(
+        [*words, *([translate("REHEARSED, nothing real was asked")] if record.rehearsed else [])]
+    )
+    paper.foot_line = translate(closing(record))
+    return paper
+
+
+def _device(paper: Paper, device: DeviceRecord, zone: str) -> None:
+    paper.head(f"{device.name}: {state_word(device)}")
+    for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
+        if words:
+            paper.tell(translate(words), indent=_INDENT)
+    for name, fact in facts_of(device):
+        paper.tell(f"{translate(title_of(name))}: {_value(fact, zone)}", size=SMALL, indent=_INDENT)
+    for port in device.ports:
+        belongs = f"; {translate(f'by the declaration: {port.belongs}')}" if port.belongs else ""
+        paper.tell(
+            f"{translate(f'port {port.name}')}: {translate(link_words(port))}{belongs}", size=SMALL, indent=_INDENT
+        )
+        for item in port.neighbours:
+            paper.tell(translate(neighbour_words(item)), size=SMALL, indent=2 * _INDENT)
+    for item in device.elsewhere:
+        paper.tell(f"{translate('port not known')}: {translate(neighbour_words(item))}", size=SMALL, indent=_INDENT)
+    for note in device.notes:
+        paper.tell(translate(f"note: {note}"), size=SMALL, indent=_INDENT)
+
+
+def _value(fact: Fact, zone: str) -> str:
+    origin = translate(where(fact, zone))
+    return f"{fact.value} ({origin})" if fact.value else origin
+
+
+def _table(paper: Paper, table: ReportTable) -> None:
+    paper.head(translate(table_words(table)), size=11)
+    if not table.rows:
+        paper.tell(translate("nothing was read that belongs here"))
+    for row in table.rows:
+        pairs = zip(table.columns, row, strict=True)
+        paper.tell(
+            "; ".join(f"{translate(column)}: {cell}" for column, cell in pairs if cell), size=SMALL, indent=_INDENT
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """One label: what people read, and what its QR code holds."""
+
+    device: str
+    port: str | None
+    """None: it is for the box itself."""
+    belongs: str
+    serial: str
+    text: str
+
+
+def labels_of(record: AsBuiltRecord, digest: str, place: str) -> tuple[Label, ...]:
+    """A label for each device of the site, and for each port of which the declaration says what belongs there.
+
+    `place`: where the record is, below the state folder.
+    """
+    return tuple(label for device in record.devices for label in _labels(record, device, digest, place))
+
+
+def _labels(record: AsBuiltRecord, device: DeviceRecord, digest: str, place: str) -> Iterator[Label]:
+    fact = device.facts.get("serial")
+    serial = fact.value if fact is not None and fact.value else "not read"
+    ports = [(port.name, port.belongs) for port in device.ports if port.belongs]
+    for port, belongs in [(None, device.kind.replace("_", " ")), *ports]:
+        lines = (
+            f"ATLANTIS as built{' (REHEARSED)' if record.rehearsed else ''}",
+            f"{record.site}: {device.name}",
+            *([f"port {port}: {belongs}"] if port else []),
+            f"serial {serial}",
+            f"record {record.id}",
+            f"sha256 {digest[:DIGITS]}",
+            f"{place}/as-built.html#{anchor(device.name)}",
+        )
+        yield Label(device.name, port, belongs, serial, "\n".join(lines))
+
+
+def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -> bytes:
+    """A4 sheets of labels of the declared size. Raises UsageError where a QR code has no room on a label."""
+    width, height = sheet.label_width_mm, sheet.label_height_mm
+    columns, lines = (int((whole + 0.01) // part) for whole, part in zip(_A4, (width, height), strict=True))
+    left, top = (_A4[0] - columns * width) / 2, (_A4[1] - lines * height) / 2
+    labels = labels_of(record, digest, place)
+    codes = [segno.make(label.text, error="m", micro=False) for label in labels]
+    side = _side(width, height, max(len(code.matrix) for code in codes) + 2 * _QUIET)
+    paper = LabelSheet(translate(heading(record)), record.tool, record.at)
+    paper.set_auto_page_break(False)
+    for number, (label, code) in enumerate(zip(labels, codes, strict=True)):
+        here = number % (columns * lines)
+        if not here:
+            paper.add_page()
+        x, y = left + here % columns * width, top + here // columns * height
+        _code(paper, code.matrix, x + _EDGE, y + (height - side) / 2, side)
+        _text(paper, _words(label, record), (x + _EDGE + side + 1, y + _EDGE + 1), x + width - _EDGE)
+    return paper.written()
+
+
+def _side(width: float, height: float, modules: int) -> float:
+    """How large the QR codes of a sheet are, in mm. Raises UsageError where the largest one has no room on a label."""
+    side, least = min(height - 2 * _EDGE, width * _SHARE), modules * _MODULE_MM
+    if side >= least:
+        return side
+    raise UsageError(
+        f"labels of {width:g} by {height:g} mm are too small for their QR codes",
+        hint=f"declare `label_width_mm` {ceil(least / _SHARE)} and `label_height_mm` {ceil(least + 2 * _EDGE)}, or "
+        "more, under `asbuilt` in group_vars/all/pilot.yml",
+    )
+
+
+class LabelSheet(Paper):
+    """Pages without head and foot, filled to their edges."""
+
+    def header(self) -> None:
+        """Nothing: a label may lie there."""
+
+    def footer(self) -> None:
+        """Nothing: as above."""
+
+
+_QUIET = 4
+"""Modules around a QR code that stay white (ISO/IEC 18004)."""
+_SHARE = 0.5
+"""Of a label's width that the QR code takes at most."""
+_MODULE_MM = 0.4
+"""A QR code's module on paper is not smaller. A rule of thumb: no telephone has tried it; zbar reads it at 300 dpi."""
+
+
+def _text(paper: Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:
+    """Lines from a point on, broken where the label ends."""
+    paper.set_xy(*at)
+    for text, size, bold in words:
+        paper.set_font(FAMILY, "B" if bold else "", size)
+        paper.set_text_color(0)
+        paper.set_x(at[0])
+        line = paper.font_size * 1.25
+        paper.multi_cell(right - at[0], line, printable(text), align="L", new_x="LEFT", new_y="NEXT")
+
+
+def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bool]]:
+    """What stands beside the code: text, size of its letters, whether they are bold."""
+    yield (label.device if label.port is None else f"{label.device} {label.port}"), 9.0, True
+    yield translate(label.belongs), 7.5, False
+    yield translate(f"serial {label.serial}"), 6.5, False
+    yield record.id, 6.0, False
+    if record.rehearsed:
+        yield translate("REHEARSED"), 7.5, True
+
+
+def _code(paper: Paper, matrix: tuple[bytearray, ...], x: float, y: float, side: float) -> None:
+    """The dark modules, those of a row that touch as one rectangle; around them four modules stay white."""
+    module = side / (len(matrix) + 2 * _QUIET)
+    paper.set_fill_color(0)
+    for number, row in enumerate(matrix, start=_QUIET):
+        column = _QUIET
+        for dark, run in groupby(row):
+            length = len(list(run))
+            if dark:
+                paper.rect(x + column * module, y + number * module, length * module, module, style="F")
+            column += length

@@ -1,0 +1,374 @@
+"""One record: devices, their values, ports and packages; what is different from the record before; how it ends."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ConfigDict
+
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.declaration.model import NumberMask
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+
+class _Data(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Origin(StrEnum):
+    """Where a value is from."""
+
+    READ = "read"
+    """The device said it in the run of this record."""
+    STORED = "stored"
+    """It was read or written down before; `at` says when."""
+    DECLARED = "declared"
+    """The inventory says it."""
+    NOT_READ = "not read"
+    """Nobody knows it; `note` says why."""
+
+
+class Fact(_Data):
+    """One value of a device."""
+
+    value: str | None
+    origin: Origin
+    at: datetime | None = None
+    note: str = ""
+    """Where it was found, or why it is not known."""
+
+
+class PortNeighbour(_Data):
+    """Who was heard on a port: nothing of it is from the declaration but `declared`."""
+
+    mac: str
+    by: tuple[str, ...]
+    """`bridge`, `neighbour discovery`, `ARP`, `DHCP lease`."""
+    address: str | None = None
+    name: str | None = None
+    """What it calls itself."""
+    declared: str | None = None
+    """The host or link of the declaration that has this MAC or this address."""
+
+
+class Link(StrEnum):
+    """Whether something answers at the other end of a port's cable."""
+
+    UP = "up"
+    DOWN = "down"
+    UNKNOWN = "not known"
+
+
+class PortRecord(_Data):
+    """A port, and what was heard on it."""
+
+    name: str
+    mac: str | None = None
+    link: Link = Link.UNKNOWN
+    speed: str | None = None
+    """In the words of the device: `1Gbps`, `1000 Mbit/s`."""
+    belongs: str | None = None
+    """What belongs there by the declaration; None: the declaration says nothing of it."""
+    neighbours: tuple[PortNeighbour, ...] = ()
+
+
+class ReadState(StrEnum):
+    """What came of a device."""
+
+    READ = "read"
+    IN_PART = "read in part"
+    """It answered, but refused a question that one of its kind answers."""
+    NOT_REACHED = "not reached"
+    BY_HAND = "only a person can look"
+    NOT_REHEARSED = "not rehearsed"
+    LEFT_OUT = "left out"
+
+
+class DeviceRecord(_Data):
+    """One device."""
+
+    name: str
+    kind: str
+    state: ReadState
+    why: str = ""
+    """Why it was not read, or not whole."""
+    hint: str | None = None
+    read_at: datetime | None = None
+    """When its values were read; None: never on this computer."""
+    facts: dict[str, Fact] = {}
+    """By the names of `FACTS`."""
+    ports: tuple[PortRecord, ...] = ()
+    elsewhere: tuple[PortNeighbour, ...] = ()
+    """Heard, but nobody can tell at which port."""
+    packages: dict[str, str] = {}
+    """Of a computer: declared package to the version that dpkg says; `not installed` where there is none."""
+    notes: tuple[str, ...] = ()
+
+
+FACTS = (
+    "model",
+    "serial",
+    "version",
+    "boot_firmware",
+    "modem",
+    "modem_firmware",
+    "imei",
+    "iccid",
+    "os",
+    "kernel",
+    "certificate",
+    "host_key",
+    "adopted",
+    "confirmed",
+)
+"""Names of values, in the order in which they are shown."""
+_OF_RUNS = frozenset({"adopted", "confirmed"})
+"""What this computer's journal says; it differs from record to record, and is no difference of the device."""
+
+_MADE_ANEW = frozenset({"certificate", "host_key"})
+"""Rehearsal: keys of an emulated device are made when it starts."""
+
+
+class Change(_Data):
+    """One difference of a device from the record before."""
+
+    device: str
+    what: str
+    before: str | None
+    after: str | None
+    neighbour: bool = False
+    """It is about who was heard on a port, which is no property of the device."""
+
+    @property
+    def words(self) -> str:
+        """What a person reads."""
+        if self.neighbour:
+            if self.after is None:
+                return f"{self.device}: {self.what} no longer has {self.before}"
+            return f"{self.device}: {self.what} now has {self.after}"
+        if self.before is None:
+            return f"{self.device}: {self.what} is now {self.after}; it was not known before"
+        if self.after is None:
+            return f"{self.device}: {self.what} is gone; it was {self.before}"
+        return f"{self.device}: {self.what} changed from {self.before} to {self.after}"
+
+
+class Spent(_Data):
+    """What reading a device has cost on the wire, its login included."""
+
+    round_trips: int
+    bytes: int
+
+
+class AsBuiltRecord(_Data):
+    """What is kept as `as-built.json`."""
+
+    format: int = 1
+    id: str
+    """Sortable by time; also the name of its folder."""
+    site: str
+    title: str
+    at: datetime
+    tool: str
+    inventory: str
+    """Revision of the declaration."""
+    rehearsed: bool
+    time_zone: str = ""
+    mask: NumberMask
+    checklist: Fact | None = None
+    """The last signed checklist of the site."""
+    devices: tuple[DeviceRecord, ...]
+    since: str | None = None
+    """The record that this one is compared with; None: there is none."""
+    changes: tuple[Change, ...] = ()
+    notes: tuple[str, ...] = ()
+    not_rehearsed: tuple[str, ...] = ()
+    spent: dict[str, Spent] = {}
+    """Of each RouterOS device; an SSH session to a computer is not counted here."""
+    costs: dict[str, str] = {}
+    """Link that is paid by the byte to its bill, in words."""
+
+    @property
+    def exit(self) -> ExitCode:
+        """Nobody read is not green, nor is a device that did not answer, or not whole."""
+        states = {device.state for device in self.devices}
+        if states & {ReadState.NOT_REACHED, ReadState.IN_PART}:
+            return ExitCode.CHECKS_FAILED
+        return ExitCode.DONE if ReadState.READ in states else ExitCode.NOTHING
+
+    def device(self, name: str) -> DeviceRecord | None:
+        """What stands in it of a device."""
+        return next((device for device in self.devices if device.name == name), None)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that is kept, with what follows from it."""
+        tables = [table.model_dump(mode="json") for table in report_tables(self)]
+        return {**self.model_dump(mode="json"), "exit": int(self.exit), "errors": [], "tables": tables}
+
+
+def masked(number: str, mask: NumberMask) -> str:
+    """A number that names a SIM or a modem, as far as the declaration lets a record show it."""
+    if mask is NumberMask.NONE:
+        return number
+    shown = number[-4:] if mask is NumberMask.LAST4 and len(number) > 4 else ""  # noqa: PLR2004 - as its name says
+    return "*" * (len(number) - len(shown)) + shown
+
+
+def compared(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecord:
+    """The record with its differences from the one before, and with the last known values of whom nobody reached."""
+    if before is None:
+        return record
+    devices = tuple(_with_last_known(device, before.device(device.name)) for device in record.devices)
+    record = record.model_copy(update={"devices": devices, "since": before.id})
+    return record.model_copy(update={"changes": tuple(_changes(record, before))})
+
+
+def _with_last_known(device: DeviceRecord, before: DeviceRecord | None) -> DeviceRecord:
+    """Values of a device that was not read: those of the last record, marked as stored, at the time they were read."""
+    if device.read_at is not None or before is None or before.read_at is None:
+        return device
+    stored = {name: _stored(fact, before.read_at) for name, fact in before.facts.items()}
+    kept = {"ports": before.ports, "elsewhere": before.elsewhere, "packages": before.packages}
+    return device.model_copy(update={"facts": stored | device.facts, "read_at": before.read_at, **kept})
+
+
+def _stored(fact: Fact, read_at: datetime) -> Fact:
+    if fact.origin is not Origin.READ:
+        return fact
+    return fact.model_copy(update={"origin": Origin.STORED, "at": fact.at or read_at})
+
+
+def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
+    """Only of what was read in this run: what nobody reached is not known to be another one."""
+    for device in record.devices:
+        earlier = before.device(device.name)
+        if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
+            continue
+        skipped = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
+        changed = [*_of_facts(device, earlier, skipped), *_of_packages(device, earlier)]
+        # The cards of an emulated computer are made when it starts, as its keys are.
+        lasting = not record.rehearsed or device.kind not in _COMPUTERS
+        changed += _of_ports(device, earlier) if lasting else ()
+        yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in changed)
+        yield from _of_neighbours(device, earlier) if lasting else ()
+
+
+_Difference = tuple[str, str | None, str | None]
+
+
+def _of_facts(now: DeviceRecord, before: DeviceRecord, skipped: frozenset[str]) -> Iterator[_Difference]:
+    for name in FACTS:
+        fact, old = now.facts.get(name), before.facts.get(name)
+        if name in skipped or fact is None or fact.value is None:
+            continue
+        known = old.value if old is not None else None
+        if fact.value != known:
+            yield title_of(name), known, fact.value
+
+
+def _of_ports(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
+    old_ports = {port.name: port for port in before.ports}
+    for port in now.ports:
+        old = old_ports.pop(port.name, None)
+        if old is None:
+            yield f"port {port.name}", None, port.mac or port.link.value
+            continue
+        pairs = (("MAC", old.mac, port.mac), ("link", old.link.value, port.link.value))
+        yield from ((f"{what} of port {port.name}", a, b) for what, a, b in pairs if a != b and b is not None)
+        if port.speed is not None and old.speed not in {None, port.speed}:
+            yield f"speed of port {port.name}", old.speed, port.speed
+    yield from ((f"port {name}", old.mac or old.link.value, None) for name, old in old_ports.items())
+
+
+def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
+    """By MAC: who is new on a port, and who is no longer heard; an entry ages, so that a pause looks the same."""
+    ports = {port.name: port.neighbours for port in before.ports}
+    for port in now.ports:
+        here = {item.mac: shown(item) for item in port.neighbours}
+        gone = {item.mac: shown(item) for item in ports.get(port.name, ())}
+        pairs: list[tuple[str | None, str | None]] = [(None, here[mac]) for mac in here if mac not in gone]
+        pairs += [(gone[mac], None) for mac in gone if mac not in here]
+        for old, new in pairs:
+            yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
+
+
+def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
+    for name, version in now.packages.items():
+        if before.packages and before.packages.get(name) != version:
+            yield f"package {name}", before.packages.get(name), version
+
+
+def shown(neighbour: PortNeighbour) -> str:
+    """Who it is, as far as it was heard."""
+    words = [neighbour.mac, *(item for item in (neighbour.address, neighbour.name) if item)]
+    return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
+
+
+_TITLES = {
+    "model": "model",
+    "serial": "serial number",
+    "version": "software version",
+    "boot_firmware": "boot loader firmware",
+    "modem": "modem",
+    "modem_firmware": "modem firmware",
+    "imei": "IMEI",
+    "iccid": "ICCID of the SIM",
+    "os": "operating system",
+    "kernel": "kernel",
+    "certificate": "TLS certificate",
+    "host_key": "SSH host key",
+    "adopted": "adopted",
+    "confirmed": "last confirmed run",
+}
+
+
+def title_of(name: str) -> str:
+    """What a person calls a value."""
+    return _TITLES[name]
+
+
+class ReportTable(_Data):
+    """A table of the communications report whose cells are unknown: typed, and filled only with what was read."""
+
+    number: int
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str | None, ...], ...]
+
+
+_HARDWARE = ("device", "kind", "model", "serial number", "software version")
+_COMPUTERS = frozenset({"gateway", "vpn_server", "control_centre"})
+
+
+def report_tables(record: AsBuiltRecord) -> tuple[ReportTable, ...]:
+    """Tables 8, 9, 31 and 32, in columns of ours: the report's own columns are lost (pilot.md, section 5)."""
+    devices = [item for item in record.devices if item.state in {ReadState.READ, ReadState.IN_PART}]
+    centre = any(device.kind in {"vpn_server", "control_centre"} for device in record.devices)
+    checklist = record.checklist.value if record.checklist is not None else None
+    tested = devices if checklist is not None else []
+    packages = [(device.name, name, version) for device in devices for name, version in device.packages.items()]
+    return (
+        _table(8, "hardware for testbed and support vessel", () if centre else map(_hardware, devices)),
+        _table(9, "endpoints of the control centre", map(_hardware, devices) if centre else ()),
+        _table(31, "tested devices", ((*_hardware(item), checklist) for item in tested)),
+        _table(32, "package inventory of the gateway computer", packages),
+    )
+
+
+def _table(number: int, title: str, rows: Iterable[tuple[str | None, ...]]) -> ReportTable:
+    columns = {31: (*_HARDWARE, "signed checklist of the site"), 32: ("device", "package", "version")}.get(
+        number, _HARDWARE
+    )
+    return ReportTable(number=number, title=title, columns=columns, rows=tuple(rows))
+
+
+def _hardware(device: DeviceRecord) -> tuple[str | None, ...]:
+    """Nothing but what was read in this run."""
+    names = ("model", "serial", "os" if device.kind in _COMPUTERS else "version")
+    facts = [device.facts.get(name) for name in names]
+    values = [fact.value if fact is not None and fact.origin is Origin.READ else None for fact in facts]
+    return device.name, device.kind, *values

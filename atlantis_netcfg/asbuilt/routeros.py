@@ -1,0 +1,204 @@
+"""What a RouterOS device is asked of itself, in one flight behind the login, and how its answers are read.
+
+Names of fields: Manual, Resource; RouterBOARD; Neighbor discovery; Bridge, Hosts table; ARP; DHCP; Ethernet, monitor.
+What was heard on a port comes from four menus, joined by MAC: the bridge knows the port, ARP and leases the address,
+neighbour discovery the name. Discovery is off where the site's template is in force, which the record says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, masked
+from atlantis_netcfg.bearers.lte.routeros import monitor_query
+from atlantis_netcfg.operations.links.session import command, rows
+from atlantis_netcfg.routeros.api import Command
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from atlantis_netcfg.declaration.model import NumberMask
+    from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.api import Reply
+
+_MENUS: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "resource": ("/system/resource", ("version", "board-name"), ()),
+    "board": ("/system/routerboard", ("routerboard", "model", "serial-number", "current-firmware"), ()),
+    "interfaces": ("/interface", ("name", "default-name", "type", "mac-address", "running", "disabled"), ()),
+    "discovery": ("/ip/neighbor/discovery-settings", ("discover-interface-list",), ()),
+    "discovered": ("/ip/neighbor", ("interface", "mac-address", "address", "identity", "board", "version"), ()),
+    "bridge": ("/interface/bridge/host", ("mac-address", "on-interface", "local"), ()),
+    "arp": ("/ip/arp", ("address", "mac-address", "interface", "complete"), ()),
+    "leases": ("/ip/dhcp-server/lease", ("active-address", "active-mac-address", "host-name"), ("?status=bound",)),
+}
+"""What is read: menu, properties, and which rows."""
+_NEEDED = ("resource", "interfaces")
+"""Menus that every RouterOS has: one that is refused leaves a hole in the record."""
+_CALLED = ("identity", "board", "version")
+_RADIOS = frozenset({"wlan", "wifi"})
+_PORTS = frozenset({"ether", "lte", *_RADIOS})
+_TRUE = frozenset({"true", "yes"})
+
+
+@dataclass(frozen=True, slots=True)
+class RouterOsFacts:
+    """What one device said."""
+
+    facts: Mapping[str, Fact]
+    ports: tuple[PortRecord, ...]
+    elsewhere: tuple[PortNeighbour, ...]
+    missing: tuple[str, ...] = ()
+    """Menus that it refused, with its words."""
+    notes: tuple[str, ...] = ()
+
+
+def questions(ports: Sequence[str], modem: str | None) -> tuple[Command, ...]:
+    """Everything that is sent after the login: `ports` by their factory names, `modem` where the board has one."""
+    menus = [
+        Command(f"{path}/print", ((".proplist", ",".join(names)),), where) for path, names, where in _MENUS.values()
+    ]
+    links = [Command("/interface/ethernet/monitor", (("numbers", port), ("once", ""))) for port in ports]
+    return (*menus, *links, *((command(monitor_query(modem)),) if modem is not None else ()))
+
+
+def read(
+    replies: Sequence[Reply], ports: Sequence[str], modem: str | None, mask: NumberMask, declared: Mapping[str, str]
+) -> RouterOsFacts:
+    """Read the answers to `questions`, in their order; `declared`: MAC or address to the host or link that has it."""
+    menus = dict(zip(_MENUS, replies, strict=False))
+    links = dict(zip(ports, replies[len(_MENUS) :], strict=False))
+    found = {name: rows(reply) or () for name, reply in menus.items()}
+    system = _first(found["resource"]) | _first(found["board"])
+    monitored = replies[len(_MENUS) + len(ports)] if modem is not None else None
+    interfaces = [row for row in found["interfaces"] if row.get("type") in _PORTS and "default-name" in row]
+    known = _joined(found, declared)
+    made = tuple(_port(row, links.get(row["default-name"]), known) for row in interfaces)
+    names = {row.get("name") for row in interfaces}
+    return RouterOsFacts(
+        facts={**_system(system), **_modem(monitored, mask)},
+        ports=made,
+        elsewhere=tuple(item.shown for item in known if item.interface not in names),
+        missing=tuple(_refusals(menus, _NEEDED)),
+        notes=tuple(_notes(found, menus, interfaces)),
+    )
+
+
+def _refusals(menus: Mapping[str, Reply], names: Sequence[str]) -> Iterator[str]:
+    """Menus that the device did not show, with its words."""
+    for name in names:
+        trap = menus[name].trap
+        if trap is not None:
+            yield f"the device refuses {_MENUS[name][0]}: {trap.message}"
+
+
+def _first(menu: Sequence[Row]) -> dict[str, str]:
+    return dict(menu[0]) if menu else {}
+
+
+def _system(system: Mapping[str, str]) -> dict[str, Fact]:
+    model = system.get("model") or system.get("board-name")
+    return {
+        "model": _fact(model, "the device names no model"),
+        "serial": _fact(system.get("serial-number"), "the board shows no serial number"),
+        "version": _fact(system.get("version"), "the device says no version"),
+        "boot_firmware": _fact(system.get("current-firmware"), "the board has no boot loader of its own"),
+    }
+
+
+def _fact(value: str | None, why_not: str) -> Fact:
+    return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
+
+
+def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
+    """Model and firmware of a modem, and the numbers that name it and its SIM as far as a record may show them."""
+    if reply is None:
+        return {}
+    row = _first(rows(reply) or ())
+    silent = "the modem does not say it now"
+    model = " ".join(row[name] for name in ("manufacturer", "model") if row.get(name))
+    numbers = {name: masked(row[name], mask) if row.get(name) else None for name in ("imei", "iccid")}
+    named = {"modem": _fact(model, silent), "modem_firmware": _fact(row.get("revision"), silent)}
+    return named | {name: _fact(number, silent) for name, number in numbers.items()}
+
+
+@dataclass(slots=True)
+class _Found:
+    """One MAC, as the menus have it."""
+
+    mac: str
+    interface: str = ""
+    by: list[str] = field(default_factory=list)
+    address: str | None = None
+    name: str | None = None
+    declared: str | None = None
+
+    @property
+    def shown(self) -> PortNeighbour:
+        return PortNeighbour(
+            mac=self.mac, by=tuple(self.by), address=self.address, name=self.name, declared=self.declared
+        )
+
+
+def _joined(found: Mapping[str, Sequence[Row]], declared: Mapping[str, str]) -> list[_Found]:
+    """Everybody who was heard, once; the bridge's word for the port counts before that of ARP, which has the bridge."""
+    everyone: dict[str, _Found] = {}
+    for each in _met(found):
+        item = everyone.setdefault(each.mac, each)
+        item.by = list(dict.fromkeys((*item.by, *each.by)))
+        item.interface = item.interface or each.interface
+        item.address = item.address or each.address
+        item.name = item.name or each.name
+    for item in everyone.values():
+        item.declared = declared.get(item.mac) or declared.get(item.address or "")
+    return sorted(everyone.values(), key=lambda item: item.mac)
+
+
+def _met(found: Mapping[str, Sequence[Row]]) -> Iterator[_Found]:
+    """Each row as one who was heard, the menus in the order in which they are believed."""
+    for row in found["bridge"]:
+        if row.get("mac-address") and row.get("local") not in _TRUE:
+            yield _Found(row["mac-address"].upper(), row.get("on-interface", ""), ["bridge"])
+    for row in found["discovered"]:
+        if row.get("mac-address"):
+            # A port of a bridge is named with it: `ether4,bridge-lan`.
+            port, name = (
+                row.get("interface", "").partition(",")[0],
+                " ".join(row[key] for key in _CALLED if row.get(key)),
+            )
+            by = ["neighbour discovery"]
+            yield _Found(row["mac-address"].upper(), port, by, row.get("address") or None, name or None)
+    for row in found["leases"]:
+        if row.get("active-mac-address"):
+            mac, address = row["active-mac-address"].upper(), row.get("active-address")
+            yield _Found(mac, "", ["DHCP lease"], address, row.get("host-name") or None)
+    for row in found["arp"]:
+        if row.get("mac-address") and row.get("complete", "true") in _TRUE:
+            yield _Found(row["mac-address"].upper(), row.get("interface", ""), ["ARP"], row.get("address"))
+
+
+def _port(row: Row, monitored: Reply | None, known: Sequence[_Found]) -> PortRecord:
+    status = _first(rows(monitored) or ()) if monitored is not None else {}
+    link = {"link-ok": Link.UP, "no-link": Link.DOWN}.get(status.get("status", ""))
+    if link is None:
+        link = Link.UNKNOWN if "running" not in row else Link.UP if row["running"] in _TRUE else Link.DOWN
+    called = row.get("name", row["default-name"])
+    return PortRecord(
+        name=row["default-name"],
+        mac=(row.get("mac-address") or "").upper() or None,
+        link=link,
+        speed=status.get("rate") if link is Link.UP else None,
+        neighbours=tuple(item.shown for item in known if item.interface == called),
+    )
+
+
+def _notes(found: Mapping[str, Sequence[Row]], menus: Mapping[str, Reply], interfaces: Sequence[Row]) -> Iterator[str]:
+    """Why less was heard than could be."""
+    listens = _first(found["discovery"]).get("discover-interface-list")
+    if listens == "none":
+        yield "neighbour discovery is off on the device, so that nobody tells it a name"
+    yield from _refusals(menus, ("board", "bridge", "arp"))
+    renamed = [
+        f"{row['default-name']} is called {row['name']}" for row in interfaces if row["default-name"] != row["name"]
+    ]
+    yield from renamed

@@ -1,0 +1,52 @@
+"""A real record of a real site: paid for first, kept beside the other records, and honest about who did not answer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from quay import ROUTER, Quay, quay
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+HERE = ("asbuilt", "site=coastal", f"only={ROUTER}")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Iterator[Quay]:
+    with quay(tmp_path) as opened:
+        yield opened
+
+
+def test_nothing_is_sent_over_a_paid_link_before_somebody_pays(at: Quay) -> None:
+    done = at.provision(*HERE, "via=satellite", code=4)
+    assert "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal" in done.stderr
+    assert int(at.do("counters")["connections"]) == 0
+    assert not list(at.state.glob("real/coastal/asbuilt/*"))
+    paid = at.json(*HERE, "via=satellite", "--accept-cost", code=0)
+    assert " EUR" in paid["costs"]["satellite"]
+    assert int(at.do("counters")["connections"]) == 1
+    assert paid["spent"][ROUTER]["round_trips"] == 5
+
+
+def test_a_box_that_was_replaced_or_is_away_is_told(at: Quay) -> None:
+    at.configure()
+    first = at.json(*HERE, code=0)
+    assert (first["rehearsed"], first["since"]) == (False, None)
+    assert Path(first["kept"]).parent == at.state / "real" / "coastal" / "asbuilt"
+    (router,) = (device for device in first["devices"] if device["name"] == ROUTER)
+    assert router["facts"]["confirmed"]["origin"] == "stored"
+    at.replace("spare")
+    stranger = at.provision(*HERE, code=6).stdout
+    assert f"{ROUTER}: router, NOT REACHED" in stranger
+    assert "its last known values, read on" in stranger
+    assert "SPARE" not in stranger
+    at.adopt()
+    adopted = at.provision(*HERE, code=0).stdout
+    serial = router["facts"]["serial"]["value"]
+    assert f"{ROUTER}: serial number changed from {serial} to SPARE" in adopted
+    assert f"{ROUTER}: TLS certificate changed from" in adopted

@@ -1,0 +1,156 @@
+"""A record says what is different, keeps what it could not read as last known, and is green only for what was read."""
+
+from __future__ import annotations
+
+import pytest
+from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, router, terminal
+
+from atlantis_netcfg.asbuilt.record import (
+    AsBuiltRecord,
+    DeviceRecord,
+    Fact,
+    Link,
+    Origin,
+    ReadState,
+    compared,
+    masked,
+    report_tables,
+)
+from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.declaration.model import NumberMask
+
+NUMBER = "001017000001234"
+
+
+@pytest.mark.parametrize(
+    ("mask", "number", "shown"),
+    [
+        (NumberMask.LAST4, NUMBER, "***********1234"),
+        (NumberMask.FULL, NUMBER, "***************"),
+        (NumberMask.NONE, NUMBER, NUMBER),
+        (NumberMask.LAST4, "1234", "****"),
+    ],
+)
+def test_a_number_is_masked_as_declared(mask: NumberMask, number: str, shown: str) -> None:
+    assert masked(number, mask) == shown
+
+
+def later(*devices: DeviceRecord) -> AsBuiltRecord:
+    return record(*devices, id="20261126T100000Z", at=LATER)
+
+
+def words(now: AsBuiltRecord, before: AsBuiltRecord) -> list[str]:
+    return [change.words for change in compared(now, before).changes]
+
+
+def test_the_first_record_is_compared_with_nothing() -> None:
+    found = compared(record(), None)
+    assert (found.since, found.changes) == (None, ())
+
+
+def test_the_same_again_is_no_difference() -> None:
+    found = compared(later(router(read_at=LATER), terminal()), record())
+    assert (found.since, found.changes) == ("20261125T100000Z", ())
+
+
+def test_another_serial_number_is_told() -> None:
+    told = words(later(router("EXAMPLE2", read_at=LATER)), record())
+    assert told == ["coastal-router: serial number changed from EXAMPLE1 to EXAMPLE2"]
+
+
+def test_what_is_plugged_in_and_what_is_gone_is_told() -> None:
+    plugged, empty = router("EXAMPLE1", port(neighbours=(GATEWAY,))), router("EXAMPLE1", port())
+    shown = "02:00:5E:00:00:07 10.64.1.7 (coastal-gateway)"
+    assert words(later(plugged), record(empty)) == [f"coastal-router: port ether3 now has {shown}"]
+    assert words(later(empty), record(plugged)) == [f"coastal-router: port ether3 no longer has {shown}"]
+
+
+def test_link_speed_and_card_of_a_port_are_compared() -> None:
+    other = port(mac="02:00:5E:00:01:99", link=Link.UP, speed="100Mbps")
+    assert words(later(router("EXAMPLE1", other)), record()) == [
+        "coastal-router: MAC of port ether3 changed from 02:00:5E:00:01:03 to 02:00:5E:00:01:99",
+        "coastal-router: speed of port ether3 changed from 1Gbps to 100Mbps",
+    ]
+    down = port(link=Link.DOWN, speed=None)
+    assert words(later(router("EXAMPLE1", down)), record()) == [
+        "coastal-router: link of port ether3 changed from up to down"
+    ]
+
+
+def test_another_version_of_a_package_is_told() -> None:
+    before = record(router(packages={"chrony": "4.3-2", "gpsd": "3.22-4"}))
+    now = later(router(packages={"chrony": "4.3-3", "gpsd": "3.22-4"}))
+    assert words(now, before) == ["coastal-router: package chrony changed from 4.3-2 to 4.3-3"]
+
+
+def test_runs_of_the_journal_are_no_difference_of_a_device() -> None:
+    ran = {"confirmed": Fact(value="run-2", origin=Origin.STORED, at=LATER)}
+    now = router(facts={**router().facts, **ran})
+    assert words(later(now), record()) == []
+
+
+@pytest.mark.parametrize("rehearsed", [True, False])
+def test_another_certificate_is_a_difference_but_of_an_emulated_device(*, rehearsed: bool) -> None:
+    before, now = (router(facts={**router().facts, "certificate": read(text * 64)}) for text in "ab")
+    found = compared(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
+    assert [change.what for change in found] == ([] if rehearsed else ["TLS certificate"])
+
+
+@pytest.mark.parametrize("rehearsed", [True, False])
+def test_another_card_is_a_difference_but_of_an_emulated_computer(*, rehearsed: bool) -> None:
+    before, now = (router("EXAMPLE1", port(mac=f"02:00:5E:00:01:0{n}"), kind="gateway") for n in "12")
+    found = compared(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
+    assert [change.what for change in found] == ([] if rehearsed else ["MAC of port ether3"])
+
+
+def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> None:
+    found = compared(later(away()), record()).device("coastal-router")
+    assert found is not None
+    assert found.state is ReadState.NOT_REACHED
+    assert found.facts["serial"] == Fact(value="EXAMPLE1", origin=Origin.STORED, at=AT)
+    assert (found.read_at, [each.name for each in found.ports]) == (AT, ["ether3"])
+
+
+def test_last_known_values_keep_their_time_over_many_records_and_are_compared_when_it_answers_again() -> None:
+    second = compared(later(away()), record())
+    third = compared(record(away(), id="20261127T100000Z"), second)
+    found = third.device("coastal-router")
+    assert found is not None
+    assert found.facts["serial"].at == AT
+    assert third.changes == ()
+    fourth = compared(record(router("EXAMPLE2"), id="20261128T100000Z"), third)
+    assert [change.after for change in fourth.changes] == ["EXAMPLE2"]
+
+
+@pytest.mark.parametrize(
+    ("devices", "code"),
+    [
+        ((router(), terminal()), ExitCode.DONE),
+        ((router(), away(name="coastal-cpe")), ExitCode.CHECKS_FAILED),
+        ((router(state=ReadState.IN_PART),), ExitCode.CHECKS_FAILED),
+        ((terminal(),), ExitCode.NOTHING),
+        ((away(),), ExitCode.CHECKS_FAILED),
+    ],
+)
+def test_only_what_was_read_is_green(devices: tuple[DeviceRecord, ...], code: ExitCode) -> None:
+    assert record(*devices).exit is code
+
+
+def test_the_tables_of_the_report_hold_nothing_but_what_was_read() -> None:
+    stored = compared(later(away(), terminal()), record())
+    assert [(table.number, table.rows) for table in report_tables(stored)] == [(8, ()), (9, ()), (31, ()), (32, ())]
+    gateway = router(name="coastal-gateway", kind="gateway", packages={"chrony": "4.3-2"}, facts={"os": read("Debian")})
+    found = {table.number: table.rows for table in report_tables(record(router(), gateway, terminal()))}
+    hardware = ("coastal-router", "router", "EXAMPLE-BOARD", "EXAMPLE1", "7.18.2 (stable)")
+    assert found[8] == (hardware, ("coastal-gateway", "gateway", None, None, "Debian"))
+    assert (found[9], found[31]) == ((), ())
+    assert found[32] == (("coastal-gateway", "chrony", "4.3-2"),)
+
+
+def test_devices_are_tested_once_a_checklist_is_signed_and_the_centre_fills_its_own_table() -> None:
+    signed = Fact(value="20261124T100000Z", origin=Origin.STORED, at=AT)
+    found = {table.number: table.rows for table in report_tables(record(checklist=signed))}
+    assert [row[-1] for row in found[31]] == ["20261124T100000Z"]
+    server = router(name="scc-vpn", kind="vpn_server")
+    found = {table.number: table.rows for table in report_tables(record(router(), server))}
+    assert (found[8], len(found[9])) == ((), 2)
