@@ -60,10 +60,12 @@ class InventoryInvalid(UsageError):
         return tuple(UsageError(str(finding), hint=finding.hint) for finding in self.findings)
 
 
-def report(findings: Sequence[Finding], where: str = "in the inventory; no device was contacted") -> str:
+def report(
+    findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", what: str = "error"
+) -> str:
     """All errors as a technician reads them: place and error, what to type, and the count as the last line."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
-    count = "1 error" if len(findings) == 1 else f"{len(findings)} errors"
+    count = f"1 {what}" if len(findings) == 1 else f"{len(findings)} {what}s"
     return "\n".join([*lines, f"{count} {where}"])
 
 

@@ -22,7 +22,15 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
     Transport,
 )
-from atlantis_netcfg.declaration.model.dds import Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
+from atlantis_netcfg.declaration.model.dds import (
+    Dds,
+    DdsPath,
+    DdsPeer,
+    RosDistribution,
+    RosMiddleware,
+    TelemetryData,
+    TelemetryTopic,
+)
 from atlantis_netcfg.declaration.model.device import (
     ControlCentre,
     Cpe,
@@ -203,6 +211,8 @@ __all__ = [
     "Site",
     "Ssh",
     "Ssid",
+    "TelemetryData",
+    "TelemetryTopic",
     "TerminalEvidence",
     "Text",
     "TimeServer",

@@ -186,6 +186,10 @@ class Bearer(Model):
     """Metered links only; None: nobody has looked up the tariff, so that costs are told in bytes."""
     cap_mb: Annotated[StrictFloat, Field(gt=0)] = 5.0
     """Metered links only: no single action sends more than this, in 10^6 bytes, whatever a person accepts."""
+    standing_budget_mb: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links only: what may go over it in a month by itself, in 10^6 bytes; more is a warning."""
+    standing_budget_eur: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links with a tariff in EUR only: the same as money."""
     network: Network
     """Between the router and the next hop."""
     address: Address
