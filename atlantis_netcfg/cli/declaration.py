@@ -91,16 +91,16 @@ def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
     bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
     if all(bearer.standing_budget_mb is None and bearer.standing_budget_eur is None for bearer in bearers):
         return declaration.warnings
-    from atlantis_netcfg.operations.standing import budget_warnings
+    from atlantis_netcfg.operations.standing import inventory_warnings
 
-    return tuple(sorted((*declaration.warnings, *budget_warnings(declaration))))
+    return inventory_warnings(declaration)
 
 
 def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> None:
     from atlantis_netcfg.declaration import report
 
     if warnings:
-        print(translate(report(warnings, "in the inventory; nothing is refused for it", what="warning")))
+        print(translate(report(warnings, what="warning")))
     missing = [
         f"{bearer.name} of {site}"
         for site, declared in declaration.sites.items()

@@ -63,7 +63,7 @@ class InventoryInvalid(UsageError):
 def report(
     findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", what: str = "error"
 ) -> str:
-    """All errors as a technician reads them: place and error, what to type, and the count as the last line."""
+    """All errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
     count = f"1 {what}" if len(findings) == 1 else f"{len(findings)} {what}s"
     return "\n".join([*lines, f"{count} {where}"])

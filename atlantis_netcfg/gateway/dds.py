@@ -127,7 +127,7 @@ SIZES: Mapping[RosMiddleware, DdsSizes] = {
     RosMiddleware.CYCLONE_DDS: DdsSizes(announcement=380, repeated=False, sample_head=84),
     RosMiddleware.FAST_DDS: DdsSizes(announcement=484, repeated=True, sample_head=100),
 }
-"""Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes) and Fast DDS 2.9, without a ROS node."""
+"""Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes), Fast DDS 2.9; no ROS node."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -186,12 +186,12 @@ def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | Non
     return BearerFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
-def budget_warnings(declaration: Declaration) -> tuple[Finding, ...]:
-    """Every bearer of the pilot that is over its budget, at its place."""
-    found = []
+def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
+    """The declaration's own warnings, and every bearer that is over its budget, by place."""
+    found = list(declaration.warnings)
     for name, site in declaration.sites.items():
         for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):
             over = over_budget(bearer, traffic)
             if over is not None:
                 found.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
-    return tuple(found)
+    return tuple(sorted(found))

@@ -151,7 +151,27 @@ def topics_once(draft: Draft) -> Iterator[Finding]:
             seen.add(item.topic)
 
 
-RULES: tuple[Rule, ...] = (names, aliases, partners, columns, report_rows, report_complete, topics_once)
+def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
+    """Telemetry is counted as DDS sends it, by the pilot's implementation and profiles."""
+    if draft.pilot is None or draft.pilot.dds is not None:
+        return
+    for key, vehicle in draft.vehicles.items():
+        if vehicle.telemetry:
+            message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
+            hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
+            yield draft.wrong(Part("vehicle", key), ("telemetry",), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    names,
+    aliases,
+    partners,
+    columns,
+    report_rows,
+    report_complete,
+    topics_once,
+    topics_go_by_dds,
+)
 
 _GUIDELINES = {
     TelemetryData.NUMBERS: (4.0, "numbers and poses: 1 to 4 Hz"),
