@@ -147,6 +147,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         judged=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
+        thin=bearer.thin,
     )
 
 

@@ -120,6 +120,7 @@ from atlantis_netcfg.declaration.model.site import (
     Reservation,
     ServedLink,
     Site,
+    TrafficClass,
 )
 
 __all__ = [
@@ -216,6 +217,7 @@ __all__ = [
     "TerminalEvidence",
     "Text",
     "TimeServer",
+    "TrafficClass",
     "Transport",
     "UsblEndpoint",
     "Vehicle",

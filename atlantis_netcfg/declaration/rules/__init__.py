@@ -59,5 +59,5 @@ RULES: tuple[Rule, ...] = (
     *secrets.RULES,
 )
 
-WARNINGS: tuple[Rule, ...] = (*vehicles.WARNINGS,)
+WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *vehicles.WARNINGS)
 """What is allowed, and yet not as it should be: it stops nothing."""
