@@ -100,7 +100,7 @@ def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> Non
     from atlantis_netcfg.declaration import report
 
     if warnings:
-        print(translate(report(warnings, what="warning")))
+        print(translate(report(warnings, warnings=True)))
     missing = [
         f"{bearer.name} of {site}"
         for site, declared in declaration.sites.items()

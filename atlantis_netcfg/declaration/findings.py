@@ -61,11 +61,12 @@ class InventoryInvalid(UsageError):
 
 
 def report(
-    findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", what: str = "error"
+    findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", *, warnings: bool = False
 ) -> str:
     """All errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
-    count = f"1 {what}" if len(findings) == 1 else f"{len(findings)} {what}s"
+    alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
+    count = alone if len(findings) == 1 else many
     return "\n".join([*lines, f"{count} {where}"])
 
 

@@ -83,7 +83,7 @@ def told() -> str:
     try:
         findings = validate(Path("inventory"))
         return (
-            report(findings) if findings else report(inventory_warnings(loaded(Path("inventory"))), what="warning")
+            report(findings) if findings else report(inventory_warnings(loaded(Path("inventory"))), warnings=True)
         ) + "\n"
     except NothingMatched as error:
         return f"{error}\n  -> {error.hint}\n"
