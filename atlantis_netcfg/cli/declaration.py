@@ -109,7 +109,7 @@ def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> Non
     ]
     if missing:
         print(translate(f"note: no budget for what goes by itself over {', '.join(missing)}:"))
-        print(translate("      `provision links` shows how much that is, docs/cost.md how to declare one"))
+        print(translate("      docs/cost.md says how to see how much that is, and how to declare one"))
 
 
 def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:

@@ -22,7 +22,7 @@ inventory: no errors
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     5 partners  inesc, iqua, eca, udg, vtt
 note: no budget for what goes by itself over 4g of coastal, satellite of coastal, 4g of te4sea, satellite of te4sea:
-      `provision links` shows how much that is, docs/cost.md how to declare one
+      docs/cost.md says how to see how much that is, and how to declare one
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
 353 values are examples: `provision validate --examples` lists them.
 """
