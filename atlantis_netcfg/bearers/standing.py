@@ -1,9 +1,8 @@
 """Standing traffic: what a link carries by itself, without a run and without a person, in bytes and money.
 
 Canaries, time servers, the keep-alives and renegotiations of the VPN, the announcements of DDS, telemetry. Each is a
-`Flow` in bytes a day, headers included, as they cross the link: what goes through the VPN has the VPN's headers on top.
-Here is the arithmetic alone; `operations.standing` fills it from the declaration and from what is rendered of it.
-Nothing here does I/O.
+`StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. Here is the arithmetic
+alone; `operations.standing` fills it from the declaration and from what is rendered of it. Nothing here does I/O.
 
 The sizes are measured, and `tests/integration/dds/test_standing_bytes.py` holds them against a real OpenVPN and real
 participants. Not in any figure: how the tunnel comes up, answers of ARP, what people do, and a link that loses packets.
@@ -39,7 +38,7 @@ _FRAGMENT = 12
 """A part of a sample has a longer header than a whole one (DDSI-RTPS 2.5, 9.4.5)."""
 
 
-class Source(StrEnum):
+class TrafficSource(StrEnum):
     """What the traffic comes from, in the words of `provision links`."""
 
     CANARIES = "canaries"
@@ -50,10 +49,10 @@ class Source(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Flow:
+class StandingFlow:
     """Traffic of one source, in bytes a day."""
 
-    source: Source
+    source: TrafficSource
     up: float
     """From the site."""
     down: float
@@ -66,7 +65,7 @@ class Flow:
         """Both directions together, as providers count."""
         return self.up + self.down
 
-    def mirrored(self) -> Flow:
+    def mirrored(self) -> StandingFlow:
         """The same at the other end."""
         return replace(self, up=self.down, down=self.up, always=False)
 
@@ -86,19 +85,21 @@ class VpnHeaders:
 NO_VPN: Final = VpnHeaders(0)
 
 
-def canaries(number: int, interval_s: float) -> Flow:
+def canaries(number: int, interval_s: float) -> StandingFlow:
     """Pings to so many addresses every `interval_s` seconds, and their answers."""
     each = _a_day(interval_s) * number * ECHO_BYTES
-    return Flow(Source.CANARIES, each, each, always=True)
+    return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
 
 
-def time_questions(servers: int, interval_s: float) -> Flow:
+def time_questions(servers: int, interval_s: float) -> StandingFlow:
     """What a client of NTP asks so many servers, and their answers."""
     each = _a_day(interval_s) * servers * NTP_BYTES
-    return Flow(Source.TIME, each, each)
+    return StandingFlow(TrafficSource.TIME, each, each)
 
 
-def keep_alive(ping_s: float, renegotiation_s: float, busy_up_s: float | None, busy_down_s: float | None) -> Flow:
+def keep_alive(
+    ping_s: float, renegotiation_s: float, busy_up_s: float | None, busy_down_s: float | None
+) -> StandingFlow:
     """What a tunnel of OpenVPN says to stay up.
 
     An end sends its ping when it has sent nothing for `ping_s`. `busy_*_s`: how often something goes through the tunnel
@@ -109,7 +110,7 @@ def keep_alive(ping_s: float, renegotiation_s: float, busy_up_s: float | None, b
     def pings(busy_s: float | None) -> float:
         return _a_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
 
-    return Flow(Source.VPN, pings(busy_up_s) + renewed, pings(busy_down_s) + renewed)
+    return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewed, pings(busy_down_s) + renewed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,9 +159,11 @@ def sample_bytes(size_bytes: int, message_bytes: int, fragment_bytes: int, sizes
     return ceil(size_bytes / fragment_bytes) * (sizes.sample_head + _FRAGMENT + vpn.bytes) + padded
 
 
-def published(topics: Iterable[tuple[float, int]], subscribers: int) -> Flow:
+def published(topics: Iterable[tuple[float, int]], subscribers: int) -> StandingFlow:
     """Topics, each by its rate in Hz and the bytes of a sample on the link; subscribers do not acknowledge (3.3.3)."""
-    return Flow(Source.TELEMETRY, sum(rate_hz * nbytes for rate_hz, nbytes in topics) * subscribers * DAY_S, 0)
+    return StandingFlow(
+        TrafficSource.TELEMETRY, sum(rate_hz * nbytes for rate_hz, nbytes in topics) * subscribers * DAY_S, 0
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,8 +171,8 @@ class StandingTraffic:
     """What one bearer carries by itself while the traffic of the site goes over it."""
 
     link: MeteredLink
-    flows: tuple[Flow, ...]
-    """Of each source one, in the order of `Source`."""
+    flows: tuple[StandingFlow, ...]
+    """Of each source one, in the order of `TrafficSource`."""
 
     @property
     def day_bytes(self) -> int:
@@ -205,7 +208,7 @@ class StandingTraffic:
             lines.append(f"{size(self.idle_day_bytes)} a day while another link carries the traffic")
         return tuple(lines)
 
-    def only(self, source: Source) -> StandingTraffic:
+    def only(self, source: TrafficSource) -> StandingTraffic:
         """The part of one source."""
         return replace(self, flows=tuple(flow for flow in self.flows if flow.source is source))
 
@@ -224,14 +227,14 @@ class StandingTraffic:
         }
 
 
-def added_up(flows: Iterable[Flow]) -> tuple[Flow, ...]:
-    """One flow a source, in the order of `Source`; sources without a byte are left out."""
-    sums: dict[Source, Flow] = {}
+def added_up(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
+    """One flow a source, in the order of `TrafficSource`; sources without a byte are left out."""
+    sums: dict[TrafficSource, StandingFlow] = {}
     for flow in flows:
-        before = sums.get(flow.source, Flow(flow.source, 0, 0, flow.always))
+        before = sums.get(flow.source, StandingFlow(flow.source, 0, 0, flow.always))
         always = before.always and flow.always
-        sums[flow.source] = Flow(flow.source, before.up + flow.up, before.down + flow.down, always)
-    return tuple(sums[source] for source in Source if source in sums and sums[source].both)
+        sums[flow.source] = StandingFlow(flow.source, before.up + flow.up, before.down + flow.down, always)
+    return tuple(sums[source] for source in TrafficSource if source in sums and sums[source].both)
 
 
 def _a_day(interval_s: float) -> float:

@@ -74,8 +74,8 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
     warnings = _warnings(declaration)
     if as_json:
         left = [dataclasses.asdict(example) for example in declaration.examples]
-        told = [dataclasses.asdict(finding) for finding in warnings]
-        more = {"checked": counts, "revision": declaration.revision, "examples": left, "warnings": told}
+        warned = [dataclasses.asdict(finding) for finding in warnings]
+        more = {"checked": counts, "revision": declaration.revision, "examples": left, "warnings": warned}
         _print_json_counts(ExitCode.DONE, declaration.root, errors=[], **more)
         return ExitCode.DONE
     print(translate(f"{declaration.root}: no errors"))
@@ -166,7 +166,7 @@ def run_dds(arguments: Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 
-    from atlantis_netcfg.bearers.standing import Source
+    from atlantis_netcfg.bearers.standing import TrafficSource
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose, load
     from atlantis_netcfg.gateway.dds import profile_views, profiles
@@ -179,7 +179,7 @@ def run_dds(arguments: Arguments) -> ExitCode:
     files = {name: text for view in views for name, text in profiles(view).items()}
     folder = arguments.optional("to")
     written = _write(Path(folder), files) if folder is not None else {}
-    costs = {traffic.link.name: traffic.only(Source.DDS) for traffic in standing_traffic(declaration, host.site)}
+    costs = {traffic.link.name: traffic.only(TrafficSource.DDS) for traffic in standing_traffic(declaration, host.site)}
     if arguments.flag("json"):
         _print_json_profiles(views, costs, files if arguments.flag("show") else dict.fromkeys(files), written)
     else:

@@ -111,7 +111,7 @@ _FORMS: Mapping[str, str] = {
     "source": "https://images.example.org/board.img.xz",
     "table3_deviation": "the partner has added a modem",
     "token": "EXAMPLE-token",
-    "topic": "/sparus/pose",
+    "topic": "sparus/pose",
     "user": "provision",
     "version": '"0.9.2-1*"',
 }

@@ -2,7 +2,7 @@
 
 `bearers.standing` has the arithmetic. Here stands who talks to whom:
 
-- the router asks the canaries of its links, and the time servers; so does each gateway;
+- the router asks the canaries of its links; it and each gateway ask the time servers;
 - the router and each gateway have a tunnel, and so has each computer of `dds.peers` at this site;
 - each computer that talks DDS announces itself to its peers, and they to it. What two computers of one site say to each
   other through the VPN crosses the link twice. A peer that is no host of the inventory is taken to announce itself as
@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.bearers.standing import (
-    Flow,
-    Source,
+    StandingFlow,
     StandingTraffic,
+    TrafficSource,
     added_up,
     canaries,
     keep_alive,
@@ -57,17 +57,17 @@ def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraff
     """Of each bearer of a site, in order of preference."""
     links = links_of(declaration, site)
     shared = tuple(_shared(declaration, site))
-    asked = _asked(declaration, site)
+    probed = _of_canaries(declaration, site)
     return tuple(
-        StandingTraffic(links[bearer.name], added_up((*asked.get(bearer.name, ()), *shared)))
+        StandingTraffic(links[bearer.name], added_up((*probed.get(bearer.name, ()), *shared)))
         for bearer in declaration.sites[site].bearers
     )
 
 
-def _asked(declaration: Declaration, site: str) -> dict[str, tuple[Flow, ...]]:
+def _of_canaries(declaration: Declaration, site: str) -> dict[str, tuple[StandingFlow, ...]]:
     """Bearer to what its canaries are asked."""
     router = _router(declaration, site)
-    found: dict[str, tuple[Flow, ...]] = {}
+    found: dict[str, tuple[StandingFlow, ...]] = {}
     for uplink in router_view(declaration, router).uplinks if router is not None else ():
         if uplink.judged is not None:
             asking = [canaries(len(uplink.canaries), uplink.judged.watch_s)]
@@ -81,7 +81,7 @@ def _router(declaration: Declaration, site: str) -> Host | None:
     return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
 
 
-def _shared(declaration: Declaration, site: str) -> Iterator[Flow]:
+def _shared(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic."""
     clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Gateway)]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
@@ -93,7 +93,7 @@ def _shared(declaration: Declaration, site: str) -> Iterator[Flow]:
             yield from (flow.mirrored() for flow in _through_the_vpn(declaration, other))
 
 
-def _through_the_vpn(declaration: Declaration, site: str) -> Iterator[Flow]:
+def _through_the_vpn(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
     """What the tunnels of a site say, and what goes through them."""
     computers = _computers(declaration, site)
     announcements = tuple(_announcements(declaration, computers))
@@ -128,19 +128,19 @@ def _foreign(declaration: Declaration, site: str) -> list[str]:
     return [str(peer.address) for peer in dds.peers if peer.site == site] if dds is not None else []
 
 
-def _announcements(declaration: Declaration, computers: list[tuple[str, ProfileView]]) -> Iterator[Flow]:
+def _announcements(declaration: Declaration, computers: list[tuple[str, ProfileView]]) -> Iterator[StandingFlow]:
     """Each computer of a site with each of its peers, both ways."""
     here = {address for address, _ in computers}
     for address, view in computers:
         sent, refused = _pair(view)
         for name, peer in view.peers:
             if peer in here and peer != address and view.over is DdsPath.VPN:
-                yield Flow(Source.DDS, sent + refused, sent + refused)
+                yield StandingFlow(TrafficSource.DDS, sent + refused, sent + refused)
             elif peer not in here and not (view.over is DdsPath.LAN and name in declaration.vehicles):
                 host = declaration.hosts.get(name)
                 other = profile_in_use(declaration, host) if host is not None else view
                 received, refused_here = _pair(other)
-                yield Flow(Source.DDS, sent + refused_here, received + refused)
+                yield StandingFlow(TrafficSource.DDS, sent + refused_here, received + refused)
 
 
 def _pair(view: ProfileView) -> tuple[float, float]:
@@ -148,7 +148,7 @@ def _pair(view: ProfileView) -> tuple[float, float]:
     return view.announcing.sent(1, view.vpn), view.announcing.refused(1, view.vpn)
 
 
-def _telemetry(declaration: Declaration, site: str, view: ProfileView) -> Flow:
+def _telemetry(declaration: Declaration, site: str, view: ProfileView) -> StandingFlow:
     """What the vehicles that are tested at a site publish to each control centre."""
     named = declaration.sites[site].checklist.vehicles
     centres = sum(isinstance(host.device, ControlCentre) for host in declaration.hosts.values())

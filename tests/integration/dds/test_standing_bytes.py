@@ -20,7 +20,7 @@ from dds_stand import Participant
 from matrix_papers import host
 from matrix_stand import SERVER, Vpn, vpn
 
-from atlantis_netcfg.bearers.standing import DAY_S, Source, keep_alive, published, sample_bytes
+from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource, keep_alive, published, sample_bytes
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
@@ -110,11 +110,11 @@ def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch
             assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + 60), one.lines  # type: ignore[misc]
         counted = count(made, 8 * _ANNOUNCE_S)
     (satellite,) = (one for one in standing_traffic(declaration, "coastal") if one.link.name == "satellite")
-    flows = [one for one in satellite.flows if one.source in {Source.DDS, Source.TELEMETRY}]
+    flows = [one for one in satellite.flows if one.source in {TrafficSource.DDS, TrafficSource.TELEMETRY}]
     view = profile_in_use(declaration, declaration.hosts[GATEWAY])
     word = sample_bytes(_WORD_BYTES, 1200, 1100, view.sizes, view.vpn)
     back = published([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
-    assert {one.source for one in flows} == {Source.DDS, Source.TELEMETRY}
+    assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
     expected = sum(one.up for one in flows), sum(one.down for one in flows) + back.up
     assert counted.a_day() == pytest.approx(expected, rel=TOLERANCE)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.bearers.standing import DAY_S, Flow, Source
+from atlantis_netcfg.bearers.standing import DAY_S, StandingFlow, TrafficSource
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, DdsPath, DdsPeer, RosDistribution, TelemetryData, TelemetryTopic
@@ -34,18 +34,20 @@ def with_dds(pilot: Declaration, **more: object) -> Declaration:
     return replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": dds}))
 
 
-def flows(pilot: Declaration, site: str, bearer: str) -> dict[Source, Flow]:
+def flows(pilot: Declaration, site: str, bearer: str) -> dict[TrafficSource, StandingFlow]:
     (traffic,) = (one for one in standing_traffic(pilot, site) if one.link.name == bearer)
     return {flow.source: flow for flow in traffic.flows}
 
 
 def test_what_goes_over_a_satellite(pilot: Declaration) -> None:
     found = flows(pilot, "coastal", "satellite")
-    assert list(found) == [Source.TIME, Source.VPN, Source.DDS]
-    assert found[Source.DDS] == Flow(Source.DDS, _SENT + _REFUSED, pytest.approx(_SENT + _REFUSED))
+    assert list(found) == [TrafficSource.TIME, TrafficSource.VPN, TrafficSource.DDS]
+    assert found[TrafficSource.DDS] == StandingFlow(
+        TrafficSource.DDS, _SENT + _REFUSED, pytest.approx(_SENT + _REFUSED)
+    )
     # The router's tunnel is quiet and sends pings; the gateway's has announcements instead.
-    assert found[Source.VPN].up == pytest.approx(1440 * 68 + 2 * _RENEWED)
-    assert found[Source.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
+    assert found[TrafficSource.VPN].up == pytest.approx(1440 * 68 + 2 * _RENEWED)
+    assert found[TrafficSource.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
 
 
 def test_canaries_are_asked_over_every_link_that_has_them(pilot: Declaration) -> None:
@@ -55,21 +57,24 @@ def test_canaries_are_asked_over_every_link_that_has_them(pilot: Declaration) ->
 
 
 def test_the_profile_of_the_slowest_link_is_kept_on_every_link(pilot: Declaration) -> None:
-    assert flows(pilot, "coastal", "wifi-ptp")[Source.DDS] == flows(pilot, "coastal", "satellite")[Source.DDS]
+    assert (
+        flows(pilot, "coastal", "wifi-ptp")[TrafficSource.DDS]
+        == flows(pilot, "coastal", "satellite")[TrafficSource.DDS]
+    )
 
 
 def test_without_dds_every_tunnel_sends_pings(pilot: Declaration) -> None:
     bare = replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": None}))
     found = flows(bare, "coastal", "satellite")
-    assert list(found) == [Source.TIME, Source.VPN]
-    assert found[Source.VPN].up == pytest.approx(2 * (1440 * 68 + _RENEWED))
+    assert list(found) == [TrafficSource.TIME, TrafficSource.VPN]
+    assert found[TrafficSource.VPN].up == pytest.approx(2 * (1440 * 68 + _RENEWED))
 
 
 def test_the_site_of_the_server_carries_what_all_others_say(pilot: Declaration) -> None:
     found = flows(pilot, "scc", "uplink")
-    there = [flows(pilot, site, "satellite")[Source.DDS] for site in ("coastal", "te4sea")]
-    assert found[Source.DDS].down == pytest.approx(sum(flow.up for flow in there))
-    assert Source.CANARIES not in found
+    there = [flows(pilot, site, "satellite")[TrafficSource.DDS] for site in ("coastal", "te4sea")]
+    assert found[TrafficSource.DDS].down == pytest.approx(sum(flow.up for flow in there))
+    assert TrafficSource.CANARIES not in found
 
 
 def test_computers_of_one_site_meet_at_the_server(pilot: Declaration) -> None:
@@ -78,19 +83,21 @@ def test_computers_of_one_site_meet_at_the_server(pilot: Declaration) -> None:
     alone, together = with_dds(pilot), with_dds(pilot, peers=peers)
     before, after = (flows(one, "coastal", "satellite") for one in (alone, together))
     pair = _SENT + _REFUSED
-    assert after[Source.DDS].up - before[Source.DDS].up == pytest.approx(3 * pair)
-    assert after[Source.DDS].down - before[Source.DDS].down == pytest.approx(3 * pair)
-    assert after[Source.VPN].up - before[Source.VPN].up == pytest.approx(_RENEWED)
+    assert after[TrafficSource.DDS].up - before[TrafficSource.DDS].up == pytest.approx(3 * pair)
+    assert after[TrafficSource.DDS].down - before[TrafficSource.DDS].down == pytest.approx(3 * pair)
+    assert after[TrafficSource.VPN].up - before[TrafficSource.VPN].up == pytest.approx(_RENEWED)
 
 
 def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Declaration) -> None:
     found = flows(with_dds(pilot, over=DdsPath.LAN), "coastal", "satellite")
-    assert found[Source.DDS].up == pytest.approx(_SENT + _REFUSED)
-    assert found[Source.VPN].up == pytest.approx(1440 * 68 + 2 * _RENEWED)  # now it is the gateway's that is quiet
+    assert found[TrafficSource.DDS].up == pytest.approx(_SENT + _REFUSED)
+    assert found[TrafficSource.VPN].up == pytest.approx(
+        1440 * 68 + 2 * _RENEWED
+    )  # now it is the gateway's that is quiet
 
 
 def test_processes_announce_themselves_to_each_other(pilot: Declaration) -> None:
-    found = flows(with_dds(pilot, processes=10), "coastal", "satellite")[Source.DDS]
+    found = flows(with_dds(pilot, processes=10), "coastal", "satellite")[TrafficSource.DDS]
     assert found.up == pytest.approx(10 * 20 * 536 * DAY_S / 20)
 
 
@@ -98,12 +105,12 @@ def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Declaration) -> N
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = pilot.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
     declared = replace(pilot, vehicles={**pilot.vehicles, "sparus": sparus})
-    expected = Flow(Source.TELEMETRY, 2 * (100 + 52 + 120) * DAY_S, 0)
-    assert flows(declared, "coastal", "satellite")[Source.TELEMETRY] == expected
+    expected = StandingFlow(TrafficSource.TELEMETRY, 2 * (100 + 52 + 120) * DAY_S, 0)
+    assert flows(declared, "coastal", "satellite")[TrafficSource.TELEMETRY] == expected
     coastal = declared.sites["coastal"]
     without = coastal.model_copy(update={"checklist": coastal.checklist.model_copy(update={"vehicles": ("zarco",)})})
     elsewhere = replace(declared, sites={**declared.sites, "coastal": without})
-    assert Source.TELEMETRY not in flows(elsewhere, "coastal", "satellite")
+    assert TrafficSource.TELEMETRY not in flows(elsewhere, "coastal", "satellite")
 
 
 @pytest.mark.parametrize(

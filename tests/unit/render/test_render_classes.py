@@ -20,7 +20,11 @@ def classed(site: str = "coastal", **traffic: TrafficClass) -> Declaration:
 
 def rows(declared: Declaration, menu: str, site: str = "coastal") -> list[dict[str, str]]:
     export = rsc.parse(router(declared, declared.router(site)))
-    return [dict(row.values) for row in export.statements if row.menu == menu and row.verb == "add"]
+    return [
+        {name: value or "" for name, value in row.values}
+        for row in export.statements
+        if row.menu == menu and row.verb == "add"
+    ]
 
 
 def test_without_a_class_nothing_changes() -> None:
