@@ -99,7 +99,7 @@ def speaker(made: Vpn, name: str, folder: Path) -> Participant:
 
 def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tuning = replace(TUNING[Pace.SATELLITE], announce_s=_ANNOUNCE_S)
-    monkeypatch.setitem(TUNING, Pace.SATELLITE, tuning)  # type: ignore[arg-type] - it is a dict
+    monkeypatch.setitem(TUNING, Pace.SATELLITE, tuning)
     declaration = pilot()
     with vpn(declaration, [host(declaration, GATEWAY), host(declaration, CENTRE)], tmp_path) as made:
         for name in (GATEWAY, CENTRE, SERVER):
@@ -120,7 +120,7 @@ def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch
 
 
 def test_an_idle_tunnel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(TIMERS, MemberLink.SATELLITE, (_PING_S, 300))  # type: ignore[arg-type] - it is a dict
+    monkeypatch.setitem(TIMERS, MemberLink.SATELLITE, (_PING_S, 300))
     monkeypatch.setattr(vpn_server, "RENEGOTIATION_S", _RENEGOTIATION_S)
     declaration = pilot()
     with vpn(declaration, [host(declaration, GATEWAY)], tmp_path) as made:
