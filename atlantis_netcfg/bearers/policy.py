@@ -12,6 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers.standing import ECHO_BYTES
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
@@ -30,9 +32,6 @@ ROUTE_PROPERTIES = (
 
 DEFAULT = "0.0.0.0/0"
 MAIN = "main"
-ECHO_BYTES = 84
-"""Of one echo request as an IP packet with RouterOS' usual 56 bytes of data (20 IP, 8 ICMP); the answer is as long."""
-_DAY_S = 86400
 _TRUE = frozenset({"true", "yes"})
 
 
@@ -136,8 +135,3 @@ def probe_commands(bearers: Sequence[BearerRoute], *, count: int = 3) -> tuple[P
         if bearer.kind != "satellite"
         for canary in bearer.canaries
     )
-
-
-def daily_bytes(canaries: int, interval_s: float) -> int:
-    """Return what it costs to ping so many addresses every `interval_s` seconds for a day, answers included."""
-    return round(2 * ECHO_BYTES * canaries * _DAY_S / interval_s)

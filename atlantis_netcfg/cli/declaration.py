@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.declaration import Declaration, InventoryInvalid
+    from atlantis_netcfg.bearers.standing import StandingTraffic
+    from atlantis_netcfg.declaration import Declaration, Finding, InventoryInvalid
     from atlantis_netcfg.gateway.dds import ProfileView
 
 
@@ -70,16 +71,45 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
         "partners": list(declaration.partners),
     }
     counts = {name: len(getattr(declaration, name)) for name in checked}
+    warnings = _warnings(declaration)
     if as_json:
         left = [dataclasses.asdict(example) for example in declaration.examples]
-        more = {"checked": counts, "revision": declaration.revision, "examples": left}
+        warned = [dataclasses.asdict(finding) for finding in warnings]
+        more = {"checked": counts, "revision": declaration.revision, "examples": left, "warnings": warned}
         _print_json_counts(ExitCode.DONE, declaration.root, errors=[], **more)
         return ExitCode.DONE
     print(translate(f"{declaration.root}: no errors"))
     for name, some in checked.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
+    _tell_warnings(declaration, warnings)
     _tell_examples(declaration, lists_all=lists_examples)
     return ExitCode.DONE
+
+
+def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
+    """What is allowed and yet not as it should be; what links carry is worked out only where a budget is declared."""
+    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
+    if all(bearer.standing_budget_mb is None and bearer.standing_budget_eur is None for bearer in bearers):
+        return declaration.warnings
+    from atlantis_netcfg.operations.standing import inventory_warnings
+
+    return inventory_warnings(declaration)
+
+
+def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> None:
+    from atlantis_netcfg.declaration import report
+
+    if warnings:
+        print(translate(report(warnings, warnings=True)))
+    missing = [
+        f"{bearer.name} of {site}"
+        for site, declared in declaration.sites.items()
+        for bearer in declared.bearers
+        if bearer.metered and bearer.standing_budget_mb is None and bearer.standing_budget_eur is None
+    ]
+    if missing:
+        print(translate(f"note: no budget for what goes by itself over {', '.join(missing)}:"))
+        print(translate("      docs/cost.md says how to see how much that is, and how to declare one"))
 
 
 def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
@@ -136,9 +166,11 @@ def run_dds(arguments: Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 
+    from atlantis_netcfg.bearers.standing import TrafficSource
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import choose, load
     from atlantis_netcfg.gateway.dds import profile_views, profiles
+    from atlantis_netcfg.operations.standing import standing_traffic
 
     named = arguments.optional("inventory")
     declaration = load(Path(named) if named else paths.checkout() / "inventory")
@@ -147,10 +179,11 @@ def run_dds(arguments: Arguments) -> ExitCode:
     files = {name: text for view in views for name, text in profiles(view).items()}
     folder = arguments.optional("to")
     written = _write(Path(folder), files) if folder is not None else {}
+    costs = {traffic.link.name: traffic.only(TrafficSource.DDS) for traffic in standing_traffic(declaration, host.site)}
     if arguments.flag("json"):
-        _print_json_profiles(views, files if arguments.flag("show") else dict.fromkeys(files), written)
+        _print_json_profiles(views, costs, files if arguments.flag("show") else dict.fromkeys(files), written)
     else:
-        _print(declaration, views, written)
+        _print(declaration, views, costs, written)
         if arguments.flag("show"):
             _show(files)
     return ExitCode.DONE
@@ -178,7 +211,14 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
     return changed
 
 
-def _print(declaration: Declaration, views: Sequence[ProfileView], written: Mapping[str, bool]) -> None:
+def _print(
+    declaration: Declaration,
+    views: Sequence[ProfileView],
+    costs: Mapping[str, StandingTraffic],
+    written: Mapping[str, bool],
+) -> None:
+    from atlantis_netcfg.bearers.cost import size
+
     first, release = views[0], views[0].release
     brings = f"Cyclone DDS {release.cyclone.version}"
     brings += f" and Fast DDS {release.fast_dds}" if release.fast_dds is not None else ""
@@ -195,6 +235,13 @@ def _print(declaration: Declaration, views: Sequence[ProfileView], written: Mapp
                 f" datagrams of {view.tuning.message_bytes} bytes at most"
             )
         )
+    print(
+        translate(f"  all DDS of {declaration.hosts[first.host].site}, with {first.processes} running on a computer:")
+    )
+    for name, traffic in costs.items():
+        price = f", {traffic.bill.money}" if traffic.link.metered else ""
+        month = size(traffic.month_bytes)
+        print(translate(f"  {name:<10} {month} a month both ways while it carries the traffic{price}"))
     for name, changed in written.items():
         print(translate(f"  {'written' if changed else 'already so':<10} {name}"))
     if declaration.pilot.example_values:
@@ -207,7 +254,10 @@ def _show(files: Mapping[str, str]) -> None:
 
 
 def _print_json_profiles(
-    views: Sequence[ProfileView], files: Mapping[str, str | None], written: Mapping[str, bool]
+    views: Sequence[ProfileView],
+    costs: Mapping[str, StandingTraffic],
+    files: Mapping[str, str | None],
+    written: Mapping[str, bool],
 ) -> None:
     import json
 
@@ -218,6 +268,7 @@ def _print_json_profiles(
             "announce_s": view.tuning.announce_s,
             "message_bytes": view.tuning.message_bytes,
             "announced_mb_a_day": round(view.announced_mb_a_day, 1),
+            "standing": costs[view.bearer].as_dict(),
         }
         for view in views
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration.examples import Example
+    from atlantis_netcfg.declaration.findings import Finding, Mark
     from atlantis_netcfg.declaration.model import Device, Partner, Pilot, Site, Vehicle
 
 ALL = "all"
@@ -42,6 +43,10 @@ class Declaration:
     """SHA-256 over the names and bytes of its files."""
     examples: tuple[Example, ...] = ()
     """Values that nobody has replaced yet, by place."""
+    warnings: tuple[Finding, ...] = ()
+    """What is allowed, and yet not as it should be, by place."""
+    places: Mapping[tuple[str, str], Mark] = field(default_factory=dict)
+    """Site and link to where the link is declared, for what is worked out of the declaration and said of it."""
 
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """The hosts of a site, in the order of hosts.yml."""

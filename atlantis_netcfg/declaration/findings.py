@@ -60,10 +60,13 @@ class InventoryInvalid(UsageError):
         return tuple(UsageError(str(finding), hint=finding.hint) for finding in self.findings)
 
 
-def report(findings: Sequence[Finding], where: str = "in the inventory; no device was contacted") -> str:
-    """All errors as a technician reads them: place and error, what to type, and the count as the last line."""
+def report(
+    findings: Sequence[Finding], where: str = "in the inventory; no device was contacted", *, warnings: bool = False
+) -> str:
+    """All errors or warnings as a technician reads them: place, what is wrong, what to type; the count comes last."""
     lines = [f"{finding}\n  -> {finding.hint}" for finding in findings]
-    count = "1 error" if len(findings) == 1 else f"{len(findings)} errors"
+    alone, many = ("1 warning", f"{len(findings)} warnings") if warnings else ("1 error", f"{len(findings)} errors")
+    count = alone if len(findings) == 1 else many
     return "\n".join([*lines, f"{count} {where}"])
 
 

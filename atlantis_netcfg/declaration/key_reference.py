@@ -66,6 +66,8 @@ _UNITS = (
     ("_kbps", "kbit/s"),
     ("_mbps", "Mbit/s"),
     ("_mhz", "MHz"),
+    ("_hz", "Hz"),
+    ("_eur", "EUR"),
     ("_dbm", "dBm"),
     ("_dbi", "dBi"),
     ("_mb", "10⁶ bytes"),
@@ -109,6 +111,7 @@ _FORMS: Mapping[str, str] = {
     "source": "https://images.example.org/board.img.xz",
     "table3_deviation": "the partner has added a modem",
     "token": "EXAMPLE-token",
+    "topic": "sparus/pose",
     "user": "provision",
     "version": '"0.9.2-1*"',
 }

@@ -35,7 +35,7 @@ from atlantis_netcfg.declaration.declaration import Declaration, Host
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant, shown_key, why_no_name
 from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
-from atlantis_netcfg.declaration.rules import RULES
+from atlantis_netcfg.declaration.rules import RULES, WARNINGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -462,6 +462,12 @@ def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
         hosts,
         revision=digest.hexdigest(),
         examples=examples_in(found.nodes.values()),
+        warnings=tuple(sorted(finding for rule in WARNINGS for finding in rule(found))),
+        places={
+            (name, bearer.name): found.mark(Part("site", name), "bearers", index)
+            for name, site in found.sites.items()
+            for index, bearer in enumerate(site.bearers)
+        },
     )
 
 

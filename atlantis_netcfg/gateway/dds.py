@@ -11,14 +11,24 @@ Sources: `ros2.repos` on each branch of ros2/ros2 for the versions; the schemas 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
+from atlantis_netcfg.bearers.standing import Announcing, DdsSizes, VpnHeaders
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway, Pace, RosDistribution
+from atlantis_netcfg.declaration.model import (
+    BearerKind,
+    ControlCentre,
+    Dds,
+    DdsPath,
+    Gateway,
+    Pace,
+    RosDistribution,
+    RosMiddleware,
+)
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.render import compiled, environment, template_folder
 
@@ -111,8 +121,13 @@ RELEASES: Mapping[str, DdsRelease] = {
 
 GAP_S = 70
 """The longest silence that was seen on the satellite service (FFI, 352 kbit/s, Arctic, 2019)."""
-ANNOUNCEMENT_BYTES = 400
-"""One announcement to one index of one peer: 352 bytes measured with Cyclone DDS 11, and about 50 of the tunnel."""
+
+
+SIZES: Mapping[RosMiddleware, DdsSizes] = {
+    RosMiddleware.CYCLONE_DDS: DdsSizes(announcement=380, repeated=False, sample_head=84),
+    RosMiddleware.FAST_DDS: DdsSizes(announcement=484, repeated=True, sample_head=100),
+}
+"""Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes), Fast DDS 2.9; no ROS node."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +150,6 @@ _SATELLITE = Tuning(announce_s=20, message_bytes=1200, fragment_bytes=1100)
 TUNING: Mapping[Pace, Tuning] = {Pace.FAST: _FAST, Pace.MOBILE: _MOBILE, Pace.SATELLITE: _SATELLITE}
 """1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
 
-_DAY_S = 24 * 3600
 _SPEAKERS = (Gateway, ControlCentre)
 
 
@@ -147,21 +161,34 @@ class ProfileView:
     bearer: str
     """The link's name."""
     release: DdsRelease
-    middleware: str
+    middleware: RosMiddleware
     domain: int
     address: str
     """Of the interface, by which every version finds it: tun0 has another name on another computer."""
     peers: tuple[tuple[str, str], ...]
     """Name and address; the computer itself is one, so that its own processes find each other."""
     participants: int
+    processes: int
     lease_s: int
     tuning: Tuning
+    over: DdsPath
+    vpn: VpnHeaders
+    """Between two sites everything goes through the VPN: the computers' own tunnels, or those of the routers."""
+
+    @property
+    def announcing(self) -> Announcing:
+        """How its processes keep themselves known."""
+        return Announcing(self.processes, self.participants, self.tuning.announce_s, self.sizes)
+
+    @property
+    def sizes(self) -> DdsSizes:
+        """Of the implementation that the processes use."""
+        return SIZES[RosMiddleware.CYCLONE_DDS if self.release.fast_dds is None else self.middleware]
 
     @property
     def announced_mb_a_day(self) -> float:
         """What one ROS process sends to stay known, in 10^6 bytes a day: reckoned, not measured on this link."""
-        others = len(self.peers) - 1
-        return others * self.participants * ANNOUNCEMENT_BYTES * _DAY_S / self.tuning.announce_s / 1e6
+        return replace(self.announcing, processes=1).sent(len(self.peers) - 1, self.vpn) / 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,8 +226,11 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
             address=local.address,
             peers=tuple((participant.name, participant.address) for participant in peers),
             participants=dds.participants,
+            processes=dds.processes,
             lease_s=dds.lease_s,
             tuning=_tuning(declaration, bearer.kind, {peer.site for peer in peers} - {host.site}),
+            over=dds.over,
+            vpn=VpnHeaders.of(declaration.pilot.vpn.transport),
         )
         for bearer in declaration.sites[host.site].bearers
     )
@@ -235,7 +265,10 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
         address=member.address,
         peers=((member.name, member.address), *member.peers),
         participants=dds.participants,
+        processes=dds.processes,
         lease_s=dds.lease_s,
+        over=dds.over,
+        vpn=VpnHeaders.of(declaration.pilot.vpn.transport),
         tuning=TUNING[max(member.pace, Pace.MOBILE)],
     )
 
@@ -333,6 +366,14 @@ def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
     files[ENVIRONMENT] = files[f"{FOLDER}/{slowest.bearer}/ros.env"]
     files[LOGIN] = environment().get_template("gateway/ros-profile.sh.j2").render(environment=ENVIRONMENT)
     return GatewayDds(slowest.bearer, files, {**_NARROWS, **slowest.release.environment})
+
+
+def profile_in_use(declaration: Declaration, host: Host) -> ProfileView:
+    """The profile that the processes of a computer keep, whichever link carries the traffic: that of the slowest.
+
+    Raises UsageError as `profile_views` does.
+    """
+    return _slowest(profile_views(declaration, host))
 
 
 def _slowest(views: tuple[ProfileView, ...]) -> ProfileView:

@@ -17,7 +17,7 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.bearers.policy import daily_bytes
+from atlantis_netcfg.bearers.standing import canaries
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render.view import (
@@ -76,7 +76,7 @@ def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
         silence_gap_s=gap_s if gap_s <= _GAP_S else failover.hold_down_s / (silence - 1),
         steady=steady,
         steady_gap_s=max(1.0, failover.fail_back_s / (steady - 1)),
-        daily_bytes=daily_bytes(len(bearer.canaries), watch_s),
+        daily_bytes=round(canaries(len(bearer.canaries), watch_s).both),
     )
 
 
@@ -147,6 +147,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         judged=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
+        thin=bearer.thin,
     )
 
 

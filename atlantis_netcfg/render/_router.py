@@ -8,11 +8,12 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site
+from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, TrafficClass
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render.view import (
     BRIDGE,
+    ClassView,
     Declared,
     DeclaredHost,
     Forwarded,
@@ -166,6 +167,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         management=_management(host.name, site, device),
         managers=tuple(managers(declaration, host, own_tunnel.interface if own_tunnel else None)),
         uplinks=uplinks(host.name, device, site, declaration.pilot),
+        classes=tuple(_classes(site)),
         served=served(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(declaration, host),
@@ -215,6 +217,17 @@ def _lan(declaration: Declared, here: DeclaredHost, device: Router) -> LanView:
         lease_time_s=lan.dhcp.lease_minutes * 60,
         reservations=tuple(Named(row.name, str(row.address), row.mac) for row in lan.reservations),
     )
+
+
+_QUEUES = {TrafficClass.TELEMETRY: (3, 5), TrafficClass.IMAGES: (5, 10), TrafficClass.BULK: (7, 20)}
+"""Priority and share; control has 1 and a half, the rest 8 and a tenth (templates/routeros/parts/queues.rsc.j2)."""
+
+
+def _classes(site: Site) -> Iterator[ClassView]:
+    for kind, (priority, share) in _QUEUES.items():
+        hosts = tuple(Named(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind)
+        if hosts:
+            yield ClassView(kind.value, priority, share, hosts)
 
 
 def _management(name: str, site: Site, device: Router) -> ManagementView:

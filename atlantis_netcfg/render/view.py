@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 BRIDGE = "bridge-lan"
 LEFT = 100
 """Added to the distance of routes by a link that was given up."""
-THIN_BPS = 2_000_000
-"""A link that sends less is shaped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +151,8 @@ class Uplink(LinkView):
     """The router's own addresses on the links that come after this one."""
     up_bps: int
     """From the site."""
+    thin: bool
+    """So slow that control has to go first."""
 
     @property
     def distance(self) -> int:
@@ -175,11 +175,6 @@ class Uplink(LinkView):
         return self.held + LEFT
 
     @property
-    def thin(self) -> bool:
-        """So slow that control has to go first."""
-        return self.kind.traits.allow_list or self.up_bps < THIN_BPS
-
-    @property
     def shaped_bps(self) -> int:
         """Four fifths of what it carries from the site: the queue shall stand here, not in the terminal."""
         return self.up_bps * 4 // 5
@@ -198,6 +193,18 @@ class Uplink(LinkView):
     def chain_in(self) -> str:
         """Firewall chain of everything that has come in by this link."""
         return f"from-{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class ClassView:
+    """A class of traffic below control, and the hosts of the LAN that were given it."""
+
+    name: str
+    priority: int
+    """Of its queue, after control (1) and before the rest (8)."""
+    share: int
+    """One of so many parts of the link is its own, whatever the others send; all queues together have less than all."""
+    hosts: tuple[Named, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +255,8 @@ class RouterView:
     management: ManagementView
     managers: tuple[Managers, ...]
     uplinks: tuple[Uplink, ...]
+    classes: tuple[ClassView, ...]
+    """Those that a reservation is given; control and the rest are always there."""
     served: tuple[LinkView, ...]
     tunnel: TunnelView | None
     server_in_lan: bool

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from itertools import zip_longest
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -120,6 +121,8 @@ def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iter
         paid = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
         yield from _lines("probe", f"{_probe(bearer['quality'])}{paid}")
     yield from _lines("this month", _month(bearer, zone))
+    for title, words in zip_longest(("standing",), bearer["standing"]["words"], fillvalue=""):
+        yield from _lines(title, words)
     for finding in bearer["findings"]:
         yield from _lines(finding["verdict"], finding["message"])
         if finding["hint"]:

@@ -67,6 +67,8 @@ TIMERS: Mapping[MemberLink, tuple[int, int]] = {
 }
 """`ping` and `ping-restart` in seconds. Satellite: 0.2 MB a day, gaps of 70 s are outlived (facts 9); 4G [inferred]:
 mobile networks forget a silent UDP flow after half a minute."""
+RENEGOTIATION_S = 3600
+"""A session gets new keys so often: `reneg-sec` of the server, and OpenVPN's default at the members."""
 
 
 class Wrap(StrEnum):

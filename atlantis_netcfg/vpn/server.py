@@ -16,7 +16,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration.model import Router, VpnServer
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, Directory, File, Package, Unit
 from atlantis_netcfg.render import environment, template_folder
-from atlantis_netcfg.vpn.identity import TIMERS, Certificate, Member, MemberLink, MembershipList
+from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, Certificate, Member, MemberLink, MembershipList
 from atlantis_netcfg.vpn.policy import TABLE, firewall
 
 if TYPE_CHECKING:
@@ -222,6 +222,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
         "ciphers": ":".join(sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _declared(vpn.cipher))),
         "ping_s": ping_s,
+        "renegotiation_s": RENEGOTIATION_S,
         "ping_restart_s": ping_restart_s,
         "exit_notify": udp,
         "management": MANAGEMENT,

@@ -17,7 +17,9 @@ from typing import TypedDict
 import yaml
 
 from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.declaration import load as loaded
 from atlantis_netcfg.declaration import report, validate
+from atlantis_netcfg.operations.standing import inventory_warnings
 
 HERE = Path(__file__).parent
 SHIPPED = HERE.parents[1] / "inventory"
@@ -77,9 +79,12 @@ def _apply(edit: Edit, inventory: Path) -> None:
 
 
 def told() -> str:
-    """What a person reads who validates `inventory` in the current directory."""
+    """What a person reads who validates `inventory` in the current directory: its errors, else its warnings."""
     try:
-        return report(validate(Path("inventory"))) + "\n"
+        findings = validate(Path("inventory"))
+        return (
+            report(findings) if findings else report(inventory_warnings(loaded(Path("inventory"))), warnings=True)
+        ) + "\n"
     except NothingMatched as error:
         return f"{error}\n  -> {error.hint}\n"
 

@@ -22,7 +22,15 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
     Transport,
 )
-from atlantis_netcfg.declaration.model.dds import Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
+from atlantis_netcfg.declaration.model.dds import (
+    Dds,
+    DdsPath,
+    DdsPeer,
+    RosDistribution,
+    RosMiddleware,
+    TelemetryData,
+    TelemetryTopic,
+)
 from atlantis_netcfg.declaration.model.device import (
     ControlCentre,
     Cpe,
@@ -114,6 +122,7 @@ from atlantis_netcfg.declaration.model.site import (
     Reservation,
     ServedLink,
     Site,
+    TrafficClass,
 )
 
 __all__ = [
@@ -207,9 +216,12 @@ __all__ = [
     "Site",
     "Ssh",
     "Ssid",
+    "TelemetryData",
+    "TelemetryTopic",
     "TerminalEvidence",
     "Text",
     "TimeServer",
+    "TrafficClass",
     "Transport",
     "UsblEndpoint",
     "Vehicle",

@@ -5,9 +5,9 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, StrictInt
+from pydantic import Field, StrictFloat, StrictInt
 
-from atlantis_netcfg.declaration.model._base import Address, Model, Name
+from atlantis_netcfg.declaration.model._base import Address, Model, Name, Text
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model.device import ControlCentre
@@ -47,6 +47,30 @@ class DdsPeer(Model):
     """Where it works, so that the gateways of other sites do not announce themselves to it; null: anywhere."""
 
 
+class TelemetryData(StrEnum):
+    """What a topic carries, in the words of the report's guidelines on publishing rates (3.3.3)."""
+
+    NUMBERS = "numbers"
+    """Numbers and poses: 1 to 4 Hz."""
+    IMAGES = "images"
+    """Of low resolution: 4 to 5 Hz."""
+    POINT_CLOUDS = "point_clouds"
+    """Below 1 Hz."""
+
+
+class TelemetryTopic(Model):
+    """A topic that a robot publishes all the time, for what it costs on a link that is paid by the byte."""
+
+    topic: Text
+    """Its name in ROS, like /sparus/pose."""
+    data: TelemetryData
+    """What it carries: `numbers` (poses too), `images` or `point_clouds`."""
+    rate_hz: Annotated[StrictFloat, Field(gt=0, le=1000)]
+    """Messages a second."""
+    size_bytes: Annotated[StrictInt, Field(ge=1, le=16_000_000)]
+    """Of one message, serialised, as `ros2 topic bw` shows it."""
+
+
 class Dds(Model):
     """How gateways, control centre and robots find each other without multicast."""
 
@@ -60,6 +84,8 @@ class Dds(Model):
     """`lan`: addresses of the sites' LANs, between which the routers route."""
     participants: Annotated[StrictInt, Field(ge=1, le=50)] = 10
     """ROS processes on one computer that are still found; each costs announcements to every peer."""
+    processes: Annotated[StrictInt, Field(ge=1, le=50)] = 1
+    """ROS processes that really run on a computer at the same time, for what their announcements cost."""
     lease_s: Annotated[StrictInt, Field(ge=120, le=180)] = 120
     """After so long a silence a participant counts as gone, the same for all; a satellite may be silent for 70 s."""
     peers: tuple[DdsPeer, ...] = ()

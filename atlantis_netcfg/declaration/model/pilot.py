@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
-from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution
+from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, TelemetryTopic
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
 
@@ -126,6 +126,8 @@ class Vehicle(Model):
     """Release of ROS 2 on its computer; null: `dds.distribution` of the pilot."""
     openvpn: OpenVpnVersion | None = None
     """OpenVPN on its computer, in quotes; null: that of the Ubuntu of its ROS 2 (foxy 2.4, humble 2.5, jazzy 2.6)."""
+    telemetry: tuple[TelemetryTopic, ...] = ()
+    """Topics that it publishes to the control centre all the time: for what that costs, nothing is configured by it."""
     endpoints: Endpoints = Endpoints()
     """How the pre-test checklist looks at each; what is missing, a person confirms."""
 

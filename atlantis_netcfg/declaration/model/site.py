@@ -27,6 +27,16 @@ from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
 from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column
 
 
+class TrafficClass(StrEnum):
+    """Who goes first on a thin link; the order is the order of preference."""
+
+    CONTROL = "control"
+    """The tunnel goes first; whatever else the device sends goes last, as from any other device."""
+    TELEMETRY = "telemetry"
+    IMAGES = "images"
+    BULK = "bulk"
+
+
 class Reservation(Model):
     """A DHCP address that always goes to the same network card."""
 
@@ -36,6 +46,8 @@ class Reservation(Model):
     """Of its network card."""
     address: Address
     """In the LAN, outside the DHCP range."""
+    traffic: TrafficClass = TrafficClass.CONTROL
+    """What all that it sends counts as in the queue of a thin link; topics inside a tunnel cannot be told apart."""
 
 
 class DhcpRange(Model):
@@ -171,6 +183,9 @@ class AllowedTarget(Model):
     """The protocol of `port`."""
 
 
+_THIN_KBPS = 2000.0
+
+
 class Bearer(Model):
     """A long-haul link of the site. The order of the list is the order of preference."""
 
@@ -186,6 +201,10 @@ class Bearer(Model):
     """Metered links only; None: nobody has looked up the tariff, so that costs are told in bytes."""
     cap_mb: Annotated[StrictFloat, Field(gt=0)] = 5.0
     """Metered links only: no single action sends more than this, in 10^6 bytes, whatever a person accepts."""
+    standing_budget_mb: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links only: what may go over it in a month by itself, in 10^6 bytes; more is a warning."""
+    standing_budget_eur: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links with a tariff in EUR only: the same as money."""
     network: Network
     """Between the router and the next hop."""
     address: Address
@@ -199,6 +218,11 @@ class Bearer(Model):
     """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
     refused_probes: tuple[AllowedTarget, ...] = ()
     """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
+
+    @property
+    def thin(self) -> bool:
+        """So slow that what leaves over it passes a queue: a satellite, or less than 2 Mbit/s from the site."""
+        return self.kind.traits.allow_list or self.rate.up_kbps < _THIN_KBPS
 
 
 class ServedLink(Model):

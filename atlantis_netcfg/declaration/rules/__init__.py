@@ -29,7 +29,7 @@ from atlantis_netcfg.declaration.rules import (
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration._draft import Rule
 
-__all__ = ["RULES"]
+__all__ = ["RULES", "WARNINGS"]
 
 RULES: tuple[Rule, ...] = (
     *management.GROUPS_RULES,
@@ -58,3 +58,6 @@ RULES: tuple[Rule, ...] = (
     *management.CLOCK_RULES,
     *secrets.RULES,
 )
+
+WARNINGS: tuple[Rule, ...] = (*lan.WARNINGS, *vehicles.WARNINGS)
+"""What is allowed, and yet not as it should be: it stops nothing."""

@@ -73,4 +73,19 @@ def peers_at_known_sites(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
 
 
-RULES: tuple[Rule, ...] = (participants_have_addresses, peers_in_the_vpn, peers_once, peers_at_known_sites)
+def processes_are_found(draft: Draft) -> Iterator[Finding]:
+    """More processes than `participants` do not start (Cyclone DDS) or are not found (Fast DDS)."""
+    dds = _declared(draft)
+    if dds is not None and dds.processes > dds.participants:
+        message = f"{dds.processes} ROS processes run on a computer, and {dds.participants} of them are found"
+        hint = f"write `participants: {dds.processes}`, or fewer here"
+        yield draft.wrong(_PILOT, ("dds", "processes"), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    participants_have_addresses,
+    peers_in_the_vpn,
+    peers_once,
+    peers_at_known_sites,
+    processes_are_found,
+)

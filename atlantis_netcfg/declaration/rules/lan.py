@@ -19,6 +19,7 @@ from atlantis_netcfg.declaration.model import (
     Router,
     SatelliteTerminal,
     Site,
+    TrafficClass,
     VpnServer,
 )
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
@@ -261,3 +262,19 @@ def _macs(draft: Draft) -> Iterator[_AddressUse]:
 
 
 UNIQUE_ADDRESSES_RULES: tuple[Rule, ...] = (addresses, macs)
+
+
+def classes_have_a_queue(draft: Draft) -> Iterator[Finding]:
+    """A class of traffic means something on a thin link only: elsewhere nothing waits in the router."""
+    for name, site in draft.sites.items():
+        if any(bearer.thin for bearer in site.bearers):
+            continue
+        for index, row in enumerate(site.lan.reservations):
+            if row.traffic is not TrafficClass.CONTROL:
+                message = f"`{row.name}` counts as {row.traffic}, and `{name}` has no thin link where that matters"
+                path = ("lan", "reservations", index, "traffic")
+                hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
+                yield draft.wrong(Part("site", name), path, message, hint)
+
+
+WARNINGS: tuple[Rule, ...] = (classes_have_a_queue,)

@@ -136,9 +136,9 @@ _LEAST_MB = 0.1
 
 
 def of_metered_links_only(draft: Draft) -> Iterator[Finding]:
-    """`billing` and `cap_mb` of a link that costs nothing are a mistake: perhaps it does cost."""
+    """Tariff, cap and budget of a link that costs nothing are a mistake: perhaps it does cost."""
     for name, index, bearer in _bearers(draft):
-        for key in ("billing", "cap_mb"):
+        for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur"):
             if not bearer.metered and key in bearer.model_fields_set and getattr(bearer, key) is not None:
                 message = f"link `{bearer.name}` is declared as free (`metered: false`), so `{key}` means nothing"
                 hint = f"remove `{key}:`, or write `metered: true` if every byte costs"
@@ -164,10 +164,30 @@ def a_floor_has_a_rate(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint)
 
 
+def a_budget_in_euro_has_a_tariff(draft: Draft) -> Iterator[Finding]:
+    """What goes over a link by itself can be compared with a budget in EUR only where its price is known in EUR."""
+    for name, index, bearer in _bearers(draft):
+        if not bearer.metered or bearer.standing_budget_eur is None:
+            continue
+        billing, path = bearer.billing, ("bearers", index, "standing_budget_eur")
+        if billing is None:
+            message = f"link `{bearer.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
+            hint = "add `billing:` from the contract, or write `standing_budget_mb:`"
+            yield draft.wrong(Part("site", name), path, message, hint)
+        elif billing.currency != "EUR":
+            message = f"the tariff of link `{bearer.name}` is in {billing.currency}, and its budget in EUR"
+            yield draft.wrong(Part("site", name), path, message, "write `standing_budget_mb:` in its place")
+
+
 def _bearers(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             yield name, index, bearer
 
 
-COST_RULES: tuple[Rule, ...] = (of_metered_links_only, leaves_room_to_read, a_floor_has_a_rate)
+COST_RULES: tuple[Rule, ...] = (
+    of_metered_links_only,
+    leaves_room_to_read,
+    a_floor_has_a_rate,
+    a_budget_in_euro_has_a_tariff,
+)

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import Column, Model, Vehicle, VehicleKind
+from atlantis_netcfg.declaration.model import Column, Model, TelemetryData, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -140,4 +140,57 @@ def report_complete(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
 
 
-RULES: tuple[Rule, ...] = (names, aliases, partners, columns, report_rows, report_complete)
+def topics_once(draft: Draft) -> Iterator[Finding]:
+    """A topic of a vehicle stands once: it would be counted twice."""
+    for key, vehicle in draft.vehicles.items():
+        seen: set[str] = set()
+        for index, item in enumerate(vehicle.telemetry):
+            if item.topic in seen:
+                message = f"the topic `{item.topic}` of `{key}` stands twice"
+                yield draft.wrong(Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
+            seen.add(item.topic)
+
+
+def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
+    """Telemetry is counted as DDS sends it, by the pilot's implementation and profiles."""
+    if draft.pilot is None or draft.pilot.dds is not None:
+        return
+    for key, vehicle in draft.vehicles.items():
+        if vehicle.telemetry:
+            message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
+            hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
+            yield draft.wrong(Part("vehicle", key), ("telemetry",), message, hint)
+
+
+RULES: tuple[Rule, ...] = (
+    names,
+    aliases,
+    partners,
+    columns,
+    report_rows,
+    report_complete,
+    topics_once,
+    topics_go_by_dds,
+)
+
+_GUIDELINES = {
+    TelemetryData.NUMBERS: (4.0, "numbers and poses: 1 to 4 Hz"),
+    TelemetryData.IMAGES: (5.0, "images: 4 to 5 Hz, of low resolution"),
+    TelemetryData.POINT_CLOUDS: (1.0, "point clouds: below 1 Hz"),
+}
+"""The highest rate, and the guideline of the report's section 3.3.3."""
+
+
+def rates_within_the_guidelines(draft: Draft) -> Iterator[Finding]:
+    """A topic is published no more often than the report's guideline says."""
+    for key, vehicle in draft.vehicles.items():
+        for index, item in enumerate(vehicle.telemetry):
+            highest, guideline = _GUIDELINES[item.data]
+            below = item.data is TelemetryData.POINT_CLOUDS
+            if item.rate_hz > highest or (below and item.rate_hz == highest):
+                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
+                path = ("telemetry", index, "rate_hz")
+                yield draft.wrong(Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
+
+
+WARNINGS: tuple[Rule, ...] = (rates_within_the_guidelines,)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
 from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, SatelliteProbe
+from atlantis_netcfg.bearers.standing import ECHO_BYTES, NTP_BYTES
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
@@ -23,9 +24,7 @@ if TYPE_CHECKING:
 
 BUDGET_BYTES = 20_000
 """What a proof may send and receive over the satellite, counted by the router's own port counters."""
-ECHO_BYTES = 84
-"""One echo request as an IP packet with RouterOS' 56 bytes of data; its answer is as long."""
-_ROUND_BYTES = {SatelliteProbe.ICMP: 2 * ECHO_BYTES, SatelliteProbe.TCP: 180, SatelliteProbe.TIME: 2 * 76}
+_ROUND_BYTES = {SatelliteProbe.ICMP: 2 * ECHO_BYTES, SatelliteProbe.TCP: 180, SatelliteProbe.TIME: 2 * NTP_BYTES}
 """A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
 TEMPORARY_ROWS = (SatelliteProbe.TCP, SatelliteProbe.TIME)
 """What can only be tried with rows on the router for a moment."""

@@ -37,6 +37,7 @@ from atlantis_netcfg.operations.links.status import (
     twice,
 )
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.operations.standing import over_budget, standing_traffic
 from atlantis_netcfg.report.links import LinksReport
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.bearers import BearerFinding, BearerStatus
+    from atlantis_netcfg.bearers.standing import StandingTraffic
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
 
@@ -255,6 +257,8 @@ class LinksStatus:
     """Devices, whether or not they answered."""
     bills: Mapping[str, Bill]
     """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
+    standing: Mapping[str, StandingTraffic]
+    """Bearer to what goes over it by itself, by the declaration."""
     notes: tuple[str, ...] = ()
     """What went wrong beside the links."""
 
@@ -289,6 +293,7 @@ class LinksStatus:
                 "probe_bytes": self.probe_bytes.get(bearer.name, 0),
                 "month_since": _stamp(self.months[bearer.name].since),
                 "month_gaps": list(self.months[bearer.name].gaps),
+                "standing": self.standing[bearer.name].as_dict(),
             }
             for bearer in self.bearers
         }
@@ -339,8 +344,9 @@ def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Hos
     return [*chosen, *(peer for peer in peers if peer is not None)]
 
 
-def _statuses(seen: Sequence[SeenLinks]) -> list[BearerStatus]:
-    shared = twice(seen)
+def _statuses(seen: Sequence[SeenLinks], over: Sequence[BearerFinding | None]) -> list[BearerStatus]:
+    """`over`: of each whether it is over its budget."""
+    shared = [*twice(seen), *((item.route.name, found) for item, found in zip(seen, over, strict=True) if found)]
     return [
         _with(bearer_status(item), [finding for name, finding in shared if name == item.route.name]) for item in seen
     ]
@@ -368,6 +374,8 @@ class _LinkSite:
         site = self.declaration.sites[self.router.site]
         month = self._months()
         active = self._active()
+        standing = standing_traffic(self.declaration, self.router.site)
+        over = [over_budget(bearer, traffic) for bearer, traffic in zip(site.bearers, standing, strict=True)]
         seen = [
             SeenLinks(
                 route=route,
@@ -383,7 +391,7 @@ class _LinkSite:
             for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=ranked(_statuses(seen), site.failover.fail_back_s),
+            bearers=ranked(_statuses(seen, over), site.failover.fail_back_s),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
             probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
@@ -392,6 +400,7 @@ class _LinkSite:
             round_trips={name: session.round_trips for name, session in self.turn.doors.items()},
             asked=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
+            standing={item.link.name: item for item in standing},
             notes=tuple(self.notes),
         )
 

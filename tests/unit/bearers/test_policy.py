@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, daily_bytes, probe_commands
+from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer, active_bearers, probe_commands
 
 PTP = BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
 LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", metered=True)
@@ -77,9 +77,3 @@ def test_probes_leave_by_their_own_link_and_spare_the_satellite() -> None:
     assert {(probe.path, dict(probe.arguments)["count"], probe.wire_bytes) for probe in probes} == {
         ("/tool/ping", "2", 336)
     }
-
-
-def test_bytes_of_a_day() -> None:
-    assert daily_bytes(2, 10) == 2 * 8640 * 2 * 84
-    assert daily_bytes(0, 10) == 0
-    assert daily_bytes(2, 30) * 3 == daily_bytes(2, 10)

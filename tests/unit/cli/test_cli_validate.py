@@ -21,6 +21,8 @@ inventory: no errors
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
     5 partners  inesc, iqua, eca, udg, vtt
+note: no budget for what goes by itself over 4g of coastal, satellite of coastal, 4g of te4sea, satellite of te4sea:
+      docs/cost.md says how to see how much that is, and how to declare one
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
 353 values are examples: `provision validate --examples` lists them.
 """
@@ -65,6 +67,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         "exit": 0,
         "inventory": "inventory",
         "errors": [],
+        "warnings": [],
         "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 5},
     }
 
@@ -85,6 +88,20 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
 def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate"]) == ExitCode.DONE
     assert capsys.readouterr().out.splitlines()[0] == f"{SHIPPED}: no errors"
+
+
+def test_warnings_stop_nothing(inventory: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = inventory / "group_vars" / "coastal.yml"
+    budget = "      standing_budget_mb: 1\n      device: coastal-sat\n"
+    path.write_text(path.read_text(encoding="utf-8").replace("      device: coastal-sat\n", budget), encoding="utf-8")
+    assert main(["validate", "inventory=inventory"]) == ExitCode.DONE
+    said = capsys.readouterr().out
+    assert "1 warning in the inventory; no device was contacted" in said
+    assert "over 4g of coastal, 4g of te4sea, satellite of te4sea:" in said
+    assert main(["validate", "inventory=inventory", "--json"]) == ExitCode.DONE
+    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    assert (warning["file"], warning["line"]) == ("inventory/group_vars/coastal.yml", 42)
+    assert warning["message"].startswith("by itself ")
 
 
 @pytest.mark.usefixtures("invalid")

@@ -127,9 +127,11 @@ def test_a_control_centre_knows_everybody_and_spares_the_slowest_link() -> None:
 
 
 def test_what_the_announcements_cost() -> None:
-    """1 other computer x 10 indices x 400 bytes every 20 s."""
-    assert view("coastal-gateway", "satellite").announced_mb_a_day == pytest.approx(17.28)
-    assert view("scc-control", "uplink").announced_mb_a_day == pytest.approx(2 * 17.28)
+    """1 other computer x 11 packets of Fast DDS of 484 bytes and 52 of the VPN, every 20 s; Cyclone DDS: 10 of 380."""
+    assert view("coastal-gateway", "satellite").announced_mb_a_day == pytest.approx(11 * 536 * 4320 / 1e6)
+    assert view("scc-control", "uplink").announced_mb_a_day == pytest.approx(2 * 11 * 536 * 4320 / 1e6)
+    cyclone = view("coastal-gateway", "satellite", "pypi")
+    assert cyclone.announced_mb_a_day == pytest.approx(10 * 432 * 4320 / 1e6)
 
 
 PEERED = Dds(

@@ -23,6 +23,7 @@ def bearer(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
         "probe_bytes": 0,
         "month_since": None,
         "month_gaps": [],
+        "standing": {"words": []},
         **more,
     }
 

@@ -15,6 +15,7 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol
 from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
+from atlantis_netcfg.render.view import ClassView, Named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,6 +49,7 @@ def _variants(view: RouterView) -> Iterator[RouterView]:
     yield replace(view, remotes=(), forwards=(), served=(), uplinks=view.uplinks[:1])
     yield replace(view, uplinks=tuple(replace(link, canaries=(), targets=()) for link in view.uplinks))
     yield replace(view, server_in_lan=not view.server_in_lan)
+    yield replace(view, classes=(ClassView("images", 5, 10, (Named("zarco", "10.64.1.23"),)),))
     yield replace(view, ports=tuple(replace(port, poe_out=None, poe_priority=None) for port in view.ports))
     yield replace(view, ports=tuple(replace(port, poe_out="auto-on", poe_priority=10) for port in view.ports))
 

@@ -1,0 +1,241 @@
+"""Standing traffic: what a link carries by itself, without a run and without a person, in bytes and money.
+
+Canaries, time servers, the keep-alives and renegotiations of the VPN, the announcements of DDS, telemetry. Each is a
+`StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. Here is the arithmetic
+alone; `operations.standing` fills it from the declaration and from what is rendered of it. Nothing here does I/O.
+
+The sizes are measured, and `tests/integration/dds/test_standing_bytes.py` holds them against a real OpenVPN and real
+participants. Not in any figure: how the tunnel comes up, answers of ARP, what people do, and a link that loses packets.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from math import ceil
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers.cost import Bill, MeteredLink, bill, size
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+DAY_S: Final = 24 * 3600
+MONTH_DAYS: Final = 30
+ECHO_BYTES: Final = 84
+"""Of one echo request as an IP packet with RouterOS' usual 56 bytes of data (20 IP, 8 ICMP); the answer is as long."""
+NTP_BYTES: Final = 76
+"""A question to a time server, and its answer: 48 of NTP, 28 of UDP and IP."""
+PING_BYTES: Final = 68
+"""A keep-alive of OpenVPN over UDP: 16 of its own, 24 of the VPN, 28 of UDP and IP (facts/vpn.md, section 9)."""
+RENEGOTIATION_BYTES: Final = 5_000
+"""New keys of a session, both directions together (facts/vpn.md, section 9)."""
+UDP_IP: Final = 28
+_ICMP_ERROR = 28
+"""Headers of IP and ICMP before what is refused, which is quoted whole."""
+_ICMP_AT_ONCE = 6
+_FRAGMENT = 12
+"""A part of a sample has a longer header than a whole one (DDSI-RTPS 2.5, 9.4.5)."""
+
+
+class TrafficSource(StrEnum):
+    """What the traffic comes from, in the words of `provision links`."""
+
+    CANARIES = "canaries"
+    TIME = "time"
+    VPN = "VPN"
+    DDS = "DDS"
+    TELEMETRY = "telemetry"
+
+
+@dataclass(frozen=True, slots=True)
+class StandingFlow:
+    """Traffic of one source, in bytes a day."""
+
+    source: TrafficSource
+    up: float
+    """From the site."""
+    down: float
+    """To the site."""
+    always: bool = False
+    """It goes over this link also while another one carries the traffic."""
+
+    @property
+    def both(self) -> float:
+        """Both directions together, as providers count."""
+        return self.up + self.down
+
+    def mirrored(self) -> StandingFlow:
+        """The same at the other end."""
+        return replace(self, up=self.down, down=self.up, always=False)
+
+
+@dataclass(frozen=True, slots=True)
+class VpnHeaders:
+    """What the VPN adds to each packet that it carries."""
+
+    bytes: int
+
+    @classmethod
+    def of(cls, transport: str) -> VpnHeaders:
+        """UDP: 24 of OpenVPN's data channel with AES-GCM, 28 of UDP and IP. TCP: its length and longer headers."""
+        return cls(52 if transport == "udp" else 78)
+
+
+NO_VPN: Final = VpnHeaders(0)
+
+
+def canaries(number: int, interval_s: float) -> StandingFlow:
+    """Pings to so many addresses every `interval_s` seconds, and their answers."""
+    each = _a_day(interval_s) * number * ECHO_BYTES
+    return StandingFlow(TrafficSource.CANARIES, each, each, always=True)
+
+
+def time_questions(servers: int, interval_s: float) -> StandingFlow:
+    """What a client of NTP asks so many servers, and their answers."""
+    each = _a_day(interval_s) * servers * NTP_BYTES
+    return StandingFlow(TrafficSource.TIME, each, each)
+
+
+def keep_alive(
+    ping_s: float, renegotiation_s: float, busy_up_s: float | None, busy_down_s: float | None
+) -> StandingFlow:
+    """What a tunnel of OpenVPN says to stay up.
+
+    An end sends its ping when it has sent nothing for `ping_s`. `busy_*_s`: how often something goes through the tunnel
+    in a direction anyway; None: nothing does. Where that is more often than the ping, no ping is ever sent.
+    """
+    renewed = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
+
+    def pings(busy_s: float | None) -> float:
+        return _a_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
+
+    return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewed, pings(busy_down_s) + renewed)
+
+
+@dataclass(frozen=True, slots=True)
+class DdsSizes:
+    """What an implementation of DDS sends, in bytes as IP packets."""
+
+    announcement: int
+    """A participant's announcement to one port of one peer."""
+    repeated: bool
+    """To a participant that is known already it goes a second time."""
+    sample_head: int
+    """Of a message with one sample that fits into it, UDP and IP included."""
+
+
+@dataclass(frozen=True, slots=True)
+class Announcing:
+    """How a computer's DDS processes keep themselves known, as its profile sets it."""
+
+    processes: int
+    """That run, on each computer."""
+    ports: int
+    """To so many ports of each peer a process sends its announcement, whether or not somebody listens there."""
+    every_s: float
+    sizes: DdsSizes
+
+    def sent(self, peers: int, vpn: VpnHeaders) -> float:
+        """Bytes a day on the link, to so many peers."""
+        packets = self.processes * (self.ports + self.processes * self.sizes.repeated) * _a_day(self.every_s)
+        return peers * packets * (self.sizes.announcement + vpn.bytes)
+
+    def refused(self, peers: int, vpn: VpnHeaders) -> float:
+        """Bytes a day that come back from the ports where nobody listens, as ICMP errors of the peers' kernels.
+
+        Linux sends one a second to each address, and six at once after a pause (icmp(7), `icmp_ratelimit`).
+        """
+        closed = max(0, self.ports - self.processes)
+        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed) * _a_day(self.every_s))
+        return peers * a_day * (self.sizes.announcement + _ICMP_ERROR + vpn.bytes)
+
+
+def sample_bytes(size_bytes: int, message_bytes: int, fragment_bytes: int, sizes: DdsSizes, vpn: VpnHeaders) -> int:
+    """One message of a topic on the link: a sample that does not fit into a datagram goes in fragments."""
+    padded = ceil(size_bytes / 4) * 4
+    if sizes.sample_head - UDP_IP + padded <= message_bytes:
+        return sizes.sample_head + vpn.bytes + padded
+    return ceil(size_bytes / fragment_bytes) * (sizes.sample_head + _FRAGMENT + vpn.bytes) + padded
+
+
+def published(topics: Iterable[tuple[float, int]], subscribers: int) -> StandingFlow:
+    """Topics, each by its rate in Hz and the bytes of a sample on the link; subscribers do not acknowledge (3.3.3)."""
+    return StandingFlow(
+        TrafficSource.TELEMETRY, sum(rate_hz * nbytes for rate_hz, nbytes in topics) * subscribers * DAY_S, 0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class StandingTraffic:
+    """What one bearer carries by itself while the traffic of the site goes over it."""
+
+    link: MeteredLink
+    flows: tuple[StandingFlow, ...]
+    """Of each source one, in the order of `TrafficSource`."""
+
+    @property
+    def day_bytes(self) -> int:
+        """Both directions, in 24 hours."""
+        return round(sum(flow.both for flow in self.flows))
+
+    @property
+    def month_bytes(self) -> int:
+        """Both directions, in 30 days."""
+        return MONTH_DAYS * self.day_bytes
+
+    @property
+    def idle_day_bytes(self) -> int:
+        """What it carries a day while another bearer has the traffic."""
+        return round(sum(flow.both for flow in self.flows if flow.always))
+
+    @property
+    def bill(self) -> Bill:
+        """Of a month, as one session that never ends."""
+        return bill(self.month_bytes, MONTH_DAYS * DAY_S, self.link.tariff if self.link.metered else None)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What a person reads, a line each: `39.5 MB a day, 1186.2 MB a month …`."""
+        parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
+        price = f": {self.bill.money}" if self.link.metered else ""
+        lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
+        if self.flows:
+            lines.append(f"of a day: {parts}")
+        if self.bill.billed_bytes > self.month_bytes:
+            lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
+        if self.idle_day_bytes:
+            lines.append(f"{size(self.idle_day_bytes)} a day while another link carries the traffic")
+        return tuple(lines)
+
+    def only(self, source: TrafficSource) -> StandingTraffic:
+        """The part of one source."""
+        return replace(self, flows=tuple(flow for flow in self.flows if flow.source is source))
+
+    def as_dict(self) -> Mapping[str, object]:
+        """As JSON-able data."""
+        return {
+            "day_bytes": self.day_bytes,
+            "month_bytes": self.month_bytes,
+            "idle_day_bytes": self.idle_day_bytes,
+            "flows": [
+                {"source": flow.source.value, "up_day_bytes": round(flow.up), "down_day_bytes": round(flow.down)}
+                for flow in self.flows
+            ],
+            "bill_month": dict(self.bill.as_dict()) if self.link.metered else None,
+            "words": list(self.words),
+        }
+
+
+def added_up(flows: Iterable[StandingFlow]) -> tuple[StandingFlow, ...]:
+    """One flow a source, in the order of `TrafficSource`; sources without a byte are left out."""
+    sums: dict[TrafficSource, StandingFlow] = {}
+    for flow in flows:
+        before = sums.get(flow.source, StandingFlow(flow.source, 0, 0, flow.always))
+        always = before.always and flow.always
+        sums[flow.source] = StandingFlow(flow.source, before.up + flow.up, before.down + flow.down, always)
+    return tuple(sums[source] for source in TrafficSource if source in sums and sums[source].both)
+
+
+def _a_day(interval_s: float) -> float:
+    return DAY_S / interval_s

@@ -1,0 +1,197 @@
+"""The standing traffic of each bearer of a site, from the declaration and from what is rendered of it; and its budget.
+
+`bearers.standing` has the arithmetic. Here stands who talks to whom:
+
+- the router asks the canaries of its links; it and each gateway ask the time servers;
+- the router and each gateway have a tunnel, and so has each computer of `dds.peers` at this site;
+- each computer that talks DDS announces itself to its peers, and they to it. What two computers of one site say to each
+  other through the VPN crosses the link twice. A peer that is no host of the inventory is taken to announce itself as
+  the computers here do;
+- the vehicles that are tested here publish their declared `telemetry` to every control centre;
+- the site of the VPN server carries what all other sites say, as if all of it came over each of its bearers.
+
+Partners' tunnels that only the VPN's ledger knows are not in it, nor is what a person does.
+"""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.bearers.cost import size
+from atlantis_netcfg.bearers.standing import (
+    StandingFlow,
+    StandingTraffic,
+    TrafficSource,
+    added_up,
+    canaries,
+    keep_alive,
+    published,
+    sample_bytes,
+    time_questions,
+)
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import Finding
+from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router
+from atlantis_netcfg.gateway.dds import profile_in_use
+from atlantis_netcfg.operations.costs import links_of
+from atlantis_netcfg.render import router_view
+from atlantis_netcfg.vpn.client import site_link
+from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer, TelemetryTopic
+    from atlantis_netcfg.gateway.dds import ProfileView
+
+_CHECK_GATEWAY_S: Final = 10.0
+"""How often `check-gateway=ping` asks, on links that cost nothing (MikroTik manual, IP Routing)."""
+_LONGEST_POLL_S: Final = 1024.0
+"""Between two questions to a time server once the clock is steady: `max-poll` 10 of RouterOS and of chrony."""
+
+
+def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraffic, ...]:
+    """Of each bearer of a site, in order of preference."""
+    links = links_of(declaration, site)
+    shared = tuple(_shared(declaration, site))
+    probed = _of_canaries(declaration, site)
+    return tuple(
+        StandingTraffic(links[bearer.name], added_up((*probed.get(bearer.name, ()), *shared)))
+        for bearer in declaration.sites[site].bearers
+    )
+
+
+def _of_canaries(declaration: Declaration, site: str) -> dict[str, tuple[StandingFlow, ...]]:
+    """Bearer to what its canaries are asked."""
+    router = _router(declaration, site)
+    found: dict[str, tuple[StandingFlow, ...]] = {}
+    for uplink in router_view(declaration, router).uplinks if router is not None else ():
+        if uplink.judged is not None:
+            asking = [canaries(len(uplink.canaries), uplink.judged.watch_s)]
+            if uplink.judged.checked:
+                asking.append(canaries(len(uplink.canaries), _CHECK_GATEWAY_S))
+            found[uplink.name] = tuple(asking)
+    return found
+
+
+def _router(declaration: Declaration, site: str) -> Host | None:
+    return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+
+
+def _shared(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
+    """What goes over whichever bearer has the traffic."""
+    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Gateway)]
+    yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
+    if declaration.hosts[declaration.pilot.vpn.server].site != site:
+        yield from _through_the_vpn(declaration, site)
+        return
+    for other in declaration.sites:
+        if other != site:
+            yield from (flow.mirrored() for flow in _through_the_vpn(declaration, other))
+
+
+def _through_the_vpn(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
+    """What the tunnels of a site say, and what goes through them."""
+    computers = _computers(declaration, site)
+    announcements = tuple(_announcements(declaration, computers))
+    yield from announcements
+    if computers:
+        yield _telemetry(declaration, site, computers[0][1])
+    ping_s = TIMERS[site_link(declaration, site)][0]
+    over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is DdsPath.LAN
+    router = _router(declaration, site)
+    every_s = computers[0][1].tuning.announce_s if announcements else None
+    idle = keep_alive(ping_s, RENEGOTIATION_S, None, None)
+    busy = keep_alive(ping_s, RENEGOTIATION_S, every_s, every_s)
+    if router is not None and isinstance(router.device, Router) and router.device.vpn_client is not None:
+        yield busy if over_lan else idle
+    gateways = [host for host in declaration.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
+    yield from (idle if over_lan else busy for _ in gateways)
+    yield from (busy for _ in _foreign(declaration, site) if not over_lan)
+
+
+def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileView]]:
+    """Address and profile of each computer of a site that talks DDS through the VPN."""
+    if declaration.pilot.dds is None:
+        return []
+    hosts = [host for host in declaration.site_hosts(site) if isinstance(host.device, Gateway | ControlCentre)]
+    found = [(view.address, view) for view in (profile_in_use(declaration, host) for host in hosts)]
+    return found + [(address, found[0][1]) for address in _foreign(declaration, site) if found]
+
+
+def _foreign(declaration: Declaration, site: str) -> list[str]:
+    """Addresses of the computers of a site that are no hosts of the inventory."""
+    dds = declaration.pilot.dds
+    return [str(peer.address) for peer in dds.peers if peer.site == site] if dds is not None else []
+
+
+def _announcements(declaration: Declaration, computers: list[tuple[str, ProfileView]]) -> Iterator[StandingFlow]:
+    """Each computer of a site with each of its peers, both ways."""
+    here = {address for address, _ in computers}
+    for address, view in computers:
+        sent, refused = _pair(view)
+        for name, peer in view.peers:
+            if peer in here and peer != address and view.over is DdsPath.VPN:
+                yield StandingFlow(TrafficSource.DDS, sent + refused, sent + refused)
+            elif peer not in here and not (view.over is DdsPath.LAN and name in declaration.vehicles):
+                host = declaration.hosts.get(name)
+                other = profile_in_use(declaration, host) if host is not None else view
+                received, refused_here = _pair(other)
+                yield StandingFlow(TrafficSource.DDS, sent + refused_here, received + refused)
+
+
+def _pair(view: ProfileView) -> tuple[float, float]:
+    """Bytes a day that a computer sends to one of its peers, and that come back because nobody listens there."""
+    return view.announcing.sent(1, view.vpn), view.announcing.refused(1, view.vpn)
+
+
+def _telemetry(declaration: Declaration, site: str, view: ProfileView) -> StandingFlow:
+    """What the vehicles that are tested at a site publish to each control centre."""
+    named = declaration.sites[site].checklist.vehicles
+    centres = sum(isinstance(host.device, ControlCentre) for host in declaration.hosts.values())
+    return published(
+        (
+            (item.rate_hz, _sample(item, view))
+            for key, vehicle in declaration.vehicles.items()
+            if named is None or key in named
+            for item in vehicle.telemetry
+        ),
+        centres,
+    )
+
+
+def _sample(item: TelemetryTopic, view: ProfileView) -> int:
+    tuning = view.tuning
+    return sample_bytes(item.size_bytes, tuning.message_bytes, tuning.fragment_bytes, view.sizes, view.vpn)
+
+
+def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | None:
+    """Compare what goes over a bearer by itself with what is declared for it; None: it keeps to that, or nothing is."""
+    budgets = []
+    if bearer.standing_budget_mb is not None and traffic.month_bytes > bearer.standing_budget_mb * 1_000_000:
+        budgets.append(f"{bearer.standing_budget_mb:g} MB (`standing_budget_mb`)")
+    price, most = traffic.bill.price, bearer.standing_budget_eur
+    if most is not None and price is not None and price > Decimal(str(most)):
+        budgets.append(f"{most:g} EUR (`standing_budget_eur`)")
+    if not budgets:
+        return None
+    message = (
+        f"by itself {size(traffic.month_bytes)} a month would go over {bearer.name} ({traffic.bill.money}),"
+        f" and its budget is {' and '.join(budgets)}"
+    )
+    hint = "declare fewer `processes`, `participants` or `peers` below `dds:`, slower `telemetry:`, or a larger budget"
+    return BearerFinding(Verdict.WARN, "standing-over-budget", message, hint)
+
+
+def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
+    """The declaration's own warnings, and every bearer that is over its budget, by place."""
+    found = list(declaration.warnings)
+    for name, site in declaration.sites.items():
+        for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):
+            over = over_budget(bearer, traffic)
+            if over is not None:
+                found.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
+    return tuple(sorted(found))

@@ -1,0 +1,139 @@
+"""What the standing traffic is reckoned to be, against the bytes of a real OpenVPN and of real DDS participants.
+
+The pilot's VPN in namespaces, with every file as the product writes it; counted are IP packets on the gateway's own
+interface, as a provider does. Cyclone DDS of PyPI speaks here; what Fast DDS sends was counted by hand.
+The times are shorter than those of a pilot, so that a minute is enough: the figures are reckoned with the same times.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from dds_stand import Participant
+from matrix_papers import host
+from matrix_stand import SERVER, Vpn, vpn
+
+from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource, keep_alive, published, sample_bytes
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
+from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
+from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.vpn import server as vpn_server
+from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration
+
+if find_spec("cyclonedds") is None:
+    pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
+pytestmark = [pytest.mark.slow, pytest.mark.namespace, pytest.mark.timeout(240)]
+SHIPPED = Path(__file__).parents[3] / "inventory"
+PROGRAM = Path(__file__).with_name("programs") / "python_peer.py"
+GATEWAY, CENTRE = "coastal-gateway", "scc-control"
+TOLERANCE = 0.15
+_ANNOUNCE_S, _PING_S, _RENEGOTIATION_S = 5, 2, 15
+_WORD_HZ, _WORD_BYTES = 2.0, 20
+"""Of `python_peer.py`: a header of CDR, a length, and a word of up to twelve characters."""
+_COUNT = """\
+table ip standing {
+  counter up {}
+  counter down {}
+  chain out { type filter hook output priority 0; oifname "eth0" counter name up; }
+  chain in { type filter hook input priority 0; iifname "eth0" counter name down; }
+}
+"""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Bytes that a computer has sent and received, and so many seconds."""
+
+    up: float
+    down: float
+    seconds: float
+
+    def a_day(self) -> tuple[float, float]:
+        return self.up * DAY_S / self.seconds, self.down * DAY_S / self.seconds
+
+
+def read(made: Vpn, name: str) -> int:
+    said = made.run(GATEWAY, "nft", "list", "counter", "ip", "standing", name)
+    return int(re.findall(r"bytes (\d+)", said)[0])
+
+
+def count(made: Vpn, seconds: float) -> Counted:
+    begun, up, down = time.monotonic(), read(made, "up"), read(made, "down")
+    time.sleep(seconds)
+    return Counted(read(made, "up") - up, read(made, "down") - down, time.monotonic() - begun)
+
+
+def pilot() -> Declaration:
+    """The shipped pilot with Cyclone DDS, and one vehicle that publishes what `python_peer.py` does."""
+    declaration = load(SHIPPED)
+    dds = Dds(distribution=RosDistribution.HUMBLE, middleware=RosMiddleware.CYCLONE_DDS)
+    topic = TelemetryTopic(topic="/proof", data=TelemetryData.NUMBERS, rate_hz=_WORD_HZ, size_bytes=_WORD_BYTES)
+    sparus = declaration.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
+    return replace(
+        declaration,
+        pilot=declaration.pilot.model_copy(update={"dds": dds}),
+        vehicles={**declaration.vehicles, "sparus": sparus},
+    )
+
+
+def speaker(made: Vpn, name: str, folder: Path) -> Participant:
+    """A participant with the computer's own profile, in the dialect of Cyclone DDS 11."""
+    views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
+    view = max(views, key=lambda one: one.tuning.announce_s)
+    path = folder / f"{name}.xml"
+    path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
+    command = (sys.executable, str(PROGRAM), name[:7], "0")
+    return Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
+
+
+def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tuning = replace(TUNING[Pace.SATELLITE], announce_s=_ANNOUNCE_S)
+    monkeypatch.setitem(TUNING, Pace.SATELLITE, tuning)
+    declaration = pilot()
+    with vpn(declaration, [host(declaration, GATEWAY), host(declaration, CENTRE)], tmp_path) as made:
+        for name in (GATEWAY, CENTRE, SERVER):
+            made.run(name, "sysctl", "-qw", "net.ipv4.icmp_ratelimit=1000")  # Linux' own; the stand has none
+        made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)
+        both = [speaker(made, name, tmp_path) for name in (GATEWAY, CENTRE)]
+        for one in both:
+            assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + 60), one.lines  # type: ignore[misc]
+        counted = count(made, 8 * _ANNOUNCE_S)
+    (satellite,) = (one for one in standing_traffic(declaration, "coastal") if one.link.name == "satellite")
+    flows = [one for one in satellite.flows if one.source in {TrafficSource.DDS, TrafficSource.TELEMETRY}]
+    view = profile_in_use(declaration, declaration.hosts[GATEWAY])
+    word = sample_bytes(_WORD_BYTES, 1200, 1100, view.sizes, view.vpn)
+    back = published([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
+    assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
+    expected = sum(one.up for one in flows), sum(one.down for one in flows) + back.up
+    assert counted.a_day() == pytest.approx(expected, rel=TOLERANCE)
+
+
+def test_an_idle_tunnel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(TIMERS, MemberLink.SATELLITE, (_PING_S, 300))
+    monkeypatch.setattr(vpn_server, "RENEGOTIATION_S", _RENEGOTIATION_S)
+    declaration = pilot()
+    with vpn(declaration, [host(declaration, GATEWAY)], tmp_path) as made:
+        made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)
+        before = renegotiations(made)
+        counted = count(made, 62)
+        renewed = renegotiations(made) - before
+    assert renewed >= 3, made.said[SERVER]
+    # OpenVPN draws each interval between nine tenths of the declared one and all of it: take what it has really done.
+    expected = keep_alive(_PING_S, counted.seconds / renewed, None, None)
+    assert counted.a_day() == pytest.approx((expected.up, expected.down), rel=TOLERANCE)
+
+
+def renegotiations(made: Vpn) -> int:
+    """How often the server has begun to give the gateway's session new keys."""
+    return "".join(made.said[SERVER]).count("TLS: soft reset")

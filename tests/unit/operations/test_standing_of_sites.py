@@ -1,0 +1,135 @@
+"""Who talks to whom all the time, by the declaration: each source, each bearer, each site; and the budgets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.bearers.standing import DAY_S, StandingFlow, TrafficSource
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Dds, DdsPath, DdsPeer, RosDistribution, TelemetryData, TelemetryTopic
+from atlantis_netcfg.operations.standing import inventory_warnings, over_budget, standing_traffic
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration
+
+SHIPPED = Path(__file__).parents[3] / "inventory"
+_SENT, _REFUSED = 11 * 536 * DAY_S / 20, 6 * 564 * DAY_S / 20
+"""Of one process of Fast DDS, to a computer whose other nine ports are closed, through the VPN."""
+_RENEWED = 24 * 2500
+
+
+@pytest.fixture(scope="module")
+def pilot() -> Declaration:
+    return load(SHIPPED)
+
+
+def with_dds(pilot: Declaration, **more: object) -> Declaration:
+    dds = Dds.model_validate({"distribution": RosDistribution.HUMBLE, **more})
+    return replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": dds}))
+
+
+def flows(pilot: Declaration, site: str, bearer: str) -> dict[TrafficSource, StandingFlow]:
+    (traffic,) = (one for one in standing_traffic(pilot, site) if one.link.name == bearer)
+    return {flow.source: flow for flow in traffic.flows}
+
+
+def test_what_goes_over_a_satellite(pilot: Declaration) -> None:
+    found = flows(pilot, "coastal", "satellite")
+    assert list(found) == [TrafficSource.TIME, TrafficSource.VPN, TrafficSource.DDS]
+    assert found[TrafficSource.DDS].up == found[TrafficSource.DDS].down == pytest.approx(_SENT + _REFUSED)
+    # The router's tunnel is quiet and sends pings; the gateway's has announcements instead.
+    assert found[TrafficSource.VPN].up == pytest.approx(1440 * 68 + 2 * _RENEWED)
+    assert found[TrafficSource.TIME].both == pytest.approx(2 * 2 * 2 * 76 * DAY_S / 1024)
+
+
+def test_canaries_are_asked_over_every_link_that_has_them(pilot: Declaration) -> None:
+    """docs/failover.md has the same figures: 8.7 MB a day, and 0.97."""
+    found = {one.link.name: one.idle_day_bytes for one in standing_traffic(pilot, "coastal")}
+    assert found == {"wifi-ptp": 8_709_120, "4g": 967_680, "satellite": 0}
+
+
+def test_the_profile_of_the_slowest_link_is_kept_on_every_link(pilot: Declaration) -> None:
+    assert (
+        flows(pilot, "coastal", "wifi-ptp")[TrafficSource.DDS]
+        == flows(pilot, "coastal", "satellite")[TrafficSource.DDS]
+    )
+
+
+def test_without_dds_every_tunnel_sends_pings(pilot: Declaration) -> None:
+    bare = replace(pilot, pilot=pilot.pilot.model_copy(update={"dds": None}))
+    found = flows(bare, "coastal", "satellite")
+    assert list(found) == [TrafficSource.TIME, TrafficSource.VPN]
+    assert found[TrafficSource.VPN].up == pytest.approx(2 * (1440 * 68 + _RENEWED))
+
+
+def test_the_site_of_the_server_carries_what_all_others_say(pilot: Declaration) -> None:
+    found = flows(pilot, "scc", "uplink")
+    there = [flows(pilot, site, "satellite")[TrafficSource.DDS] for site in ("coastal", "te4sea")]
+    assert found[TrafficSource.DDS].down == pytest.approx(sum(flow.up for flow in there))
+    assert TrafficSource.CANARIES not in found
+
+
+def test_computers_of_one_site_meet_at_the_server(pilot: Declaration) -> None:
+    """A robot's own computer: to the centre and back, and with the gateway both ways twice; it has its own tunnel."""
+    peers = (DdsPeer(name="sparus-onboard", address=IPv4Address("10.80.17.5"), site="coastal"),)
+    alone, together = with_dds(pilot), with_dds(pilot, peers=peers)
+    before, after = (flows(one, "coastal", "satellite") for one in (alone, together))
+    pair = _SENT + _REFUSED
+    assert after[TrafficSource.DDS].up - before[TrafficSource.DDS].up == pytest.approx(3 * pair)
+    assert after[TrafficSource.DDS].down - before[TrafficSource.DDS].down == pytest.approx(3 * pair)
+    assert after[TrafficSource.VPN].up - before[TrafficSource.VPN].up == pytest.approx(_RENEWED)
+
+
+def test_over_the_lan_the_routers_tunnel_is_busy(pilot: Declaration) -> None:
+    found = flows(with_dds(pilot, over=DdsPath.LAN), "coastal", "satellite")
+    assert found[TrafficSource.DDS].up == pytest.approx(_SENT + _REFUSED)
+    assert found[TrafficSource.VPN].up == pytest.approx(
+        1440 * 68 + 2 * _RENEWED
+    )  # now it is the gateway's that is quiet
+
+
+def test_processes_announce_themselves_to_each_other(pilot: Declaration) -> None:
+    found = flows(with_dds(pilot, processes=10), "coastal", "satellite")[TrafficSource.DDS]
+    assert found.up == pytest.approx(10 * 20 * 536 * DAY_S / 20)
+
+
+def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Declaration) -> None:
+    topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
+    sparus = pilot.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
+    declared = replace(pilot, vehicles={**pilot.vehicles, "sparus": sparus})
+    expected = StandingFlow(TrafficSource.TELEMETRY, 2 * (100 + 52 + 120) * DAY_S, 0)
+    assert flows(declared, "coastal", "satellite")[TrafficSource.TELEMETRY] == expected
+    coastal = declared.sites["coastal"]
+    without = coastal.model_copy(update={"checklist": coastal.checklist.model_copy(update={"vehicles": ("zarco",)})})
+    elsewhere = replace(declared, sites={**declared.sites, "coastal": without})
+    assert TrafficSource.TELEMETRY not in flows(elsewhere, "coastal", "satellite")
+
+
+@pytest.mark.parametrize(
+    ("budget", "words"),
+    [
+        ({}, None),
+        ({"standing_budget_mb": 2500.0}, None),
+        ({"standing_budget_eur": 20000.0}, None),
+        ({"standing_budget_mb": 2400.0}, "2400 MB (`standing_budget_mb`)"),
+        ({"standing_budget_eur": 136.0}, "136 EUR (`standing_budget_eur`)"),
+    ],
+)
+def test_a_budget_is_kept_or_not(pilot: Declaration, budget: dict[str, float], words: str | None) -> None:
+    coastal = pilot.sites["coastal"]
+    bearers = [*coastal.bearers[:2], coastal.bearers[2].model_copy(update=budget)]
+    declared = replace(pilot, sites={**pilot.sites, "coastal": coastal.model_copy(update={"bearers": tuple(bearers)})})
+    found = over_budget(bearers[2], standing_traffic(declared, "coastal")[2])
+    assert (found is None) == (words is None)
+    assert len(inventory_warnings(declared)) == (found is not None)
+    if found is not None:
+        assert (found.verdict, found.code) == (Verdict.WARN, "standing-over-budget")
+        assert found.message == (
+            f"by itself 2420.0 MB a month would go over satellite (19359.93 EUR), and its budget is {words}"
+        )
