@@ -84,7 +84,12 @@ KINDS = {
     ItemKind.ACTIVE: "the tool acts on a person's word",
     ItemKind.PERSON: "a person looks",
 }
-PHASES = {Phase.BENCH: "on the bench", Phase.QUAY: "at the quay", Phase.WATER: "in the water"}
+PHASES = {
+    Phase.BENCH: "on the bench",
+    Phase.QUAY: "at the quay",
+    Phase.WATER: "in the water",
+    Phase.RECOVERY: "when the vehicles are back",
+}
 
 
 def heading(document: Document) -> str:
@@ -95,6 +100,8 @@ def heading(document: Document) -> str:
 def subtitle(document: Document) -> str:
     """Where, when, and of what alone."""
     at = time_text(document.started, document.time_zone)
+    if document.mission and not document.scope:
+        return f"Site `{document.site}`, {at}, mission `{document.mission}`"
     if not document.scope:
         return f"Site `{document.site}`, {at}"
     scope = " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())

@@ -8,6 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, StrictBool, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
+from atlantis_netcfg.declaration.model.checklist import Role, VehicleChecklist
 from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
@@ -128,6 +129,8 @@ class Vehicle(Model):
     """OpenVPN on its computer, in quotes; null: that of the Ubuntu of its ROS 2 (foxy 2.4, humble 2.5, jazzy 2.6)."""
     endpoints: Endpoints = Endpoints()
     """How the pre-test checklist looks at each; what is missing, a person confirms."""
+    checklist: VehicleChecklist = VehicleChecklist()
+    """What it asks of this vehicle besides."""
 
 
 class Pilot(Model):
@@ -147,3 +150,5 @@ class Pilot(Model):
     dds: Dds | None = None
     """None: no profiles are made."""
     gateways: Gateways = Gateways()
+    roles: tuple[Role, ...] = ()
+    """Who may answer or sign in the checklist, where `by` and `signed_by` name a role."""

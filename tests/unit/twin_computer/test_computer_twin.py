@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.checklist.probes.registry import PROGRAMS, allowed
+from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
 from atlantis_netcfg.checklist.probes.wifi import (
     Station,
     WifiLink,

@@ -17,7 +17,7 @@ from atlantis_netcfg.checklist.probes import (
     RunProgram,
     site_checks,
 )
-from atlantis_netcfg.checklist.probes.registry import allowed
+from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
 from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
 from atlantis_netcfg.cli._commands import COMMANDS
