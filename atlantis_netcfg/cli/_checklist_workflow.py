@@ -22,7 +22,7 @@ from atlantis_netcfg.bearers.cost import CostRefused, Preview
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
 from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named, refused_person
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.cli._consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
@@ -93,7 +93,7 @@ def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
 
 
 def _title(prompt: Prompt, entry: PlanEntry) -> None:
-    prompt.say(f"\n{entry.item.id}: {translate(entry.item.title)}")
+    prompt.say(f"\n{entry.item.id}: {item_title(entry.item)}")
 
 
 def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:

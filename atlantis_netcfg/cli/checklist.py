@@ -138,6 +138,7 @@ def _listed_row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
         "open": sum(item.open and item.override is None for item in seen.items),
         "overridden": sum(item.override is not None for item in seen.items),
         "scope": {name: list(chosen) for name, chosen in document.scope.items()},
+        "mission": document.mission,
         "signed_by": signed.by if signed is not None else None,
         "signed_at": signed.at.isoformat() if signed is not None else None,
         "time_zone": document.time_zone,
@@ -166,7 +167,8 @@ def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
     if "exit" not in row:
         yield printable.line(f"{row['run']}  {row['state']}: {translate(row['why'])}")
         return
-    scope = "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
+    scope = f"  mission={row['mission']}" if row["mission"] else ""
+    scope += "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
     yield printable.line(f"{row['run']}  {translate(_green(row))}{scope}")
     yield printable.line(f"  {translate(_standing(row))}")
 

@@ -118,6 +118,11 @@ def differs(row: Row) -> str:
     return f"{row.name} differs from the report: {row.deviation}"
 
 
+def item_title(item: Item) -> str:
+    """What is checked, in the person's language; what the pilot declares is shown as it stands there."""
+    return item.title if item.endpoint == "items" else translate(item.title)
+
+
 def was(item: Item) -> str:
     """What was found where a person has overridden it."""
     return f"It was {item.verdict}."

@@ -10,7 +10,7 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Grid, GridCell, GridRow, ShownState, cut, grid, state
-from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs
+from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs, item_title
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Row, Style, Styled, plain, visible
@@ -340,7 +340,7 @@ def _legend(document: Document) -> Iterator[str]:
 
 def _item(item: Item, zone: str) -> Iterator[str]:
     shown = state(item)
-    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {translate(item.title)}")
+    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {item_title(item)}")
     yield from _wrapped("", translate(item.message), indent=_MARGIN)
     if item.hint:
         yield from _wrapped("", f"-> {translate(item.hint)}", indent=_MARGIN)
@@ -355,7 +355,7 @@ def _brief(document: Document) -> Iterator[str]:
     for entry in (ShownState.OPEN, ShownState.SKIP):
         for item in document.items:
             if state(item) is entry:
-                words = f"{item.id}: {translate(item.title)} ({translate(item.message)})"
+                words = f"{item.id}: {item_title(item)} ({translate(item.message)})"
                 yield from _wrapped(f"{ASCII[entry]} {entry}", words)
     passed = [item.id for item in document.items if state(item) is ShownState.PASS]
     if passed:

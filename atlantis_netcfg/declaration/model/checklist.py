@@ -97,7 +97,8 @@ class CheckItem(Model):
     @model_validator(mode="after")
     def _fits_its_kind(self) -> Self:
         person = self.kind is ItemSort.PERSON
-        others = [name for name in (_OF_A_COMMAND if person else _OF_A_PERSON) if name in self.model_fields_set]
+        fields, names = type(self).model_fields, _OF_A_COMMAND if person else _OF_A_PERSON
+        others = [name for name in names if getattr(self, name) != fields[name].default]
         if others:
             raise wrong(
                 f"`{self.id}` is of kind {self.kind}, and has `{others[0]}`",
