@@ -141,12 +141,12 @@ def _nothing(site: str, scope: Scope) -> NothingMatched:
 
 def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[Row]:
     """The rows of a list; that of recovery has those with an item in it, and nothing of Table 3."""
-    asked = {entry.cell.row for entry in entries if entry.item.endpoint == ITEMS}
+    with_items = {entry.cell.row for entry in entries if entry.item.endpoint == ITEMS}
     for row in every:
-        if scope.recovery and row.key in asked:
+        if scope.recovery and row.key in with_items:
             yield row.model_copy(update={"table3": (), "beside": (ITEMS,), "deviation": None})
         elif not scope.recovery:
-            beside = tuple(name for name in row.beside if name != ITEMS or row.key in asked)
+            beside = tuple(name for name in row.beside if name != ITEMS or row.key in with_items)
             yield row.model_copy(update={"beside": beside})
 
 

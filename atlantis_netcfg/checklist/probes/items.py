@@ -48,8 +48,8 @@ def items_of(cell: Cell) -> Iterator[CheckItem]:
     settings = cell.declared.checklist
     if cell.vehicle is not None:
         yield from cell.declaration.vehicles[cell.vehicle].checklist.items
-    asked = (settings.items, *(mission.items for mission in settings.missions if mission.name == cell.mission))
-    yield from (item for items in asked for item in items if item.vehicle == cell.vehicle)
+    lists = (settings.items, *(mission.items for mission in settings.missions if mission.name == cell.mission))
+    yield from (item for items in lists for item in items if item.vehicle == cell.vehicle)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
