@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant, why_no_name
-from atlantis_netcfg.declaration.model import CheckItem, Gateway, ItemSort, SeenFrom, Site, SiteCheckItem
+from atlantis_netcfg.declaration.model import CheckItem, ItemSort, SeenFrom, Site, SiteCheckItem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -112,7 +112,7 @@ def names(draft: Draft) -> Iterator[Finding]:
 
 def gateways(draft: Draft) -> Iterator[Finding]:
     """What a site's gateway shall be asked needs one; a vehicle's item is INCONCLUSIVE where there is none."""
-    sites = {place for _, place, _ in draft.boxes(Gateway)}
+    sites = {place for host, place in draft.layout.hosts.items() if draft.kind_of(host) == "gateway"}
     for name, site in draft.sites.items():
         for part, path, item in _of_a_site(name, site):
             if item.kind is ItemSort.COMMAND and item.seen_from is SeenFrom.GATEWAY and name not in sites:

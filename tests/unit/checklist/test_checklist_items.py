@@ -69,8 +69,9 @@ def test_they_stand_in_their_order_behind_the_columns_of_their_row(shipped: Decl
 
 
 def test_an_item_of_a_site_may_be_of_a_vehicle(shipped: Declaration) -> None:
-    listed = plan(shipped, "te4sea", Scope(endpoints=ONLY_ITEMS))
-    assert [entry.item.id for entry in listed.entries if entry.item.vehicle == "eca-rov"] == ["eca-rov/items/tether"]
+    rows = [{"id": "hmi", "vehicle": "eca-rov", "text": "Its screen is on", "look_for": "it is", "phase": "quay"}]
+    assert _ids(_settings(shipped, items=rows), vehicles=("eca-rov",), endpoints=ONLY_ITEMS) == ["eca-rov/items/hmi"]
+    assert _ids(shipped, mission="inspection", vehicles=("eca-rov",))[-1] == "eca-rov/items/tether"
     assert "eca-rov/items/tether" not in _ids(shipped)
 
 
@@ -80,7 +81,7 @@ def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Declaration) -> N
     assert more == {LIGHTS, LOGGED}
     assert listed.left_out == ()
     assert "with the items of the mission night: Test after sunset" in listed.notes
-    assert "no mission was named; with `mission=NAME` its items are asked too: night" in without.notes
+    assert "no mission was named; with `mission=NAME` its items are asked too: night, inspection" in without.notes
     kinds = {entry.item.id: entry.item.kind for entry in listed.entries}
     assert (kinds[LIGHTS], kinds[LOGGED]) == (ItemKind.PERSON, ItemKind.AUTOMATIC)
     with pytest.raises(NothingMatched, match="there is no mission `nigth`"):
