@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
+from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Guest, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -95,6 +95,7 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
         notes=(
+            *_notes_of_guests(declaration, whole),
             *(() if scope.recovery else _notes(declaration, site)),
             *_notes_of_items(declaration, site, scope, every),
         ),
@@ -154,14 +155,16 @@ def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Ro
     here = declaration.sites[site].checklist.vehicles
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
+            cells = tuple(str(column) for column in Column if column in vehicle.table3)
+            beside = (*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission))
             yield Row(
                 key=key,
                 name=vehicle.name,
                 kind=str(vehicle.kind),
                 aliases=vehicle.aliases,
-                table3=tuple(str(column) for column in Column if column in vehicle.table3),
+                table3=() if vehicle.guest else cells,
                 deviation=vehicle.table3_deviation,
-                beside=(*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission)),
+                beside=(*cells, *beside) if vehicle.guest else beside,
             )
     declared = declaration.sites[site]
     marked = [str(column) for column in Column if column in declared.location.table3]
@@ -245,6 +248,16 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
             f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."
             " One that has to be kept from the others is not plugged in, and comes by the VPN alone"
         )
+
+
+def _notes_of_guests(declaration: Declaration, rows: Iterable[Row]) -> Iterator[str]:
+    """Name the rows that the report does not have."""
+    for row in rows:
+        vehicle = declaration.vehicles.get(row.key) if row.kind != "location" else None
+        if vehicle is not None and vehicle.guest:
+            partner = declaration.partners[vehicle.partner or ""].full_name
+            until = f" until {vehicle.until}" if isinstance(vehicle, Guest) else ""
+            yield f"{row.name} is a guest of {partner}{until}, and no robot of the report's Table 3"
 
 
 def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:

@@ -96,6 +96,7 @@ from atlantis_netcfg.declaration.model.gateways import (
 from atlantis_netcfg.declaration.model.pilot import (
     ETHERNET,
     Column,
+    Guest,
     OpenVpnVersion,
     Partner,
     Pilot,
@@ -164,6 +165,7 @@ __all__ = [
     "GpsEndpoint",
     "GpsSource",
     "GpsTime",
+    "Guest",
     "HostName",
     "Image",
     "ImageLayout",
