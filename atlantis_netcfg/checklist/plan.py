@@ -156,7 +156,7 @@ def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Ro
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
             cells = tuple(str(column) for column in Column if column in vehicle.table3)
-            beside = (*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission))
+            others = (*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission))
             yield Row(
                 key=key,
                 name=vehicle.name,
@@ -164,7 +164,7 @@ def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Ro
                 aliases=vehicle.aliases,
                 table3=() if vehicle.guest else cells,
                 deviation=vehicle.table3_deviation,
-                beside=(*cells, *beside) if vehicle.guest else beside,
+                beside=(*cells, *others) if vehicle.guest else others,
             )
     declared = declaration.sites[site]
     marked = [str(column) for column in Column if column in declared.location.table3]

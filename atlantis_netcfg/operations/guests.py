@@ -147,7 +147,7 @@ def declared_guest(declaration: Declaration, name: str) -> Guest | None:
     found = declaration.vehicles.get(name)
     if found is None or isinstance(found, Guest):
         return found
-    hint = "`provision guest` writes and removes what stands in guests.yml; vehicles.yml is yours"
+    hint = "remove it there by hand: these commands write and remove what stands in guests.yml alone"
     raise UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
 
 

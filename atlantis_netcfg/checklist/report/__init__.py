@@ -24,11 +24,11 @@ from atlantis_netcfg.checklist.report.document import (
     ItemKind,
     LeftOut,
     Override,
-    Phase,
     Row,
     Signature,
     SinceGreen,
 )
+from atlantis_netcfg.declaration.model import Phase
 
 __all__ = [
     "Document",

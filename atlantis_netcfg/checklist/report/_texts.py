@@ -14,13 +14,13 @@ from atlantis_netcfg.checklist.report.document import (
     Item,
     ItemKind,
     Override,
-    Phase,
     Row,
     SinceGreen,
 )
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import Language, translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.declaration.model import Phase
 
 
 class PageText(StrEnum):

@@ -21,6 +21,8 @@ from atlantis_netcfg.declaration import Declaration, load
 from atlantis_netcfg.declaration.model import ChecklistSettings, Role, VehicleChecklist
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from atlantis_netcfg.checklist import Checklist
 
 ROOT = Path(__file__).parents[3]
@@ -43,7 +45,7 @@ def _settings(declaration: Declaration, **changes: object) -> Declaration:
     return replace(declaration, sites=sites)
 
 
-def _mares(declaration: Declaration, *items: dict[str, object]) -> Declaration:
+def _mares(declaration: Declaration, *items: Mapping[str, object]) -> Declaration:
     """With these items in place of those that are shipped."""
     rows = [{"text": "It is well", "look_for": "it is so", "phase": "bench", **item} for item in items]
     own = VehicleChecklist.model_validate({"items": rows})

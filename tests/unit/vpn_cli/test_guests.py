@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
 import pytest
+from hints_said import advised, said
 from vpn_desk import PASSPHRASE, founded, over_a_pipe
 
 from atlantis_netcfg.cli import main
@@ -65,9 +66,9 @@ class Quay:
                 ended = main([*line, "--passphrase-fd", number])
         else:
             ended = main(line)
-        said = self.capsys.readouterr()
-        assert ended == code, f"exit {ended}\n{said.out}{said.err}"
-        return said.out + said.err
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
 
     def add(self, *more: str, code: int = 0, passphrase: str | None = PASSPHRASE) -> str:
         words = [*LAUV, *more]
@@ -101,10 +102,10 @@ def quay(
 def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
     """Commands alone; 0 files edited by hand; the declaration is as it was, byte for byte."""
     before = quay.files()
-    said = quay.add()
-    assert f"lauv: declared in group_vars/all/guests.yml, a guest until {UNTIL}" in said
+    printed = quay.add()
+    assert f"lauv: declared in group_vars/all/guests.yml, a guest until {UNTIL}" in printed
     (sealed,) = (quay.folder / "vpn").glob("handouts/*/*.age")
-    (secret,) = [line.split()[1] for line in said.splitlines() if line.startswith("  passphrase  ")]
+    (secret,) = [line.split()[1] for line in printed.splitlines() if line.startswith("  passphrase  ")]
     handed = open_handout(sealed.read_bytes(), Secret(secret))
     assert {"udg-lauv.ovpn", "cyclonedds.xml", "fastdds.xml"} <= set(handed)
 
@@ -122,9 +123,9 @@ def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
         in (document["notes"])
     )
 
-    said = quay.end()
-    assert "udg-lauv: revoked" in said
-    assert "ended here, and the server does not know it yet; it is not declared, has no good certificate" in said
+    printed = quay.end()
+    assert "udg-lauv: revoked" in printed
+    assert "ended here, and the server does not know it yet; it is not declared, has no good certificate" in printed
     assert quay.files() == before
     assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
     (member,) = guests.members_of(quay.authority, "lauv")
@@ -143,21 +144,21 @@ def test_no_certificate_is_good_beyond_the_last_day(quay: Quay) -> None:
     with over_a_pipe(PASSPHRASE) as number:
         quay.type(*words, "--passphrase-fd", number)
     assert max(each.not_after for each in guests.members_of(quay.authority, "lauv")[0].good) <= end
-    said = quay.type(*words, "days=90", code=3)
-    assert f"`days=90`: the guest `lauv` is here until {UNTIL}" in said
+    printed = quay.type(*words, "days=90", code=3)
+    assert f"`days=90`: the guest `lauv` is here until {UNTIL}" in printed
 
 
 def test_a_plan_says_what_would_be_done_and_does_nothing(quay: Quay) -> None:
     before, authority = quay.files(), quay.files("vpn")
-    said = quay.add("--plan", code=2, passphrase=None)
-    assert "would declare lauv in group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in said
-    assert "would let udg-lauv into the VPN, for 20 days" in said
+    printed = quay.add("--plan", code=2, passphrase=None)
+    assert "would declare lauv in group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in printed
+    assert "would let udg-lauv into the VPN, for 20 days" in printed
     assert (quay.files(), quay.files("vpn")) == (before, authority)
     quay.add()
     there, authority = quay.files(), quay.files("vpn")
     assert "already so: nothing to do" in quay.add("--plan", passphrase=None)
-    said = quay.type("guest", "end", "name=lauv", "--plan", code=2, passphrase=None)
-    assert said.splitlines() == [
+    printed = quay.type("guest", "end", "name=lauv", "--plan", code=2, passphrase=None)
+    assert printed.splitlines() == [
         "would put udg-lauv out of the VPN, for good",
         "would take lauv out of group_vars/all/guests.yml",
     ]
@@ -169,10 +170,40 @@ def test_repeating_makes_nothing_new(quay: Quay) -> None:
     there, authority = quay.files(), quay.files("vpn")
     assert "udg-lauv: already so" in quay.add(passphrase=None)
     assert (quay.files(), quay.files("vpn")) == (there, authority)
+
+
+def test_another_guest_of_that_name_is_ended_as_it_is_advised(quay: Quay) -> None:
+    before = quay.files()
+    quay.add()
     words = (*LAUV[:-1], "cells=gps", f"until={UNTIL}", "--no-push")
-    said = quay.type("guest", "add", *words, code=3)
-    assert "the guest `lauv` is declared already, and otherwise" in said
-    assert "provision guest end name=lauv" in said
+    printed = quay.type("guest", "add", *words, code=3)
+    assert "the guest `lauv` is declared already, and otherwise" in printed
+    (typed,) = advised(said(printed, "`provision guest end name={}` takes it away; or correct {}"))
+    ours = [word for word in typed if not word.startswith(("inventory=", "authority="))]
+    assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
+    assert quay.files() == before
+
+
+def test_the_checklist_that_is_named_is_the_guests(quay: Quay) -> None:
+    printed = said(quay.add(), "its checklist: provision check site={} vehicle={}")
+    (typed,) = advised(printed)
+    assert "lauv/gps: LAUV knows where it is" in quay.type(*typed, "--rehearse", code=6)
+
+
+def test_after_a_stop_all_of_it_is_taken_back_as_it_is_advised(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = quay.files()
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("atlantis_netcfg.cli.vpn.members.close", stop)
+        printed = quay.add(code=5)
+    hint = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
+    (typed,) = advised(said(printed, hint))
+    ours = [word.replace("NAME", "lauv") for word in typed if not word.startswith(("inventory=", "authority="))]
+    assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
+    assert quay.files() == before
 
 
 @pytest.mark.parametrize("onward", ["add", "end"])
@@ -318,7 +349,7 @@ def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(
 def test_what_is_left_is_named_and_is_not_green(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
     quay.add()
     monkeypatch.setattr(guests, "remove_handouts", lambda *_: None)
-    said = quay.end(code=6)
-    assert "something of lauv is left:" in said
-    assert "handouts/udg-lauv is still there" in said
-    assert "it is not declared" not in said
+    printed = quay.end(code=6)
+    assert "something of lauv is left:" in printed
+    assert "handouts/udg-lauv is still there" in printed
+    assert "it is not declared" not in printed
