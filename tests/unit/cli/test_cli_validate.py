@@ -20,7 +20,7 @@ inventory: no errors
     3 sites     scc (4 hosts), coastal (5 hosts), te4sea (4 hosts)
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
-    5 partners  inesc, iqua, eca, udg, vtt
+    6 partners  inesc, iqua, eca, udg, vtt, spaceapps
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
 399 values are examples: `provision validate --examples` lists them.
 """
@@ -65,7 +65,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         "exit": 0,
         "inventory": "inventory",
         "errors": [],
-        "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 5},
+        "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 6},
     }
 
 
