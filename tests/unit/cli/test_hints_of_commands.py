@@ -156,8 +156,10 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
     ),
     "recovery is to come": (
         lambda at: at.type("check", "site=coastal", "endpoint=items", code=6),
-        "{} still to come, in a list of its own, when the vehicles are back:"
-        " `provision check site={}{} phase=recovery`",
+        (
+            "{} still to come, in a list of its own, when the vehicles are back:"
+            " `provision check site={}{} phase=recovery`"
+        ),
         6,
         "mares/items/rinsed",
     ),
