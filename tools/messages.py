@@ -71,7 +71,7 @@ OUT: Mapping[str, str] = {
     "bearers/lte/at.py": "commands and answers of modems; what is judged of them stands in judge.py",
     "bearers/lte/rutos_read.py": "keys and answers of a router's JSON",
     "checklist/probes/agent": "a program that runs on the gateway; what it saw is data, judged by the probes",
-    "checklist/probes/registry.py": "the closed list of programs",
+    "core/reading_programs.py": "the closed list of programs",
     "checklist/runner/simulated": "what emulated computers print",
     "cli/vpn/__init__.py": "it holds nothing",
     "declaration/json_schema.py": "files for editors, which are in English",

@@ -214,6 +214,16 @@ def wrong_with(path: Path) -> tuple[str, str] | None:
     return None if found.st_size else (f"`{path}` is empty", "give a file with something in it")
 
 
+def is_picture(path: Path) -> bool:
+    """Whether a file begins as a photo or a drawing does that can be kept."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(16)
+    except OSError:
+        return False
+    return any(_PICTURES[kind].match(start) for kind in _READ)
+
+
 def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
     """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
     data = [(path.name, _picture(path, _bytes(path))) for path in files]

@@ -61,7 +61,7 @@ def found(folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now
     for run in reversed(runs(folder)):
         lines = _ledger.read(run / _ledger.FILE)
         document = _ledger.replayed(lines)
-        if document is None or document.scope != checklist.scope.as_dict() or _over(run, lines):
+        if document is None or _of_another_list(document, checklist) or _over(run, lines):
             continue
         if lines.damage:
             words = words or f"the checklist {run.name} is damaged ({lines.damage})"
@@ -75,6 +75,10 @@ def found(folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now
         gone_on = f"the checklist {run.name} is gone on with{torn}{_old(now() - document.started)}"
         return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
     return FoundBook(None, f"{words}: a new one is begun" if words else "")
+
+
+def _of_another_list(document: Document, checklist: Checklist) -> bool:
+    return (document.scope, document.mission) != (checklist.scope.as_dict(), checklist.scope.mission)
 
 
 def _old(age: timedelta) -> str:
@@ -135,6 +139,7 @@ def _document(run: str, started: datetime, checklist: Checklist, head: BookHead)
         started=started,
         ended=None,
         scope=checklist.scope.as_dict(),
+        mission=checklist.scope.mission,
         columns=checklist.columns,
         rows=checklist.rows,
         items=tuple(entry.item for entry in checklist.entries),

@@ -5,6 +5,7 @@
       sparus/usbl/ping: in the water, nobody dives near it
     answers:
       stork/rc_rf/failsafe: {verdict: PASS, note: motors stopped after 2 s, files: [failsafe.jpg]}
+      mares/items/battery: {verdict: PASS, value: 16.1}
     overrides:                          # taken where the item has not passed; one that has passed needs none
       zarco/wifi: {reason: tested with the cable today}
     leave:                              # open on purpose at the signature; the document is not green then
@@ -21,10 +22,17 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import Field, StrictBool
+from pydantic import Field, StrictBool, StrictFloat
 
 from atlantis_netcfg.checklist._ledger import wrong_with
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, SAYABLE, Confirmation, unskippable
+from atlantis_netcfg.checklist.confirmations import (
+    OVERRIDABLE,
+    SAYABLE,
+    Confirmation,
+    missing_evidence,
+    refused_person,
+    unskippable,
+)
 from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
@@ -59,6 +67,7 @@ class _StatedAnswer(Model):
     by: Person | None = None
     note: Words | None = None
     files: tuple[Text, ...] = ()
+    value: StrictFloat | None = None
 
 
 class _OverrideAnswer(Model):
@@ -108,10 +117,11 @@ class Answers:
     def read(cls, path: Path, checklist: Checklist) -> Self:
         """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
         block = read(path, _EvidenceFile, "the file of answers")
-        findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent).findings())
-        if findings or block.value is None:
+        answers = cls(*_taken(block.value, checklist, path.parent)) if block.value is not None else None
+        findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent, answers).findings())
+        if findings or answers is None:
             raise AnswersInvalid(findings)
-        return cls(*_taken(block.value, checklist, path.parent))
+        return answers
 
     def confirmation(self, item: str) -> Confirmation | None:
         """The answer to a step; None: there is none."""
@@ -147,6 +157,7 @@ def _taken(
             answer.by or name,
             answer.note or "",
             tuple(folder / each for each in answer.files),
+            answer.value,
         )
         for item, answer in file.answers.items()
         if item in items
@@ -173,8 +184,13 @@ def _consented(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[str, str]
 class _CheckAnswer:
     """What holds between the file and the list; looks at the parts that are there, whatever else is wrong."""
 
-    def __init__(self, block: Block[_EvidenceFile], checklist: Checklist, folder: Path) -> None:
+    def __init__(
+        self, block: Block[_EvidenceFile], checklist: Checklist, folder: Path, answers: Answers | None
+    ) -> None:
         self._block = block
+        self._answers = answers
+        self._steps = {entry.item.id: entry.step for entry in checklist.entries}
+        self._signers = checklist.signers
         self._keys = block.root.keys
         self._items = {entry.item.id: entry.item for entry in checklist.entries}
         self._beyond = checklist.beyond
@@ -188,6 +204,9 @@ class _CheckAnswer:
             yield from self._answer(name)
         for name in self._names("overrides"):
             yield from self._by(("overrides", name))
+        if self._answers is not None:
+            yield from self._people(self._answers)
+            yield from self._evidence(self._answers)
         yield from self._twice("leave", ("answers", "consents", "overrides"))
         yield from self._twice("answers", ("consents",))
         yield from self._name()
@@ -223,6 +242,27 @@ class _CheckAnswer:
             unfit = wrong_with(self._folder / str(node.value)) if isinstance(node.value, str) else None
             if unfit is not None:
                 yield self._block.wrong((*path, "files", number), *unfit)
+
+    def _people(self, answers: Answers) -> Iterator[Finding]:
+        """Whoever is named may answer, override or sign."""
+        said = [(("answers", item), answer.by, "answer") for item, answer in answers.said.items()]
+        said += [(("overrides", item), override.by, "override it") for item, override in answers.overrides.items()]
+        for path, by, what in said:
+            wrong = refused_person(by, self._steps[path[1]].by, what) if by else None
+            if wrong is not None:
+                yield self._block.wrong_key(path, *wrong)
+        if answers.sign_by is not None:
+            wrong = refused_person(answers.sign_by, self._signers, "sign this checklist")
+            if answers.sign_by and wrong is not None:
+                yield self._block.wrong_key(("sign",), *wrong)
+
+    def _evidence(self, answers: Answers) -> Iterator[Finding]:
+        """What an item asks for besides the answer is given; of a file that is not there it is told already."""
+        for item, answer in answers.said.items():
+            there = not any(map(wrong_with, answer.files))
+            wrong = missing_evidence(self._steps[item].evidence, answer) if there else None
+            if wrong is not None:
+                yield self._block.wrong_key(("answers", item), *wrong)
 
     def _by(self, path: tuple[str, str]) -> Iterator[Finding]:
         node = self._block.root.at(*path)

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from atlantis_netcfg.checklist._ledger import is_picture
 from atlantis_netcfg.checklist._signing import SigningRefused
+from atlantis_netcfg.checklist.probes.step import EvidenceRequest, declared
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import EvidenceKind
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist._ledger import Copied
+    from atlantis_netcfg.checklist.probes.step import Step
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""
@@ -55,6 +59,46 @@ class Confirmation:
     """What was seen; needed for everything but PASS."""
     files: tuple[Path, ...] = ()
     """Photos, screenshots, exported backups."""
+    value: float | None = None
+    """The number that an item asks for."""
+
+
+def refused_person(by: str, people: Sequence[str], what: str) -> tuple[str, str] | None:
+    """Why this person may not answer, override or sign, and who may; None: they may. `people` empty: anybody may."""
+    if not people or _same(by) in map(_same, people):
+        return None
+    return f"{by} may not {what}: the declaration names others", f"it takes the word of: {', '.join(people)}"
+
+
+def _same(name: str) -> str:
+    """A name however its letters and blanks are typed."""
+    return " ".join(name.split()).casefold()
+
+
+def missing_evidence(request: EvidenceRequest, confirmation: Confirmation) -> tuple[str, str] | None:
+    """What an answer lacks to be taken, and what to do; None: nothing. Only what holds needs evidence."""
+    value, words, missing = confirmation.value, request.words, False
+    if value is not None and request.kind is not EvidenceKind.NUMBER:
+        return "no number is asked for here", "remove the number"
+    if confirmation.verdict not in {Verdict.PASS, Verdict.WARN}:
+        return None
+    if value is not None and request.outside(value):
+        return f"{value:g} {request.unit} does not pass: {words} is asked for", "measure again, or answer FAIL"
+    match request.kind:
+        case EvidenceKind.NUMBER:
+            missing = value is None
+        case EvidenceKind.TEXT:
+            missing = not confirmation.note.strip()
+        case EvidenceKind.PHOTO:
+            missing = not any(map(is_picture, confirmation.files))
+    return (f"{words} is asked for", _GIVE[request.kind]) if missing else None
+
+
+_GIVE = {
+    EvidenceKind.NUMBER: "read it, and give it as `value`",
+    EvidenceKind.TEXT: "write it as the note",
+    EvidenceKind.PHOTO: "give the path of a JPEG or PNG",
+}
 
 
 def spoken(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
@@ -82,9 +126,21 @@ def named(name: str) -> str:
     return spoken(name, "a name", most=_NAME_LENGTH)
 
 
-def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], at: datetime) -> Item:
-    """The item as a person has answered it. Raises Refused for what a person cannot say of it."""
+def confirmed(
+    item: Item, confirmation: Confirmation, files: Sequence[Copied], at: datetime, step: Step | None = None
+) -> Item:
+    """The item as a person has answered it. Raises Refused for what a person cannot say of it.
+
+    `step`: who may answer, and what has to be given besides.
+    """
     by = named(confirmation.by)
+    request = step.evidence if step is not None else EvidenceRequest()
+    for wrong in (
+        refused_person(by, step.by if step is not None else (), "answer"),
+        missing_evidence(request, confirmation),
+    ):
+        if wrong is not None:
+            raise SigningRefused(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
     if item.kind is ItemKind.AUTOMATIC:
         hint = "let it be looked at again, or override it with a reason"
         raise SigningRefused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
@@ -98,6 +154,9 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
         if confirmation.note or confirmation.verdict is not Verdict.PASS
         else ""
     )
+    if confirmation.value is not None:
+        number = f"{confirmation.value:g} {request.unit}"
+        note = f"{number}; {note}" if note else number
     message = _STATEMENTS[confirmation.verdict].format(by=by) + (f": {note}" if note else "")
     mend = _HINTS.get(confirmation.verdict)
     return item.model_copy(
@@ -115,6 +174,7 @@ def confirmed(item: Item, confirmation: Confirmation, files: Sequence[Copied], a
                 Evidence(
                     type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
                 ),
+                *([declared("asked for", request.words)] if request.words else []),
                 *(_filed(file, by, at) for file in files),
                 *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
@@ -173,8 +233,13 @@ def _filed(copied: Copied, by: str, at: datetime) -> Evidence:
     return Evidence(type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=copied.file, sha256=copied.sha256)
 
 
-def overridden(item: Item, reason: str, by: str, at: datetime) -> Item:
-    """The item with a person's responsibility taken. Raises Refused where there is nothing to take."""
+def overridden(item: Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> Item:
+    """The item with a person's responsibility taken. Raises Refused where there is nothing to take.
+
+    `people`: names of those who alone may take it; none: anybody.
+    """
+    if (wrong := refused_person(by, people, "override it")) is not None:
+        raise SigningRefused(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
     if item.verdict not in OVERRIDABLE:
         hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
         raise SigningRefused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import SITE, Cell, Step
+from atlantis_netcfg.checklist.probes import ITEMS, SITE, Cell, Step
+from atlantis_netcfg.checklist.probes.items import items_of, people
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
-from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Router, SeenFrom, WifiRole
+from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Guest, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -31,6 +32,14 @@ class Scope:
     """With a vehicle, the location's own items are left out."""
     endpoints: tuple[str, ...] = ()
     phases: tuple[Phase, ...] = ()
+    """Recovery alone, or some of the others; empty: all but recovery."""
+    mission: str = ""
+    """Whose items are asked on top: it narrows nothing."""
+
+    @property
+    def recovery(self) -> bool:
+        """Whether it is the list for when the vehicles are back, which is signed by itself."""
+        return Phase.RECOVERY in self.phases
 
     def as_dict(self) -> dict[str, tuple[str, ...]]:
         """In the words of the command line; what is not narrowed is not in it."""
@@ -61,30 +70,37 @@ class Checklist:
     notes: tuple[str, ...] = ()
     """What holds at the site, whatever is found."""
     beyond: tuple[str, ...] = ()
-    """Items that the scope takes away, by id."""
+    """Items that the scope takes away, by id, and those of the other list: before, or after the vehicles are back."""
+    signers: tuple[str, ...] = ()
+    """Names of those who alone may sign it; empty: anybody."""
 
 
 def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Checklist:
     """Work out the list. Raises NothingMatched for words that name nothing, and where nothing is left."""
     scope = scope or Scope()
     _refuse_unknown(declaration, site, scope)
-    rows = tuple(_rows(declaration, site))
-    entries = [entry for row in rows for entry in _entries(declaration, site, row)]
+    whole = tuple(_every_row(declaration, site, scope.mission))
+    every = [entry for row in whole for entry in _entries(declaration, site, row, scope.mission)]
+    entries = [entry for entry in every if (entry.item.phase is Phase.RECOVERY) is scope.recovery]
     chosen = tuple(entry for entry in entries if _inside(entry, scope))
     if not chosen:
-        raise NothingMatched(
-            "nothing is left of the checklist", hint=f"leave out a word: `provision check site={site}` lists all"
-        )
+        raise _nothing(site, scope)
+    items = {entry.item.id for entry in chosen}
     return Checklist(
         site=site,
         title=declaration.sites[site].title,
-        columns=tuple(map(str, Column)),
-        rows=rows,
+        columns=() if scope.recovery else tuple(map(str, Column)),
+        rows=tuple(_rows(whole, entries, scope)),
         entries=chosen,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
-        notes=tuple(_notes(declaration, site)),
-        beyond=tuple(entry.item.id for entry in entries if not _inside(entry, scope)),
+        notes=(
+            *_notes_of_guests(declaration, whole),
+            *(() if scope.recovery else _notes(declaration, site)),
+            *_notes_of_items(declaration, site, scope, every),
+        ),
+        beyond=tuple(entry.item.id for entry in every if entry.item.id not in items),
+        signers=people(declaration, declaration.sites[site].checklist.signed_by),
     )
 
 
@@ -101,27 +117,54 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
     for endpoint in scope.endpoints:
         if endpoint not in TITLES:
             raise _unknown("endpoint", endpoint, TITLES)
+    missions = [mission.name for mission in declaration.sites[site].checklist.missions]
+    if scope.mission and scope.mission not in missions:
+        raise _unknown("mission", scope.mission, missions)
+    if scope.recovery and len(scope.phases) > 1:
+        hint = f"`provision check site={site} phase=recovery` alone, when the vehicles are back"
+        raise UsageError("the items of recovery are a checklist of their own", hint=hint)
 
 
 def _unknown(what: str, word: str, known: Iterable[str]) -> NothingMatched:
     every = list(known)
     near = nearest(word, every)
-    listed = f"there are: {', '.join(every)}"
+    listed = f"there are: {', '.join(every) or 'none'}"
     return NothingMatched(f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {listed}" if near else listed)
 
 
-def _rows(declaration: Declaration, site: str) -> Iterator[Row]:
+def _nothing(site: str, scope: Scope) -> NothingMatched:
+    if scope.recovery:
+        hint = "declare them below `checklist: items:` with `phase: recovery` (docs/check.md)"
+        return NothingMatched(f"no such item of recovery is declared at {site}", hint=hint)
+    hint = f"leave out a word: `provision check site={site}` lists all"
+    return NothingMatched("nothing is left of the checklist", hint=hint)
+
+
+def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[Row]:
+    """The rows of a list; that of recovery has those with an item in it, and nothing of Table 3."""
+    with_items = {entry.cell.row for entry in entries if entry.item.endpoint == ITEMS}
+    for row in every:
+        if scope.recovery and row.key in with_items:
+            yield row.model_copy(update={"table3": (), "beside": (ITEMS,), "deviation": None})
+        elif not scope.recovery:
+            beside = tuple(name for name in row.beside if name != ITEMS or row.key in with_items)
+            yield row.model_copy(update={"beside": beside})
+
+
+def _every_row(declaration: Declaration, site: str, mission: str) -> Iterator[Row]:
     here = declaration.sites[site].checklist.vehicles
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
+            cells = tuple(str(column) for column in Column if column in vehicle.table3)
+            others = (*((ETHERNET,) if vehicle.ethernet else ()), *_items(declaration, site, key, mission))
             yield Row(
                 key=key,
                 name=vehicle.name,
                 kind=str(vehicle.kind),
                 aliases=vehicle.aliases,
-                table3=tuple(str(column) for column in Column if column in vehicle.table3),
+                table3=() if vehicle.guest else cells,
                 deviation=vehicle.table3_deviation,
-                beside=(ETHERNET,) if vehicle.ethernet else (),
+                beside=(*cells, *others) if vehicle.guest else others,
             )
     declared = declaration.sites[site]
     marked = [str(column) for column in Column if column in declared.location.table3]
@@ -129,13 +172,19 @@ def _rows(declaration: Declaration, site: str) -> Iterator[Row]:
     if declared.location.ethernet:
         carried.add(ETHERNET)
     beside = [name for name in (*map(str, Column), ETHERNET) if name in carried and name not in marked]
-    yield Row(key=site, name=declared.title, kind="location", table3=tuple(marked), beside=(*beside, SITE))
+    beside += [SITE, *_items(declaration, site, None, mission)]
+    yield Row(key=site, name=declared.title, kind="location", table3=tuple(marked), beside=tuple(beside))
 
 
-def _entries(declaration: Declaration, site: str, row: Row) -> Iterator[PlanEntry]:
+def _items(declaration: Declaration, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
+    """The column of what is declared for a row, where something is."""
+    return (ITEMS,) if any(True for _ in items_of(Cell(declaration, site, vehicle, ITEMS, mission))) else ()
+
+
+def _entries(declaration: Declaration, site: str, row: Row, mission: str) -> Iterator[PlanEntry]:
     vehicle = None if row.kind == "location" else row.key
     for endpoint in (*row.table3, *row.beside):
-        cell = Cell(declaration, site, vehicle, endpoint)
+        cell = Cell(declaration, site, vehicle, endpoint, mission)
         # A column that has nothing to say still has its line: somebody looks.
         for step in steps_of(cell) or (by_a_person(cell),):
             yield PlanEntry(_item(cell, step, table3=endpoint in row.table3), step, cell)
@@ -154,8 +203,12 @@ def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
         phase=step.phase,
         open=not skipped,
         verdict=Verdict.SKIP if skipped else Verdict.INCONCLUSIVE,
-        message=step.unless or _OPEN[step.kind],
+        message=step.unless or (f"waits for {_listed(step.by)}" if step.by else _OPEN[step.kind]),
     )
+
+
+def _listed(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
 _OPEN = {
@@ -194,6 +247,41 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
             f"neighbours in the LAN of {site} reach each other, whatever the policy says: what goes from port to port"
             f" of one switch, or through one access point, passes no filter. Robots with an address there: {names}."
             " One that has to be kept from the others is not plugged in, and comes by the VPN alone"
+        )
+
+
+def _notes_of_guests(declaration: Declaration, rows: Iterable[Row]) -> Iterator[str]:
+    """Name the rows that the report does not have."""
+    for row in rows:
+        vehicle = declaration.vehicles.get(row.key) if row.kind != "location" else None
+        if vehicle is not None and vehicle.guest:
+            partner = declaration.partners[vehicle.partner or ""].full_name
+            until = f" until {vehicle.until}" if isinstance(vehicle, Guest) else ""
+            yield f"{row.name} is a guest of {partner}{until}, and no robot of the report's Table 3"
+
+
+def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: Iterable[PlanEntry]) -> Iterator[str]:
+    """Say which mission it is for, what is left to another one, and what is asked when the vehicles are back."""
+    missions = declaration.sites[site].checklist.missions
+    other = [
+        mission.name
+        for mission in missions
+        if any((item.phase is Phase.RECOVERY) is scope.recovery for item in mission.items)
+    ]
+    chosen = next((mission for mission in missions if mission.name == scope.mission), None)
+    if chosen is not None:
+        yield f"with the items of the mission {chosen.name}: {chosen.title}"
+    elif other:
+        yield f"no mission was named; with `mission=NAME` its items are asked too: {', '.join(other)}"
+    later = [entry for entry in every if entry.item.phase is Phase.RECOVERY]
+    later = [entry for entry in later if not scope.vehicles or entry.item.vehicle in scope.vehicles]
+    if later and not scope.recovery:
+        words = "1 item of recovery is" if len(later) == 1 else f"{len(later)} items of recovery are"
+        vehicles = f" vehicle={','.join(scope.vehicles)}" if scope.vehicles else ""
+        mission = f"{vehicles} mission={scope.mission}" if scope.mission else vehicles
+        yield (
+            f"{words} still to come, in a list of its own, when the vehicles are back:"
+            f" `provision check site={site}{mission} phase=recovery`"
         )
 
 
@@ -281,8 +369,10 @@ class _Drawn:
     def _unnamed(self) -> tuple[str, ...]:
         """The site's own items that speak of no host in particular."""
         names = {host.name for host in (*self._hosts, self._server)}
-        entries = (entry for entry in self._entries if entry.item.endpoint == SITE)
-        return tuple(entry.item.id for entry in entries if names.isdisjoint(entry.step.concerns))
+        local = [
+            entry for entry in self._entries if entry.item.vehicle is None and entry.item.endpoint in {SITE, ITEMS}
+        ]
+        return tuple(entry.item.id for entry in local if names.isdisjoint(entry.step.concerns))
 
     def _vehicles(self) -> Iterator[DrawnNode]:
         for row in self._robots():
@@ -338,7 +428,7 @@ class _Drawn:
 
     def _seen(self) -> Iterator[DrawnLink]:
         for row in self._robots():
-            for endpoint in (*row.table3, *row.beside):
+            for endpoint in (name for name in (*row.table3, *row.beside) if name != ITEMS):
                 items = tuple(
                     entry.item.id
                     for entry in self._entries

@@ -17,7 +17,15 @@ from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import BookHead, begin, found
 from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import NotSigned, SigningKey, SigningRefused, signed
-from atlantis_netcfg.checklist.confirmations import Confirmation, confirmed, earlier, named, overridden, spoken
+from atlantis_netcfg.checklist.confirmations import (
+    Confirmation,
+    confirmed,
+    earlier,
+    named,
+    overridden,
+    refused_person,
+    spoken,
+)
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut, Phase
 from atlantis_netcfg.checklist.verifying import close_book
@@ -46,6 +54,7 @@ class Book:
         self.words = words
         """What became of a book that was there: gone on with, or why not; empty: there was none."""
         self._entries = {entry.item.id: entry for entry in checklist.entries}
+        self._signers = checklist.signers
         self._lock = lock
         self._now = now
         self._ledger = _ledger.ChecklistLog(folder / _ledger.FILE, now)
@@ -117,15 +126,15 @@ class Book:
 
     def confirm(self, name: str, confirmation: Confirmation) -> Item:
         """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
-        item = self.item(name)
-        confirmed(item, confirmation, (), self._now())
-        return self._record(
-            "confirmed", confirmed(item, confirmation, _ledger.keep(self.folder, confirmation.files), self._now())
-        )
+        item, step = self.item(name), self._entries[name].step
+        confirmed(item, confirmation, (), self._now(), step)
+        files = _ledger.keep(self.folder, confirmation.files)
+        return self._record("confirmed", confirmed(item, confirmation, files, self._now(), step))
 
     def override(self, name: str, reason: str, by: str) -> Item:
         """Write down that a person takes the responsibility. Raises Refused where there is none to take."""
-        return self._record("overridden", overridden(self.item(name), reason, by, self._now()))
+        item, people = self.item(name), self._entries[name].step.by
+        return self._record("overridden", overridden(item, reason, by, self._now(), people))
 
     def document(self) -> Document:
         """The checklist as it stands."""
@@ -144,6 +153,8 @@ class Book:
         """
         self._refuse_signed()
         name, left = named(by), self._left(leave or {})
+        if (wrong := refused_person(name, self._signers, "sign this checklist")) is not None:
+            raise SigningRefused(wrong[0], hint=wrong[1])
         at = self._now()
         whole = self.document().model_copy(update={"ended": at})
         whole = whole.model_copy(update={"left_out": (*whole.left_out, *left)})

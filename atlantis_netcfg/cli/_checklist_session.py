@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, NotSigned, PlanEntry, Scope, books, plan
-from atlantis_netcfg.checklist.confirmations import named
+from atlantis_netcfg.checklist.confirmations import named, refused_person
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
 from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed, to_look_at
@@ -255,12 +255,12 @@ def signer(answers: Answers | None, typed: str | None) -> str | None:
     return typed if typed is not None or answers is None else answers.sign_by
 
 
-def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book) -> str | None:
-    """Who signs, after a look at all of it; None: nobody, or something is open."""
+def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
+    """Who signs, after a look at all of it; None: nobody, or something is open. `signers`: who alone may."""
     while not any(item.open and item.override is None for item in book.items):
         prompt.say(f"\n{lines(book.document())}\n")
         try:
-            return prompt.name if prompt.agrees("Nothing is open. Sign it as it stands?") else None
+            return prompt.name_of(signers) if prompt.agrees("Nothing is open. Sign it as it stands?") else None
         except PromptAborted:
             return None
         except PromptBack:
@@ -370,12 +370,20 @@ class PreparedCheck:
         """Refuse what cannot be, work out the list, and say which hosts take part."""
         rehearse = self.arguments.flag("rehearse")
         self._checklist = plan(declaration, self.arguments.word("site"), _scope(self.arguments))
+        if (name := self.arguments.value("sign-as")) is not None:
+            refuse_signer(name, self._checklist)
         faults = self.arguments.many("break")
         hosts = taking_part(declaration, self._checklist, rehearse=rehearse, faults=faults)
         refuse_absent(faults, plan(declaration, self._checklist.site))
         file = self.arguments.value("answers")
         self.answers = Answers.read(Path(file), self._checklist) if file is not None else None
         return hosts
+
+
+def refuse_signer(name: str, checklist: Checklist) -> None:
+    """Raise UsageError for the name of somebody who may not sign the list, before anything is looked at."""
+    if (wrong := refused_person(name, checklist.signers, "sign this checklist")) is not None:
+        raise UsageError(f"`--sign-as {name}`: {wrong[0]}", hint=wrong[1])
 
 
 def taking_part(
@@ -423,7 +431,7 @@ def _somebody_is_here(arguments: Arguments) -> bool:
 
 def _scope(arguments: Arguments) -> Scope:
     phases = tuple(Phase(item.replace("-", " ")) for item in arguments.many("phase"))
-    return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases)
+    return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases, arguments.optional("mission") or "")
 
 
 def _sit(opened: CommandSession, prepared: PreparedCheck, prompt: Prompt | None) -> ExitCode:
@@ -450,7 +458,7 @@ def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: P
             for words in turn.alone(prepared.answers):
                 note(words)
             return signer(prepared.answers, opened.arguments.value("sign-as"))
-        return _with(prompt, turn, book, opened.arguments.value("sign-as"))
+        return _with(prompt, turn, book, opened.arguments.value("sign-as"), prepared.checklist.signers)
 
 
 def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
@@ -468,11 +476,11 @@ def _anew(opened: CommandSession, prompt: Prompt | None) -> bool:
     return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
 
 
-def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, typed: str | None) -> str | None:
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, typed: str | None, signers: Sequence[str]) -> str | None:
     """Go through it with a person; who signs (`typed`: whom `--sign-as` names)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
     except PromptAborted:
         prompt.say(translate("left for later"))
-    return typed if typed is not None else signer_at(prompt, turn, book)
+    return typed if typed is not None else signer_at(prompt, turn, book, signers)

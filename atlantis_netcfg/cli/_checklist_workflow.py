@@ -10,6 +10,7 @@ What an active step costs where it goes over a link that is paid by the byte.
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 from dataclasses import dataclass, field
 from functools import partial
@@ -19,9 +20,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.bearers.cost import CostRefused, Preview
 from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, named, refused_person
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase
+from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
 from atlantis_netcfg.cli._arguments import ACCEPT_COST
 from atlantis_netcfg.cli._consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
@@ -29,11 +30,13 @@ from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.declaration.model import EvidenceKind
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.cli._session import CommandSession
 
 
@@ -71,35 +74,50 @@ _READY: Mapping[Phase, str] = {
     Phase.BENCH: "Is everything on the bench and switched on?",
     Phase.QUAY: "Is everything at the quay and switched on?",
     Phase.WATER: "Is everything in the water and switched on?",
+    Phase.RECOVERY: "Is everything back?",
 }
 
 
 def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
     _title(prompt, entry)
-    prompt.say(translate(f"  do        {entry.step.do}"))
-    prompt.say(translate(f"  look for  {entry.step.look_for}"))
+    step = entry.step
+    if step.do:
+        prompt.say(translate(f"  do        {step.do}"))
+    prompt.say(translate(f"  look for  {step.look_for}"))
+    if step.evidence.words:
+        prompt.say(translate(f"  give      {step.evidence.words}"))
+    if step.by:
+        prompt.say(translate(f"  answers   {', '.join(step.by)}, and nobody else"))
     _confirm(book, prompt, entry)
 
 
 def _title(prompt: Prompt, entry: PlanEntry) -> None:
-    prompt.say(f"\n{entry.item.id}: {translate(entry.item.title)}")
+    prompt.say(f"\n{entry.item.id}: {item_title(entry.item)}")
 
 
 def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     while True:
         try:
-            prompt.say(shown(book.confirm(entry.item.id, _answer(prompt))))
+            prompt.say(shown(book.confirm(entry.item.id, _answer(prompt, entry.step))))
         except SigningRefused as refused:
             prompt.refuses(refused)
         else:
             return
 
 
-def _answer(prompt: Prompt) -> Confirmation:
+def _answer(prompt: Prompt, step: Step) -> Confirmation:
     verdict = _verdict(prompt)
-    note = prompt.needs(_NOTES[verdict]) if verdict in _NOTES else prompt.ask("Note (may be empty):")
-    return Confirmation(verdict=verdict, by=prompt.name, note=note, files=prompt.files())
+    request, holds = step.evidence, verdict in {Verdict.PASS, Verdict.WARN}
+    number = request.kind is EvidenceKind.NUMBER and holds
+    value = prompt.number(f"The number, in {request.unit}:") if number else None
+    if verdict in _NOTES:
+        note = prompt.needs(_NOTES[verdict])
+    elif request.kind is EvidenceKind.TEXT:
+        note = prompt.needs("What was seen:")
+    else:
+        note = prompt.ask("Note (may be empty):")
+    return Confirmation(verdict=verdict, by=prompt.name_of(step.by), note=note, files=prompt.files(), value=value)
 
 
 def _verdict(prompt: Prompt) -> Verdict:
@@ -136,7 +154,7 @@ def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
         case "seen":
             _confirm(book, prompt, entry)
         case "override":
-            _override(book, prompt, book.item(entry.item.id))
+            _override(book, prompt, entry)
 
 
 def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None], *, read: bool) -> None:
@@ -166,7 +184,7 @@ def _mended(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanE
     else:
         chosen = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
     if chosen == "override":
-        _override(book, prompt, item)
+        _override(book, prompt, entry)
     elif chosen == "again" and item.kind is ItemKind.PERSON:
         confirm(book, prompt, entry)
     elif chosen == "again":
@@ -174,9 +192,10 @@ def _mended(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanE
     return chosen != "on"
 
 
-def _override(book: Book, prompt: Prompt, item: Item) -> None:
+def _override(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     try:
-        book.override(item.id, prompt.needs("The reason, which stands in the report:"), prompt.name)
+        reason = prompt.needs("The reason, which stands in the report:")
+        book.override(entry.item.id, reason, prompt.name_of(entry.step.by))
     except SigningRefused as refused:
         prompt.refuses(refused)
 
@@ -365,7 +384,12 @@ def _with_consent(item: Item, entry: PlanEntry, by: str) -> Item:
     return item.model_copy(update={"evidence": (*item.evidence, word)})
 
 
-_PHASES: Mapping[Phase, str] = {Phase.BENCH: "BENCH", Phase.QUAY: "QUAY", Phase.WATER: "IN WATER"}
+_PHASES: Mapping[Phase, str] = {
+    Phase.BENCH: "BENCH",
+    Phase.QUAY: "QUAY",
+    Phase.WATER: "IN WATER",
+    Phase.RECOVERY: "RECOVERY",
+}
 T = TypeVar("T")
 LATER, BACK = "later", "back"
 """Typed in answer to any question: what is answered stays, the rest is open; and: to the question before."""
@@ -471,6 +495,28 @@ class Prompt:
             if (doubt := doubt_of_name(name)) is None or self.is_so(doubt):
                 self._name = name
         return self._name
+
+    def name_of(self, people: Sequence[str]) -> str:
+        """Who answers: the person at the terminal, or, where others alone may, one of these. Raises Later, Back."""
+        if not people or refused_person(self.name, people, "answer") is None:
+            return self.name
+        while True:
+            typed = self.needs(f"Who of them is it: {', '.join(people)}?")
+            if (wrong := refused_person(typed, people, "answer")) is None:
+                return typed
+            self.say(translate(f"  {wrong[0]}"))
+
+    def number(self, question: str) -> float:
+        """A number, with a point or a comma. Raises Later, Back."""
+        while True:
+            typed = self.needs(question)
+            try:
+                value = float(typed.replace(",", "."))
+            except ValueError:
+                value = math.nan
+            if math.isfinite(value):
+                return value
+            self.say(translate(f"  `{typed}` is no number: write it without its unit, like 16.1"))
 
     def files(self) -> tuple[Path, ...]:
         """Photos or files that show it; none with an empty answer."""

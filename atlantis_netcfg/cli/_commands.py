@@ -62,6 +62,8 @@ COMMANDS: Mapping[str, str] = {
     "vpn audit": "atlantis_netcfg.cli.vpn.authority:vpn_audit",
     "vpn accept": "atlantis_netcfg.cli.vpn.members:vpn_accept",
     "vpn install": "atlantis_netcfg.cli.vpn.network:vpn_install",
+    "guest add": "atlantis_netcfg.cli.guest:guest_add",
+    "guest end": "atlantis_netcfg.cli.guest:guest_end",
     "completion bash": "atlantis_netcfg.cli.shell.completion:completion_bash",
     "completion zsh": "atlantis_netcfg.cli.shell.completion:completion_zsh",
     "completion fish": "atlantis_netcfg.cli.shell.completion:completion_fish",

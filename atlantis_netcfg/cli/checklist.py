@@ -45,11 +45,17 @@ CHECK = CommandSpec(
         Word("vehicle", "only these vehicles", many=True, example="sparus"),
         Word(
             "endpoint",
-            "only these columns of Table 3, the Ethernet beside it, or the site's own checks",
+            "only these columns of Table 3, the Ethernet beside it, the site's own checks, or the declared items",
             many=True,
-            choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet", "site"),
+            choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet", "site", "items"),
         ),
-        Word("phase", "only what is due there", many=True, choices=("bench", "quay", "in-water")),
+        Word(
+            "phase",
+            "only what is due there; recovery, when the vehicles are back, is a list of its own",
+            many=True,
+            choices=("bench", "quay", "in-water", "recovery"),
+        ),
+        Word("mission", "with the items that the site declares for this mission", example="night"),
         Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),
         VIA,
         INVENTORY,
@@ -132,6 +138,7 @@ def _listed_row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
         "open": sum(item.open and item.override is None for item in seen.items),
         "overridden": sum(item.override is not None for item in seen.items),
         "scope": {name: list(chosen) for name, chosen in document.scope.items()},
+        "mission": document.mission,
         "signed_by": signed.by if signed is not None else None,
         "signed_at": signed.at.isoformat() if signed is not None else None,
         "time_zone": document.time_zone,
@@ -160,7 +167,8 @@ def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
     if "exit" not in row:
         yield printable.line(f"{row['run']}  {row['state']}: {translate(row['why'])}")
         return
-    scope = "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
+    scope = f"  mission={row['mission']}" if row["mission"] else ""
+    scope += "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
     yield printable.line(f"{row['run']}  {translate(_green(row))}{scope}")
     yield printable.line(f"  {translate(_standing(row))}")
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, TypeAdapter
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
 from atlantis_netcfg.declaration.argument_specs import meaning, sentence
-from atlantis_netcfg.declaration.model import Name, Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.declaration.model import Guest, Name, Partner, Pilot, Site, Vehicle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -32,6 +32,7 @@ _FILES: Mapping[str, tuple[str, type[BaseModel], bool]] = {
     "pilot": ("pilot", Pilot, False),
     "partners": ("partners", Partner, True),
     "vehicles": ("vehicles", Vehicle, True),
+    "guests": ("guests", Guest, True),
     "site": ("site", Site, False),
     **{kind: ("device", model, False) for kind, model in _schema.DEVICES.items()},
 }

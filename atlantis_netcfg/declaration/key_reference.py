@@ -19,7 +19,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.declaration import _schema
 from atlantis_netcfg.declaration._yaml import Node, parse
 from atlantis_netcfg.declaration.argument_specs import meaning, sentence
-from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.declaration.model import Guest, Partner, Pilot, Site, Vehicle
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -41,6 +41,7 @@ file and line.
 | `group_vars/all/pilot.yml` | [`pilot`](#pilot): what holds for every site |
 | `group_vars/all/partners.yml` | [`partners`](#partners): who joins through the VPN |
 | `group_vars/all/vehicles.yml` | [`vehicles`](#vehicles): the robots |
+| `group_vars/all/guests.yml` | [`guests`](#guests): robots that are here for a while; `provision guest` writes it |
 | `group_vars/SITE.yml` | [`site`](#site): address plan and links of a place |
 | `host_vars/HOST.yml` | `device`: one box, by its `kind` |
 | `evidence/`, `keys/` | files that terminals have exported, and keys of package archives |
@@ -79,6 +80,7 @@ _UNITS = (
     ("baud", "bit/s"),
 )
 _FORMS: Mapping[str, str] = {
+    "aliases": "[SENSE]",
     "apn": "internet.example",
     "backup_file": "vesselink-2026-11-21.bin",
     "backup_sha256": "64 hex digits",
@@ -87,6 +89,7 @@ _FORMS: Mapping[str, str] = {
     "device": "/dev/ttyUSB0",
     "dns_name": "weather.example.org",
     "fingerprint": "64 hex digits",
+    "expect": "NTPSynchronized=yes",
     "firmware": "1.23",
     "host": "coastal-gateway",
     "host_key": "SHA256:…",
@@ -98,8 +101,10 @@ _FORMS: Mapping[str, str] = {
     "name": "sparus-control",
     "package": "ros-foxy-ros-core",
     "packages": "[ros-foxy-rviz2]",
+    "partner": "iqua",
     "password": "EXAMPLE-password",
     "peers": "[]",
+    "people": "[B. Pilot]",
     "pin": "!vault |",
     "replaces": "[/etc/netplan/50-cloud-init.yaml]",
     "router_port": "ether4",
@@ -107,11 +112,15 @@ _FORMS: Mapping[str, str] = {
     "seen_by": "coastal-router",
     "seen_on": '"2026-11-21"',
     "serial": "/dev/ttyUSB2",
+    "signed_by": "[C. Officer]",
     "site": "coastal",
     "source": "https://images.example.org/board.img.xz",
     "table3_deviation": "the partner has added a modem",
     "token": "EXAMPLE-token",
     "topic": "sparus/pose",
+    "unit": "V",
+    "until": '"2026-12-31"',
+    "tested_at": "[coastal]",
     "user": "provision",
     "version": '"0.9.2-1*"',
 }
@@ -144,6 +153,7 @@ def _blocks() -> Iterator[_BlockOfKeys]:
         ("pilot", Pilot),
         ("partners", Partner),
         ("vehicles", Vehicle),
+        ("guests", Guest),
         ("site", Site),
     ]
     roots += [(f"device: {kind}", model) for kind, model in _schema.DEVICES.items()]
@@ -155,7 +165,7 @@ def _below(title: str, model: type[BaseModel], seen: set[type[BaseModel]]) -> It
     if model in seen:
         return
     seen.add(model)
-    many = "One such block for each name. " if title in {"partners", "vehicles"} else ""
+    many = "One such block for each name. " if title in {"partners", "vehicles", "guests"} else ""
     yield _BlockOfKeys(title, model, many + " ".join(sentence(inspect.getdoc(model)).split()))
     for name, field in model.model_fields.items():
         inner = _schema.model_of(_item(field.annotation))

@@ -34,7 +34,7 @@ from atlantis_netcfg.declaration._yaml import CLOSED, Decrypt, Node, parse
 from atlantis_netcfg.declaration.declaration import Declaration, Host
 from atlantis_netcfg.declaration.examples import examples_in
 from atlantis_netcfg.declaration.findings import Finding, InventoryInvalid, Mark, choices, meant, shown_key, why_no_name
-from atlantis_netcfg.declaration.model import Partner, Pilot, Site, Vehicle
+from atlantis_netcfg.declaration.model import Guest, Partner, Pilot, Site, Vehicle
 from atlantis_netcfg.declaration.rules import RULES, WARNINGS
 
 if TYPE_CHECKING:
@@ -45,10 +45,13 @@ _HOMES = {
     "pilot": "group_vars/all/pilot.yml",
     "partners": "group_vars/all/partners.yml",
     "vehicles": "group_vars/all/vehicles.yml",
+    "guests": "group_vars/all/guests.yml",
     "site": "group_vars/<site>.yml",
     "device": "host_vars/<host>.yml",
 }
 _OF_ALL = ("pilot", "partners", "vehicles")
+_IF_ANY = ("guests",)
+"""Of all as well, where there are some."""
 
 
 @dataclass(slots=True)
@@ -56,7 +59,7 @@ class Variables:
     """The blocks of the declaration, not yet checked."""
 
     all: dict[str, Node] = field(default_factory=dict)
-    """`pilot`, `partners`, `vehicles`."""
+    """`pilot`, `partners`, `vehicles`, and `guests` where there are some."""
     sites: dict[str, Node] = field(default_factory=dict)
     devices: dict[str, Node] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
@@ -92,7 +95,7 @@ class _Gatherer:
         self.result.findings.append(Finding.at(mark, message, hint))
 
     def _of_all(self, paths: list[Path]) -> None:
-        found, complete = self._variables(paths, _OF_ALL)
+        found, complete = self._variables(paths, (*_OF_ALL, *_IF_ANY))
         self.result.all = found
         for name in _OF_ALL:
             if name not in found and complete:
@@ -357,8 +360,10 @@ def draft(layout: HostLayout, variables: Variables) -> tuple[Draft, list[Finding
     builder.pilot(variables.all.get("pilot"))
     builder.named("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
     builder.named("vehicle", "vehicles", variables.all.get("vehicles"), Vehicle, builder.draft.vehicles)
+    builder.named("vehicle", "guests", variables.all.get("guests"), Guest, builder.draft.vehicles)
     for site in layout.sites:
         builder.site(site, variables.sites.get(site))
+    builder.test_guests()
     for host in layout.hosts:
         builder.device(host, variables.devices.get(host))
     return builder.draft, builder.findings
@@ -373,7 +378,7 @@ class _Builder:
         if node is not None:
             self.draft.pilot = self._build(Part("pilot"), node, Pilot, "pilot")
 
-    def named(self, sort: str, variable: str, node: Node | None, model: type[_M], into: dict[str, _M]) -> None:
+    def named(self, sort: str, variable: str, node: Node | None, model: type[BaseModel], into: dict[str, _M]) -> None:
         """A block of parts by name."""
         if node is None:
             return
@@ -385,13 +390,27 @@ class _Builder:
         for name, below in node.keys.items():
             if why := why_no_name(name):
                 self.findings.append(Finding.at(below.place, *why))
-            part = self._build(Part(sort, name), below, model, name)
+            if (there := self.draft.nodes.get(Part(sort, name))) is not None:
+                where = f"{there.place.file}:{there.place.line}"
+                self.findings.append(Finding.at(below.place, f"`{name}` is declared already ({where})", "remove one"))
+                continue
+            part: Any = self._build(Part(sort, name), below, model, name)
             if part is not None:
                 into[name] = part
 
     def site(self, name: str, node: Node | None) -> None:
         if node is not None and (site := self._build(Part("site", name), node, Site, "site")) is not None:
             self.draft.sites[name] = site
+
+    def test_guests(self) -> None:
+        """A site's list of vehicles is the user's, and is never edited: a guest says itself where it is tested."""
+        guests = [(key, vehicle) for key, vehicle in self.draft.vehicles.items() if isinstance(vehicle, Guest)]
+        for name, site in self.draft.sites.items():
+            listed = site.checklist.vehicles
+            more = tuple(key for key, guest in guests if name in guest.tested_at and key not in (listed or ()))
+            if listed is not None and more:
+                settings = site.checklist.model_copy(update={"vehicles": (*listed, *more)})
+                self.draft.sites[name] = site.model_copy(update={"checklist": settings})
 
     def device(self, host: str, node: Node | None) -> None:
         """A device has the model of its kind."""

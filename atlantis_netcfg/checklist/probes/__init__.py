@@ -10,6 +10,7 @@ thing is.
 from __future__ import annotations
 
 from atlantis_netcfg.checklist.probes.step import (
+    ITEMS,
     SITE,
     AllowListTestRequest,
     AllowListTestResult,
@@ -39,6 +40,7 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 
 __all__ = [
+    "ITEMS",
     "SITE",
     "AllowListTestRequest",
     "AllowListTestResult",

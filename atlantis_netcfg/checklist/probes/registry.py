@@ -2,7 +2,8 @@
 
 What a probe may run or send: closed lists, checked once more before a request leaves.
 
-Programs on a gateway or a laptop only read. Messages into a stream come from the list of each device's language.
+Programs on a gateway or a laptop only read (`core/reading_programs.py`). Messages into a stream come from the list of
+each device's language.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from atlantis_netcfg.checklist.probes import (
     bearer_probe,
     ethernet,
     gps,
+    items,
     rc_rf,
     satellite,
     site_checks,
@@ -22,7 +24,7 @@ from atlantis_netcfg.checklist.probes import (
     wifi,
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
-from atlantis_netcfg.checklist.probes.step import SITE, Cell, Listen, Step
+from atlantis_netcfg.checklist.probes.step import ITEMS, SITE, Cell, Listen, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.declaration.model import ETHERNET, Column
 
@@ -40,6 +42,7 @@ TITLES: Mapping[str, str] = {
     Column.GPS: "GPS",
     ETHERNET: "Ethernet",
     SITE: "Site",
+    ITEMS: "Items",
 }
 """Endpoint to the words of Table 3, and ours for what is beside it."""
 
@@ -53,6 +56,7 @@ _STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
     Column.GPS: gps.steps,
     ETHERNET: ethernet.steps,
     SITE: site_checks.steps,
+    ITEMS: items.steps,
 }
 
 
@@ -76,39 +80,6 @@ def by_a_person(cell: Cell) -> Step:
 
 _PHASES: Mapping[str, Phase] = {Column.GPS: Phase.QUAY, Column.ACOUSTIC: Phase.WATER, Column.USBL: Phase.WATER}
 """Where a person would look: under an open sky, in water; all else on the bench."""
-
-
-PROGRAMS: tuple[str, ...] = (
-    r"ip -j(son)? (-s )?(-d )?(addr|link|route|neigh|rule)( show)?( (dev|table|to|default|exclude|from)( \S+)?)*",
-    r"ip -j route get \d+(\.\d+){3}",
-    r"iw dev \S+ (link|info|station dump)",
-    r"iw reg get",
-    r"ping -n -c \d{1,2} -i \d(\.\d)? -W \d{1,2} (-I \S+ )?\d+(\.\d+){3}",
-    r"timedatectl show",
-    r"chronyc -n -c (tracking|sources)",
-    r"cat /etc/resolv\.conf",
-    r"cat /etc/netplan/10-atlantis\.yaml",
-    r"cat /etc/network/interfaces",
-    r"cat /etc/systemd/network/05-atlantis\.network",
-    r"cat /proc/net/udp",
-    r"cat /etc/os-release",
-    r"cat /proc/device-tree/(model|serial-number)",
-    r"cat /sys/class/dmi/id/product_(name|serial)",
-    r"cat /sys/class/net/[a-z][a-z0-9]{0,14}/speed",
-    r"uname -rm",
-    r"ssh-keygen -l -f /etc/ssh/ssh_host_ed25519_key\.pub",
-    r"dpkg-query -W -f=\$\{Package\}=\$\{Version\}=\$\{db:Status-Status\}\\n( [a-z0-9][a-z0-9+.-]+)+",
-    r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
-)
-"""Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
-_COMPILED = tuple(re.compile(program) for program in PROGRAMS)
-
-
-def allowed(argv: tuple[str, ...]) -> bool:
-    """Whether a command line is on the list."""
-    if any(not argument or re.search(r"\s", argument) for argument in argv):
-        return False
-    return any(pattern.fullmatch(" ".join(argv)) for pattern in _COMPILED)
 
 
 PLAIN: tuple[bytes, ...] = (rb'\?WATCH=\{"enable":true,"json":true\};?\r?\n', rb"\?(VERSION|DEVICES|POLL);?\r?\n")

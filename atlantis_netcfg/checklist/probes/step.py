@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom, Site
+from atlantis_netcfg.declaration.model import Endpoints, EvidenceKind, Gateway, Router, SeenFrom, Site
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -81,7 +81,7 @@ class Listen:
 
 @dataclass(frozen=True, slots=True)
 class RunProgram:
-    """Run a program that only reads; it must stand in `checklist/probes/registry.py`."""
+    """Run a program that only reads; it must stand in `core/reading_programs.py`."""
 
     name: str
     place: Place
@@ -330,6 +330,34 @@ class Consent:
 
 
 @dataclass(frozen=True, slots=True)
+class EvidenceRequest:
+    """What a person has to give besides the answer that it holds."""
+
+    kind: EvidenceKind = EvidenceKind.NONE
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def words(self) -> str:
+        """`a number in V, 14.8 to 16.8`; empty where nothing has to be given."""
+        if self.kind is not EvidenceKind.NUMBER:
+            return _EVIDENCE[self.kind]
+        if self.low is None:
+            return f"a number in {self.unit}, {self.high:g} at most"
+        if self.high is None:
+            return f"a number in {self.unit}, {self.low:g} at least"
+        return f"a number in {self.unit}, {self.low:g} to {self.high:g}"
+
+    def outside(self, value: float) -> bool:
+        """Whether a number does not pass."""
+        return (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
+
+
+_EVIDENCE = {EvidenceKind.NONE: "", EvidenceKind.TEXT: "a note with what was seen", EvidenceKind.PHOTO: "a photo"}
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """One item to be: what a program looks at, or a person."""
 
@@ -350,6 +378,10 @@ class Step:
     """Why it does not apply: the item is a SKIP with this reason."""
     concerns: tuple[str, ...] = ()
     """Names of hosts that it speaks of, for the drawing."""
+    by: tuple[str, ...] = ()
+    """For a person: names of those who alone may answer or override it; empty: anybody."""
+    evidence: EvidenceRequest = EvidenceRequest()
+    """For a person: what has to be given besides the answer."""
 
     def __post_init__(self) -> None:
         """Hold the three kinds apart."""
@@ -361,6 +393,8 @@ class Step:
 
 SITE = "site"
 """The endpoint of the site's own checks."""
+ITEMS = "items"
+"""The endpoint of what the pilot declares below `checklist.items`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,7 +406,9 @@ class Cell:
     vehicle: str | None
     """Key; None: the location."""
     endpoint: str
-    """A column of Table 3, `ethernet`, or `site`."""
+    """A column of Table 3, `ethernet`, `site` or `items`."""
+    mission: str = ""
+    """Name of the mission whose items are asked as well; empty: none."""
 
     @property
     def row(self) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
+from atlantis_netcfg.checklist.report._texts import item_title
 from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signed, to_look_at
 from atlantis_netcfg.checklist.report.document import (
     Document,
@@ -23,11 +24,11 @@ from atlantis_netcfg.checklist.report.document import (
     ItemKind,
     LeftOut,
     Override,
-    Phase,
     Row,
     Signature,
     SinceGreen,
 )
+from atlantis_netcfg.declaration.model import Phase
 
 __all__ = [
     "Document",
@@ -49,6 +50,7 @@ __all__ = [
     "body",
     "drawing_svg",
     "ending",
+    "item_title",
     "lines",
     "pages",
     "seal",

@@ -267,6 +267,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code)
+    made.filters.update(item_title=lambda item: _with_code(_texts.item_title(item)))
     made.globals.update(
         state=state,
         symbols=SYMBOLS,

@@ -14,13 +14,13 @@ from atlantis_netcfg.checklist.report.document import (
     Item,
     ItemKind,
     Override,
-    Phase,
     Row,
     SinceGreen,
 )
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import Language, translate
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.declaration.model import Phase
 
 
 class PageText(StrEnum):
@@ -84,7 +84,12 @@ KINDS = {
     ItemKind.ACTIVE: "the tool acts on a person's word",
     ItemKind.PERSON: "a person looks",
 }
-PHASES = {Phase.BENCH: "on the bench", Phase.QUAY: "at the quay", Phase.WATER: "in the water"}
+PHASES = {
+    Phase.BENCH: "on the bench",
+    Phase.QUAY: "at the quay",
+    Phase.WATER: "in the water",
+    Phase.RECOVERY: "when the vehicles are back",
+}
 
 
 def heading(document: Document) -> str:
@@ -95,6 +100,8 @@ def heading(document: Document) -> str:
 def subtitle(document: Document) -> str:
     """Where, when, and of what alone."""
     at = time_text(document.started, document.time_zone)
+    if document.mission and not document.scope:
+        return f"Site `{document.site}`, {at}, mission `{document.mission}`"
     if not document.scope:
         return f"Site `{document.site}`, {at}"
     scope = " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())
@@ -109,6 +116,11 @@ def also(row: Row) -> str:
 def differs(row: Row) -> str:
     """Why a row is another one than the report's."""
     return f"{row.name} differs from the report: {row.deviation}"
+
+
+def item_title(item: Item) -> str:
+    """What is checked, in the person's language; what the pilot declares is shown as it stands there."""
+    return item.title if item.endpoint == "items" else translate(item.title)
 
 
 def was(item: Item) -> str:

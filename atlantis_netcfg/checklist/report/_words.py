@@ -9,8 +9,8 @@ from collections.abc import Callable
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, GridCell, GridRow, ShownState, cut, grid, state
-from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs
+from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Grid, GridCell, GridRow, ShownState, cut, grid, state
+from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs, item_title
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Row, Style, Styled, plain, visible
@@ -32,6 +32,7 @@ _TITLES = {
     "gps": "GPS",
     "ethernet": "Ethernet",
     "site": "Site",
+    "items": "Items",
     "vpn": "VPN",
 }
 
@@ -172,6 +173,8 @@ _WORDS = {
     ShownState.OVERRIDDEN: "FAIL* overridden by a person",
     ShownState.NOT_CHECKED: ". not checked",
 }
+_DECLARED = "items"
+"""The column of what the pilot declares, which has a line of its own on a console."""
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
 _BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
 """What is told after the rest, in a line each or by name alone."""
@@ -279,15 +282,34 @@ def _grid(document: Document) -> Iterator[str]:
     table = grid(document)
     if not table.rows:
         return
-    names = [translate(_HEADS.get(column, title(column)))[: _CELL - 1] for column in (*table.columns, *table.beside)]
-    yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if table.beside else names)
-    for row in table.rows:
-        yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(table.beside)))
+    beside = [column for column in table.beside if column != _DECLARED]
+    names = [translate(_HEADS.get(column, title(column)))[: _CELL - 1] for column in (*table.columns, *beside)]
+    if names:
+        yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if beside else names)
+    for row in table.rows if names else ():
+        yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(beside)))
+    yield from _declared_items(table)
     yield from _legend(document)
 
 
+def _declared_items(table: Grid) -> Iterator[str]:
+    """What the pilot declares stands below the table, which is as wide as a console already."""
+    marks = [
+        f"{visible(row.row.name)} {_GRID.get(cell.state, str(cell.state))}"
+        for row in table.rows
+        for cell in row.cells
+        if cell.column == _DECLARED and cell.items
+    ]
+    if marks:
+        head = translate(title(_DECLARED))
+        yield from (
+            f"{'' if number else head:<{_NAME}}{line}"
+            for number, line in enumerate(wrap(", ".join(marks), _WIDTH - _NAME))
+        )
+
+
 def _marks(row: GridRow, columns: int, *, beside: bool) -> list[str]:
-    marks = [_mark(cell) for cell in row.cells]
+    marks = [_mark(cell) for cell in row.cells if cell.column != _DECLARED]
     return [*marks[:columns], "|", *marks[columns:]] if beside else marks
 
 
@@ -318,7 +340,7 @@ def _legend(document: Document) -> Iterator[str]:
 
 def _item(item: Item, zone: str) -> Iterator[str]:
     shown = state(item)
-    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {translate(item.title)}")
+    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {item_title(item)}")
     yield from _wrapped("", translate(item.message), indent=_MARGIN)
     if item.hint:
         yield from _wrapped("", f"-> {translate(item.hint)}", indent=_MARGIN)
@@ -333,7 +355,7 @@ def _brief(document: Document) -> Iterator[str]:
     for entry in (ShownState.OPEN, ShownState.SKIP):
         for item in document.items:
             if state(item) is entry:
-                words = f"{item.id}: {translate(item.title)} ({translate(item.message)})"
+                words = f"{item.id}: {item_title(item)} ({translate(item.message)})"
                 yield from _wrapped(f"{ASCII[entry]} {entry}", words)
     passed = [item.id for item in document.items if state(item) is ShownState.PASS]
     if passed:

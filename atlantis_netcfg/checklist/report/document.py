@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict, worst
+from atlantis_netcfg.declaration.model import Phase
 
 
 class _Data(BaseModel):
@@ -25,14 +26,6 @@ class ItemKind(StrEnum):
     """The tool, which makes something happen: only with a person's consent."""
     PERSON = "person"
     """A person, who looks and answers."""
-
-
-class Phase(StrEnum):
-    """When an item's turn is, in this order."""
-
-    BENCH = "bench"
-    QUAY = "quay"
-    WATER = "in water"
 
 
 class EvidenceType(StrEnum):
@@ -86,7 +79,7 @@ class Item(_Data):
     """One line of the checklist."""
 
     id: str
-    """`sparus/wifi`, `sparus/usbl/ping`, `coastal/satellite`, `coastal/site/rogue-dhcp`: row, endpoint, step."""
+    """`sparus/wifi`, `sparus/usbl/ping`, `coastal/site/rogue-dhcp`, `sparus/items/battery`: row, endpoint, step."""
     title: str
     """What is checked, in a technician's words."""
     vehicle: str | None
@@ -94,7 +87,7 @@ class Item(_Data):
     location: str
     """The site."""
     endpoint: str
-    """A column of Table 3, `ethernet`, or `site` for the site's own checks."""
+    """A column of Table 3, `ethernet`, `site` for the site's own checks, `items` for what the pilot declares."""
     table3: bool
     """Whether it is part of a cell that the report marks."""
     kind: ItemKind
@@ -222,6 +215,8 @@ class Document(_Data):
     ended: datetime | None
     scope: dict[str, tuple[str, ...]]
     """What it was narrowed to (`vehicle`, `endpoint`, `phase`); empty: everything."""
+    mission: str = ""
+    """Name of the mission whose declared items are asked on top; empty: none."""
     columns: tuple[str, ...]
     """Table 3's, in the report's order."""
     rows: tuple[Row, ...]

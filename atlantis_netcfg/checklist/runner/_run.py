@@ -12,12 +12,13 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, RunProgram
-from atlantis_netcfg.checklist.probes.registry import allowed, refused
+from atlantis_netcfg.checklist.probes.registry import refused
 from atlantis_netcfg.checklist.report import Item, ItemFinding, ItemKind
 from atlantis_netcfg.checklist.runner.results import unanswered
 from atlantis_netcfg.core.crash_report import Crashed, crashed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
+from atlantis_netcfg.core.reading_programs import allowed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -371,16 +371,19 @@ def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
         server.hold(authority, notify)
 
 
-def close(
+def close(  # noqa: PLR0913 - one end of three commands
     arguments: Arguments,
     declaration: Declaration,
     handed: Sequence[HandedOut],
     server: Server,
     authority: Authority,
+    *,
+    more: Mapping[str, Any] | None = None,
 ) -> ExitCode:
     """Tell what was issued, its one-time passphrases among it, then bring it to the server and tell that.
 
     A passphrase is printed before the server is asked: who stops a command that waits for it has lost nothing.
+    `more`: what a program is told besides.
     """
     from atlantis_netcfg.cli.vpn import _common
 
@@ -388,7 +391,7 @@ def close(
         for line in (line for entry in handed for line in _lines(declaration, entry)):
             print(translate(line), flush=True)
     deployed = _deployed(arguments, server, authority)
-    values = {"members": [_row(item) for item in handed], **deployed.as_json()}
+    values = {**(more or {}), "members": [_row(item) for item in handed], **deployed.as_json()}
     return _common.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
 
 

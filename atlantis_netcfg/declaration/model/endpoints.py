@@ -185,14 +185,3 @@ class Endpoints(Model):
     rc_rf: RcRfEndpoint | None = None
     gps: GpsEndpoint | None = None
     ethernet: EthernetEndpoint | None = None
-
-
-class Geofence(Model):
-    """Where the robots of a site are when they are tested; decimal degrees, WGS 84."""
-
-    latitude: Annotated[StrictFloat, Field(ge=-90, le=90)]
-    """Of its centre, north is positive."""
-    longitude: Annotated[StrictFloat, Field(ge=-180, le=180)]
-    """Of its centre, east is positive."""
-    radius_m: Annotated[StrictFloat, Field(gt=0, le=100_000)]
-    """Positions may be so far from the centre, in metres."""

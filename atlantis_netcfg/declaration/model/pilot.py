@@ -7,7 +7,18 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from atlantis_netcfg.declaration.model._base import Address, DnsName, HostName, Model, Name, Network, Text, Transport
+from atlantis_netcfg.declaration.model._base import (
+    Address,
+    Day,
+    DnsName,
+    HostName,
+    Model,
+    Name,
+    Network,
+    Text,
+    Transport,
+)
+from atlantis_netcfg.declaration.model.checklist import Role, VehicleChecklist
 from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, TelemetryTopic
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
@@ -120,6 +131,8 @@ class Vehicle(Model):
     """The X cells of its row."""
     table3_deviation: Text | None = None
     """Why `table3` differs from the report; required if it does."""
+    guest: StrictBool = False
+    """The robot of a company that is not in the report: `table3` holds its own cells, and they are no deviation."""
     ethernet: StrictBool = False
     """Our extension, not part of Table 3: the vehicle is also reached by cable."""
     distribution: RosDistribution | None = None
@@ -130,6 +143,21 @@ class Vehicle(Model):
     """Topics that it publishes to the control centre all the time: for what that costs, nothing is configured by it."""
     endpoints: Endpoints = Endpoints()
     """How the pre-test checklist looks at each; what is missing, a person confirms."""
+    checklist: VehicleChecklist = VehicleChecklist()
+    """What it asks of this vehicle besides."""
+
+
+class Guest(Vehicle):
+    """A robot that is here for a while, under its own key in `guests.yml`: `provision guest` writes it."""
+
+    guest: StrictBool = True
+    """Stays true here."""
+    partner: Name
+    """Key in `partners`: whose robot it is."""
+    until: Day
+    """Its last day here, by the clocks of the pilot: no certificate of it is good for longer."""
+    tested_at: Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Sites whose checklist has it, whatever their `checklist.vehicles` lists."""
 
 
 class NumberMask(StrEnum):
@@ -169,3 +197,5 @@ class Pilot(Model):
     """None: no profiles are made."""
     gateways: Gateways = Gateways()
     asbuilt: AsBuilt = AsBuilt()
+    roles: tuple[Role, ...] = ()
+    """Who may answer or sign in the checklist, where `by` and `signed_by` name a role."""

@@ -23,7 +23,8 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
     Transport,
 )
-from atlantis_netcfg.declaration.model.endpoints import Endpoints, Geofence
+from atlantis_netcfg.declaration.model.checklist import ChecklistSettings
+from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column
 
 
@@ -249,15 +250,6 @@ class LocationRow(Model):
     """Our extension, not part of Table 3."""
     endpoints: Endpoints = Endpoints()
     """How the pre-test checklist looks at each; the bearers speak for satellite, 4G and the Wi-Fi bridge."""
-
-
-class ChecklistSettings(Model):
-    """What the pre-test checklist of a site needs to know besides the devices."""
-
-    vehicles: tuple[Name, ...] | None = None
-    """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
-    geofence: Geofence | None = None
-    """Where they are then; None: positions are not compared with a place, and the report says so."""
 
 
 class Site(Model):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.rules import (
+    checklist,
     dds,
     endpoints,
     gateways,
@@ -55,6 +56,7 @@ RULES: tuple[Rule, ...] = (
     *dds.RULES,
     *vehicles.RULES,
     *endpoints.RULES,
+    *checklist.RULES,
     *management.CLOCK_RULES,
     *secrets.RULES,
 )

@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import Column, Model, TelemetryData, Vehicle, VehicleKind
+from atlantis_netcfg.declaration.model import Column, Guest, Model, TelemetryData, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -87,10 +87,12 @@ def columns(draft: Draft) -> Iterator[Finding]:
 
 
 def report_rows(draft: Draft) -> Iterator[Finding]:
-    """A row is the report's, or says why it differs."""
+    """A row is the report's, or says why it differs; a guest has a row of its own."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
         row = table.get(vehicle.name)
+        if vehicle.guest or isinstance(vehicle, Guest):
+            continue
         if row is None:
             yield from _not_of_the_report(draft, key, vehicle, table)
             continue
@@ -103,6 +105,31 @@ def report_rows(draft: Draft) -> Iterator[Finding]:
         if not differs and vehicle.table3_deviation is not None:
             message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
             yield draft.wrong(Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
+
+
+def guests(draft: Draft) -> Iterator[Finding]:
+    """A guest is no robot of the report, has a partner, and is tested at sites of the pilot."""
+    table = table3()
+    for key, vehicle in draft.vehicles.items():
+        part = Part("vehicle", key)
+        if isinstance(vehicle, Guest) and not vehicle.guest:
+            hint = "remove the line, or declare the vehicle in vehicles.yml"
+            yield draft.wrong(part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint)
+        if not vehicle.guest:
+            continue
+        if vehicle.name in table:
+            message = f"`{vehicle.name}` is a robot of the report's Table 3, and no guest"
+            yield draft.wrong(part, ("name",), message, "remove `guest: true`, or give the guest another name")
+        if vehicle.table3_deviation is not None:
+            message = f"`{key}` is a guest: there is no row of the report that it could differ from"
+            yield draft.wrong(part, ("table3_deviation",), message, "remove `table3_deviation:`")
+        if vehicle.partner is None:
+            message = f"nobody says whose guest `{key}` is"
+            yield draft.wrong(part, ("partner",), message, "add `partner:` with a key of `partners`")
+        for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, Guest) else ()):
+            if site not in draft.layout.sites:
+                hint = meant(site, draft.layout.sites, none="add it to hosts.yml")
+                yield draft.wrong(part, ("tested_at", index), f"there is no site `{site}`", hint)
 
 
 def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
@@ -122,7 +149,9 @@ def _listed(some: Iterable[Column]) -> str:
 def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: dict[str, VehicleRow]) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
-        hint = f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`"
+        hint = (
+            f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`, or `guest: true`"
+        )
         yield draft.wrong(
             Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
         )
@@ -168,6 +197,7 @@ RULES: tuple[Rule, ...] = (
     partners,
     columns,
     report_rows,
+    guests,
     report_complete,
     topics_once,
     topics_go_by_dds,

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass, fields, replace
+from datetime import UTC, date, datetime, time, timedelta
 from enum import StrEnum
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, TypeVar
+from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
-from atlantis_netcfg.declaration.model import Gateway, OpenVpnVersion, RosDistribution, Router
+from atlantis_netcfg.declaration.model import Gateway, Guest, OpenVpnVersion, RosDistribution, Router
 from atlantis_netcfg.vpn import names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
@@ -176,10 +178,30 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
         vehicle=vehicle,
         wrap=_wrap(declaration, check, client, kind, vehicle),
         key=key,
-        days=days or CLIENT_DAYS,
+        days=_days_of(declaration, check, vehicle, days),
         system=client.system,
         distribution=client.distribution,
     )
+
+
+def days_left(declaration: Declaration, guest: Guest, now: datetime) -> int:
+    """Whole days that a certificate may be good for, so that it ends on the guest's last day at the latest."""
+    zone = ZoneInfo(declaration.pilot.time_zone)
+    end = datetime.combine(date.fromisoformat(guest.until) + timedelta(days=1), time.min, zone)
+    return (end - now).days
+
+
+def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None, typed: int | None) -> int:
+    """How long the certificate is good: of a guest no longer than it is here."""
+    found = declaration.vehicles.get(vehicle or "")
+    if not isinstance(found, Guest):
+        return typed or CLIENT_DAYS
+    most = days_left(declaration, found, datetime.now(UTC))
+    if most < 1:
+        check.wrong(f"the guest `{vehicle}` was here until {found.until}", "write a later day at `until:`, or end it")
+    elif typed is not None and typed > most:
+        check.wrong(f"`days={typed}`: the guest `{vehicle}` is here until {found.until}", f"as in `days={most}`")
+    return max(1, min(typed or CLIENT_DAYS, most))
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,6 +432,7 @@ def change_for(declaration: Declaration, member: Member, change: RenewalRequest,
         client = replace(client, distribution=member.distribution)
     vehicle = member.vehicle if member.vehicle in declaration.vehicles else None
     fitting = _wrap(declaration, check, client, member.kind, vehicle)
+    days = _days_of(declaration, check, vehicle, change.days)
     check.close()
     wrap = fitting if change.wrap is not None or fitting is Wrap.TLS_CRYPT else None
-    return replace(change, wrap=wrap)
+    return replace(change, wrap=wrap, days=days)

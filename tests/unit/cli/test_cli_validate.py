@@ -20,11 +20,11 @@ inventory: no errors
     3 sites     scc (4 hosts), coastal (5 hosts), te4sea (4 hosts)
    13 hosts     3 router, 2 cpe, 1 vpn_server, 1 control_centre, 2 lte_router, 2 satellite_terminal, 2 gateway
     6 vehicles  girona500, sparus, zarco, stork, mares, eca-rov
-    5 partners  inesc, iqua, eca, udg, vtt
+    6 partners  inesc, iqua, eca, udg, vtt, spaceapps
 note: no budget for what goes by itself over 4g of coastal, satellite of coastal, 4g of te4sea, satellite of te4sea:
       docs/cost.md says how to see how much that is, and how to declare one
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
-353 values are examples: `provision validate --examples` lists them.
+399 values are examples: `provision validate --examples` lists them.
 """
 WRONG = """\
 inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
@@ -59,7 +59,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
     examples = said.pop("examples")
-    assert len(examples) == 353
+    assert len(examples) == 399
     assert {"file": "inventory/group_vars/coastal.yml", "line": 51, "column": 31, "key": "price_per_mb"} in [
         {key: value for key, value in example.items() if key != "recognised"} for example in examples
     ]
@@ -68,7 +68,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
         "inventory": "inventory",
         "errors": [],
         "warnings": [],
-        "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 5},
+        "checked": {"sites": 3, "hosts": 13, "vehicles": 6, "partners": 6},
     }
 
 
@@ -82,7 +82,7 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
     keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
     assert f"  group_vars/coastal.yml:51 {keys}" in said
     assert "  host_vars/coastal-4g.yml:14 `bands`" in said
-    assert said[-1] == "353 values are examples."
+    assert said[-1] == "399 values are examples."
 
 
 def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:

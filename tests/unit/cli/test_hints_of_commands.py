@@ -148,6 +148,21 @@ SITUATIONS: dict[str, tuple[Callable[[Place], str], str, int, str]] = {
         6,
         "sparus/wifi",
     ),
+    "recovery with others": (
+        lambda at: at.type("check", "site=coastal", "phase=quay,recovery", code=3),
+        "`provision check site={} phase=recovery` alone, when the vehicles are back",
+        6,
+        "mares/items/rinsed",
+    ),
+    "recovery is to come": (
+        lambda at: at.type("check", "site=coastal", "endpoint=items", code=6),
+        (
+            "{} still to come, in a list of its own, when the vehicles are back:"
+            " `provision check site={}{} phase=recovery`"
+        ),
+        6,
+        "mares/items/rinsed",
+    ),
     "no such item": (no_such_item, "`provision check site={}` shows every id", 6, "sparus/wifi"),
     "stopped at the end": (
         stopped_at_the_end,

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.checklist.probes.registry import PROGRAMS, allowed
 from atlantis_netcfg.checklist.probes.wifi import (
     Station,
     WifiLink,
@@ -16,6 +15,7 @@ from atlantis_netcfg.checklist.probes.wifi import (
     read_type,
     read_width,
 )
+from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
 from atlantis_netcfg.emulator.linux import (
     AssociationSpec,
     Computer,

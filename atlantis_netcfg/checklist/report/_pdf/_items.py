@@ -24,6 +24,7 @@ from atlantis_netcfg.checklist.report._texts import (
     also,
     differs,
     heading,
+    item_title,
     overridden_by,
     subtitle,
     unread,
@@ -49,7 +50,7 @@ def first(sheet: Sheet, document: Document) -> None:
     for item in every:
         sheet.room(20)
         shown = state(item)
-        sheet.titled(shown, str(shown), translate(item.title), link=sheet.link_of(item))
+        sheet.titled(shown, str(shown), item_title(item), link=sheet.link_of(item))
         sheet.tell(translate(item.message), indent=_INDENT)
         if item.hint:
             sheet.tell(f"→ {translate(item.hint)}", indent=_INDENT)
@@ -64,7 +65,7 @@ def overridden(sheet: Sheet, document: Document) -> None:
     for item in every:
         if item.override is not None:
             sheet.room(20)
-            sheet.titled(state(item), str(item.verdict), translate(item.title), link=sheet.link_of(item))
+            sheet.titled(state(item), str(item.verdict), item_title(item), link=sheet.link_of(item))
             responsible(sheet, item.override, document.time_zone)
             sheet.set_y(sheet.y + 1.5)
 
@@ -99,7 +100,7 @@ def not_checked(sheet: Sheet, document: Document) -> None:
     for entry in document.left_out:
         sheet.tell(f"{translate(entry.what)}: {translate(entry.why)}", indent=_INDENT)
     for item in unsettled:
-        sheet.tell(f"{SYMBOLS[state(item)]} {translate(item.title)}: {translate(item.message)}", indent=_INDENT)
+        sheet.tell(f"{SYMBOLS[state(item)]} {item_title(item)}: {translate(item.message)}", indent=_INDENT)
     if not document.left_out and not unsettled:
         sheet.tell(translate(PageText.ALL_CHECKED))
 
@@ -145,7 +146,7 @@ def _item(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
     sheet.room(22)
     sheet.set_link(sheet.link_of(item), y=sheet.y, page=sheet.page)
     shown = state(item)
-    sheet.titled(shown, str(shown), translate(item.title))
+    sheet.titled(shown, str(shown), item_title(item))
     sheet.tell(item.id, size=SMALL, faint=True, indent=_INDENT)
     sheet.tell(translate(item.message), indent=_INDENT)
     if item.hint:

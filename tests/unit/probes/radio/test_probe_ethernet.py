@@ -6,7 +6,7 @@ from radio_cases import NOBODY, Case, check, codes, pings, printed, way
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
-from atlantis_netcfg.checklist.probes.registry import allowed
+from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.declaration.model import EthernetEndpoint
 
 MAC = "02:00:5E:00:01:26"

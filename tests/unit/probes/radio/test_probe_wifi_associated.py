@@ -18,8 +18,8 @@ from radio_cases import (
 )
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
-from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
+from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.declaration.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {

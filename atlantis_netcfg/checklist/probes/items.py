@@ -1,0 +1,125 @@
+"""Items that the pilot declares: what a person answers, and programs of the closed list whose output is compared.
+
+Texts are the pilot's own: they are asked as they are declared, in every language. Of a program's output only the line
+that was looked for, or the one that is most like it, stands in the report; of a file nothing does, for it may hold a
+password.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.probes.step import (
+    PLACES,
+    Answer,
+    Cell,
+    CommandResult,
+    EvidenceRequest,
+    Judged,
+    Place,
+    Question,
+    RunProgram,
+    Step,
+    declared,
+    not_run,
+    read,
+)
+from atlantis_netcfg.checklist.report import Evidence, ItemKind
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import ItemSort, SeenFrom
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import CheckItem
+
+_PLACES = {SeenFrom.GATEWAY: Place.GATEWAY, SeenFrom.LAPTOP: Place.LAPTOP}
+_LONGEST = 200
+"""Letters of a line that is shown."""
+
+
+def items_of(cell: Cell) -> Iterator[CheckItem]:
+    """What is declared for a row: a vehicle's own first, then what the site asks, then what the mission asks."""
+    settings = cell.declared.checklist
+    if cell.vehicle is not None:
+        yield from cell.declaration.vehicles[cell.vehicle].checklist.items
+    lists = (settings.items, *(mission.items for mission in settings.missions if mission.name == cell.mission))
+    yield from (item for items in lists for item in items if item.vehicle == cell.vehicle)
+
+
+def steps(cell: Cell) -> tuple[Step, ...]:
+    """Make a step of each."""
+    return tuple(_step(cell.declaration, item) for item in items_of(cell))
+
+
+def _step(declaration: Declaration, item: CheckItem) -> Step:
+    if item.kind is ItemSort.COMMAND:
+        probe = ExpectedLine(_PLACES[item.seen_from], item.command or "", item.expect or "")
+        return Step(name=item.id, title=item.text, kind=ItemKind.AUTOMATIC, phase=item.phase, probe=probe)
+    return Step(
+        name=item.id,
+        title=item.text,
+        kind=ItemKind.PERSON,
+        phase=item.phase,
+        look_for=item.look_for or "",
+        by=people(declaration, item.by),
+        evidence=EvidenceRequest(item.evidence, item.unit or "", item.min, item.max),
+    )
+
+
+def people(declaration: Declaration, words: Iterable[str]) -> tuple[str, ...]:
+    """Names of people, where names or roles of the pilot are declared."""
+    roles = {role.name: role.people for role in declaration.pilot.roles}
+    return tuple(dict.fromkeys(name for word in words for name in roles.get(word, (word,))))
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedLine:
+    """A program prints a line that is declared."""
+
+    place: Place
+    command: str
+    expect: str
+
+    def asks(self) -> tuple[Question, ...]:
+        """Run it."""
+        return (RunProgram("output", self.place, tuple(self.command.split())),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        """Look for the line; a program that has failed is never green, whatever it printed."""
+        ran = results["output"]
+        program, where = self.command.partition(" ")[0], PLACES[self.place]
+        not_there = tuple(not_run(self.place, program, ran))
+        evidence = (declared(f"line expected from `{self.command}` on {where}", self.expect),)
+        if not_there or not isinstance(ran, CommandResult):
+            return Judged(not_there, evidence)
+        every = [line.strip() for line in ran.out.splitlines() if line.strip()]
+        pattern = re.compile(".*".join(map(re.escape, self.expect.strip().split("*"))))
+        line = next((line for line in every if pattern.fullmatch(line)), None)
+        if line is None:
+            return Judged((self._other(where, ran),), (*evidence, *self._shown(nearest(self.expect, every))))
+        if ran.rc != 0:
+            return Judged((self._ended(where, ran),), (*evidence, *self._shown(line)))
+        message = f"`{self.command}` prints on {where} what is declared"
+        return Judged((BearerFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._shown(line)))
+
+    def _shown(self, line: str | None) -> tuple[Evidence, ...]:
+        if line is None or self.command.startswith("cat "):
+            return ()
+        return (read(f"line of `{self.command}`", line[:_LONGEST]),)
+
+    def _other(self, where: str, ran: CommandResult) -> BearerFinding:
+        message = f"`{self.command}` prints on {where} no line `{self.expect}`"
+        if ran.rc != 0:
+            message += f"; it ended with {ran.rc}"
+        hint = f"type `{self.command}` on {where} and look; mend it, or correct `expect:` of the item"
+        return BearerFinding(Verdict.FAIL, "line-missing", message, hint)
+
+    def _ended(self, where: str, ran: CommandResult) -> BearerFinding:
+        message = f"`{self.command}` prints on {where} what is declared, but it ended with {ran.rc}"
+        return BearerFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")

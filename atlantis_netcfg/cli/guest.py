@@ -1,0 +1,343 @@
+"""Commands for robots that are here for a while: `guest add`, `guest end`.
+
+`provision guest add`: declare the robot of a future partner, let it into the VPN until its last day, hand out profiles.
+
+`provision guest end`: put it out of the VPN, take its entry and its files away, and look whether anything is left.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._passphrase import PASSPHRASE_FD
+from atlantis_netcfg.cli.vpn._common import AUTHORITY, CLOCK, NO_PUSH
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.operations.guests import GuestEntry
+    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+    from atlantis_netcfg.operations.vpn.server import Deployed
+    from atlantis_netcfg.vpn.authority.authority import Authority
+    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
+    from atlantis_netcfg.vpn.identity import Member
+
+_AGAIN = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
+_PLAN = Flag("plan", "only say what would be done", harmless=True)
+
+GUEST_ADD = CommandSpec(
+    "guest add",
+    "let a robot in that is here for a while: its entry, its checklist, its way into the VPN with an end, its DDS",
+    group=Group.VPN,
+    words=(
+        Word("name", "its key in the declaration, and its device's name in the VPN", required=True, example="lauv"),
+        Word("partner", "whose robot it is", required=True, example="iqua"),
+        Word("kind", "what sort of robot it is", required=True, choices=("auv", "asv", "uav", "rov")),
+        Word(
+            "until", "its last day here; no certificate of it is good for longer", required=True, example="2026-12-31"
+        ),
+        Word("site", "where it is tested", required=True, many=True, example="coastal"),
+        Word(
+            "cells",
+            "what it has: a person confirms each in the checklist, until `endpoints` are declared",
+            required=True,
+            many=True,
+            choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet"),
+        ),
+        Word("title", "what people call it; its name if left out", example="LAUV"),
+        Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
+        Word("distribution", "its ROS 2: foxy, humble or jazzy; that of the pilot if left out", example="humble"),
+        Word(
+            "openvpn", "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; that of the Ubuntu of its ROS 2 if left out", example="2.6"
+        ),
+        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        Word("to", "also put the file into this folder", example="/media/usb"),
+        CLOCK,
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(_PLAN, NO_PUSH, PASSPHRASE_FD, JSON),
+    details=(
+        "It writes guests.yml of the declaration, validated with all of it before, and no other file of yours. "
+        "Repeating it makes nothing new, and completes what was stopped. Exit code 2: `--plan` has something to do."
+    ),
+    changes=True,
+    again=_AGAIN,
+)
+
+
+def run_guest_add(arguments: Arguments) -> ExitCode:
+    """Check everything, declare, issue, hand out, tell the server."""
+    from atlantis_netcfg.cli.vpn import _common, members
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
+    from atlantis_netcfg.operations.vpn.recipients import recipients_of
+    from atlantis_netcfg.operations.vpn.requests import request_of
+
+    before, entry = _common.declared(arguments), _entry(arguments)
+    text, declaration = _declared_with(before, entry)
+    words = _device(arguments, entry)
+    request = request_of(declaration, words)
+    target = members.handout_target(arguments, recipients_of([words], [request.name]))
+    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    authority = _common.opened(arguments)
+    server = _common.server(arguments, declaration)
+    onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
+    handed = onboarding.finished([request])
+    if arguments.flag("plan"):
+        return _tell_plan(arguments, _steps_of_add(entry, request, declared=text is None, member=bool(handed)))
+    if not handed:
+        from atlantis_netcfg.cli._passphrase import passphrase_prompt
+
+        passphrase = passphrase_prompt(arguments)
+        members.hold(arguments, server, authority)
+        with _declared_until_issued(before, entry.name, authority, text):
+            handed = onboarding.issue([request], passphrase)
+    elif text is not None:
+        guests.write(before.root, text)
+    _say(arguments, _lines_of_add(entry, already=text is None))
+    more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
+    return members.close(arguments, declaration, handed, server, authority, more=more)
+
+
+def _entry(arguments: Arguments) -> GuestEntry:
+    """What was typed. Raises UsageError for a name or a day that is none; the rest is judged with the declaration."""
+    from datetime import date
+
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations.guests import GuestEntry
+    from atlantis_netcfg.vpn.names import check_name
+
+    name, until = check_name(arguments.word("name"), "name"), arguments.word("until")
+    try:
+        day = date.fromisoformat(until).isoformat()
+    except ValueError:
+        raise UsageError(f"`until={until}` is no day", hint="year, month and day, as in `until=2026-12-31`") from None
+    return GuestEntry(
+        name=name,
+        title=arguments.optional("title") or name,
+        kind=arguments.word("kind"),
+        partner=arguments.word("partner"),
+        until=day,
+        sites=tuple(dict.fromkeys(arguments.many("site"))),
+        cells=tuple(dict.fromkeys(arguments.many("cells"))),
+        distribution=arguments.optional("distribution"),
+        openvpn=arguments.optional("openvpn"),
+    )
+
+
+def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, Declaration]:
+    """The file that declares the guest, and the pilot with it; no file where it is declared already.
+
+    Raises UsageError for another vehicle or guest of that name, InventoryInvalid for what does not fit the pilot.
+    """
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations import guests
+
+    there = guests.declared_guest(before, entry.name)
+    if there is None:
+        _refuse_unknown(before, entry)
+        text = guests.with_guest(guests.text_of(before.root), entry)
+        return text, guests.validated(before.root, text)
+    if not entry.same(there):
+        hint = f"`provision guest end name={entry.name}` takes it away; or correct {guests.FILE}"
+        raise UsageError(f"the guest `{entry.name}` is declared already, and otherwise", hint=hint)
+    return None, before
+
+
+def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
+    """Tell a word that was typed as a word, before it would be told as a line of a file."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration.findings import meant
+
+    for word, typed, known in (
+        ("partner", (entry.partner,), declaration.partners),
+        ("site", entry.sites, declaration.sites),
+    ):
+        for each in typed:
+            if each not in known:
+                hint = meant(each, known, none=f"declare the {word} first")
+                raise UsageError(f"`{word}={each}`: there is no such {word}", hint=hint)
+
+
+def _device(arguments: Arguments, entry: GuestEntry) -> DeviceWords:
+    """The same as the words of `vpn onboard`."""
+    from atlantis_netcfg.operations.vpn.requests import DeviceWords
+
+    return DeviceWords(
+        partner=entry.partner,
+        device=entry.name,
+        kind="robot",
+        vehicle=entry.name,
+        link=arguments.optional("link"),
+        distribution=entry.distribution,
+        openvpn=entry.openvpn,
+        recipient=arguments.optional("recipient"),
+    )
+
+
+@contextmanager
+def _declared_until_issued(before: Declaration, name: str, authority: Authority, text: str | None) -> Iterator[None]:
+    """Declare the guest, and take that back where nothing was issued for it: a wrong passphrase leaves nothing."""
+    from atlantis_netcfg.operations import guests
+
+    old = guests.text_of(before.root)
+    if text is not None:
+        guests.write(before.root, text)
+    try:
+        yield
+    except BaseException:
+        if text is not None and not any(member.good for member in guests.members_of(authority, name)):
+            guests.write(before.root, old)
+        raise
+
+
+def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, declared: bool, member: bool) -> list[str]:
+    from atlantis_netcfg.operations.guests import FILE
+
+    steps = []
+    if not declared:
+        cells = ", ".join(entry.cells)
+        steps.append(f"declare {entry.name} in {FILE}: {cells}, tested at {', '.join(entry.sites)}")
+    if not member:
+        steps.append(f"let {request.name} into the VPN, for {request.days} days: its last day is {entry.until}")
+        steps.append("make one sealed file with its profile of the VPN and those of DDS")
+    return steps
+
+
+def _tell_plan(arguments: Arguments, steps: Sequence[str]) -> ExitCode:
+    """Say what would be done; nothing was changed."""
+    from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.core.errors import ExitCode
+
+    code = ExitCode.CHANGES if steps else ExitCode.DONE
+    lines = [f"would {step}" for step in steps] or ["already so: nothing to do"]
+    return _common.tell(arguments, code, {"plan": list(steps)}, lines)
+
+
+def _lines_of_add(entry: GuestEntry, *, already: bool) -> list[str]:
+    from atlantis_netcfg.operations.guests import FILE
+
+    how = "declared already in" if already else "declared in"
+    checks = [f"  its checklist: provision check site={site} vehicle={entry.name}" for site in entry.sites]
+    return [f"{entry.name}: {how} {FILE}, a guest until {entry.until}", *checks]
+
+
+def _say(arguments: Arguments, lines: Sequence[str]) -> None:
+    from atlantis_netcfg.core import printable
+
+    for line in () if arguments.flag("json") else lines:
+        print(printable.line(translate(line)), flush=True)
+
+
+GUEST_END = CommandSpec(
+    "guest end",
+    "take a guest away: out of the VPN for good and out of the declaration, and see that nothing of it is left",
+    group=Group.VPN,
+    words=(
+        Word("name", "the guest", required=True, example="lauv"),
+        Word("reason", "for the record, one line; `its stay has ended` if left out"),
+        CLOCK,
+        AUTHORITY,
+        INVENTORY,
+    ),
+    flags=(_PLAN, Flag("yes", "do not ask before it is cut off"), NO_PUSH, PASSPHRASE_FD, JSON),
+    details=(
+        "Signed checklists and the record of the VPN stay: they say what was. Exit code 5: all is recorded and taken "
+        "away, but the server does not have it yet, and whoever is connected stays so until `provision vpn sync`."
+    ),
+    changes=True,
+    again="what was recorded stands: type the same again, or look with `provision vpn status`",
+)
+
+
+def run_guest_end(arguments: Arguments) -> ExitCode:
+    """Ask, revoke, take the entry away, tell the server, look."""
+    from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.operations import guests
+    from atlantis_netcfg.operations.vpn.members import reason_of
+    from atlantis_netcfg.operations.vpn.server import Deployed
+
+    before, name = _common.declared(arguments), arguments.word("name")
+    reason = reason_of(arguments.optional("reason") or "its stay has ended")
+    guest, authority = guests.declared_guest(before, name), _common.opened(arguments)
+    known = guests.members_of(authority, name)
+    if guest is None and not known:
+        raise guests.unknown(before, name)
+    text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None
+    after = guests.validated(before.root, text) if guest is not None else before
+    due = _to_revoke(authority, known)
+    steps = [f"put {member.name} out of the VPN, for good" for member in due]
+    steps += [f"take {name} out of {guests.FILE}"] if guest is not None else []
+    if arguments.flag("plan"):
+        return _tell_plan(arguments, steps)
+    if steps:
+        _agree(arguments, name, steps)
+    deployed = _put_out(arguments, after, authority, due, reason) if due else Deployed()
+    if guest is not None:
+        guests.write(before.root, text)
+    guests.remove_handouts(authority, known)
+    left = guests.left_over(before.root, authority, name)
+    return _tell_end(arguments, known, deployed, left, already=not steps)
+
+
+def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member, ...]:
+    """Those who are in the VPN, or of whom the server has not confirmed that they are out."""
+    queued = set(authority.membership().queued)
+    return tuple(
+        member
+        for member in members
+        if member.good or any(certificate.common_name in queued for certificate in member.certificates)
+    )
+
+
+def _agree(arguments: Arguments, name: str, steps: Sequence[str]) -> None:
+    """Show what will be done, and return when a person agrees. Raises Declined, UsageError."""
+    from atlantis_netcfg.cli._consent import agreed
+
+    if not arguments.flag("yes"):
+        _say(arguments, [f"  {step}" for step in steps])
+        agreed(f"End the stay of {name} now?")
+
+
+def _put_out(
+    arguments: Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
+) -> Deployed:
+    """Record that they are revoked, and see that the server lets none of them in any more."""
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.cli._passphrase import passphrase_prompt
+    from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.cli.vpn.members import hold
+    from atlantis_netcfg.operations.vpn.members import revoke
+
+    server, passphrase = _common.server(arguments, after), passphrase_prompt(arguments)
+    hold(arguments, server, authority)
+    revoked = revoke(_common.operator(arguments, authority), members, reason, passphrase)
+    with progress(quiet=arguments.flag("json")) as notify:
+        return server.cut(authority, revoked, notify)
+
+
+def _tell_end(
+    arguments: Arguments, members: Sequence[Member], deployed: Deployed, left: Sequence[str], *, already: bool
+) -> ExitCode:
+    """Tell who is out, by which evidence, and what was looked for and is not there any more."""
+    from atlantis_netcfg.cli.vpn import _common
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.guests import GuestLeftOver
+
+    name, errors = arguments.word("name"), list(deployed.errors)
+    errors += [GuestLeftOver(f"something of {name} is left: {words}", hint="remove it by hand") for words in left]
+    lines = [f"{member.name}: revoked" for member in members]
+    if not left:
+        known = deployed.deployed
+        how = "already so" if already else "ended" if known else "ended here, and the server does not know it yet"
+        lines.append(f"{name}: {how}; it is not declared, has no good certificate, and no file of it is left here")
+    values = {"guest": name, "members": [member.name for member in members], "left": list(left), **deployed.as_json()}
+    code = max((error.exit for error in errors), default=ExitCode.DONE)
+    return _common.tell(arguments, code, values, [*lines, *deployed.lines], errors)

@@ -1,0 +1,355 @@
+"""A robot that is here for a while: let in and taken away by commands alone, and nothing of it is left."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
+
+import pytest
+from hints_said import advised, said
+from vpn_desk import PASSPHRASE, founded, over_a_pipe
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.vpn import _common
+from atlantis_netcfg.core.errors import OutcomeUnknown
+from atlantis_netcfg.core.paths import checkout
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Guest
+from atlantis_netcfg.operations import guests
+from atlantis_netcfg.operations.vpn.members import Onboarding
+from atlantis_netcfg.operations.vpn.server import Deployed
+from atlantis_netcfg.vpn.authority.authority import Authority
+from atlantis_netcfg.vpn.enrolment_package import open_handout
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.vpn.authority.model import RevocationResult
+
+UNTIL = (datetime.now(UTC).date() + timedelta(days=20)).isoformat()
+LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi,ethernet")
+LINES = ("# my own words", "---", "guests:", "  # the first of the year", "  old:")
+
+
+@dataclass
+class Quay:
+    """Where somebody types, with an inventory and an authority of their own."""
+
+    folder: Path
+    capsys: pytest.CaptureFixture[str]
+
+    @property
+    def inventory(self) -> Path:
+        return self.folder / "inventory"
+
+    @property
+    def file(self) -> Path:
+        return self.inventory / guests.FILE
+
+    @property
+    def authority(self) -> Authority:
+        return Authority.open(self.folder / "vpn")
+
+    def type(self, *words: str, code: int = 0, passphrase: str | None = PASSPHRASE) -> str:
+        line = [*words, f"inventory={self.inventory}"]
+        if words[0] == "guest":
+            line.append(f"authority={self.folder / 'vpn'}")
+        if passphrase is not None and words[0] == "guest":
+            with over_a_pipe(passphrase) as number:
+                ended = main([*line, "--passphrase-fd", number])
+        else:
+            ended = main(line)
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+    def add(self, *more: str, code: int = 0, passphrase: str | None = PASSPHRASE) -> str:
+        words = [*LAUV, *more]
+        if not any(word.startswith("until=") for word in more):
+            words.append(f"until={UNTIL}")
+        return self.type("guest", "add", *words, "--no-push", code=code, passphrase=passphrase)
+
+    def end(self, *more: str, code: int = 5) -> str:
+        """Exit code 5: nobody asks the server, and whoever is connected stays so."""
+        return self.type("guest", "end", "name=lauv", "--yes", "--no-push", *more, code=code)
+
+    def files(self, name: str = "inventory") -> dict[str, bytes]:
+        root = self.folder / name
+        return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def quay(
+    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> Quay:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    shutil.copytree(checkout() / "inventory", tmp_path / "inventory")
+    shutil.copytree(founded(tmp_path_factory.getbasetemp()) / "vpn", tmp_path / "vpn")
+    capsys.readouterr()
+    return Quay(tmp_path, capsys)
+
+
+def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
+    """Commands alone; 0 files edited by hand; the declaration is as it was, byte for byte."""
+    before = quay.files()
+    printed = quay.add()
+    assert f"lauv: declared in group_vars/all/guests.yml, a guest until {UNTIL}" in printed
+    (sealed,) = (quay.folder / "vpn").glob("handouts/*/*.age")
+    (secret,) = [line.split()[1] for line in printed.splitlines() if line.startswith("  passphrase  ")]
+    handed = open_handout(sealed.read_bytes(), Secret(secret))
+    assert {"udg-lauv.ovpn", "cyclonedds.xml", "fastdds.xml"} <= set(handed)
+
+    answers = quay.folder / "lauv.yml"
+    rows = "\n".join(f"  lauv/{cell}: {{verdict: PASS}}" for cell in ("wifi", "gps", "ethernet"))
+    answers.write_text(f"name: A. Technician\nanswers:\n{rows}\nsign: true\n")
+    line = ("check", "site=coastal", "vehicle=lauv", "--rehearse", "--answers", str(answers), "--json")
+    document = json.loads(quay.type(*line))
+    assert document["signed"]["by"] == "A. Technician"
+    assert [(item["id"], item["verdict"], item["table3"]) for item in document["items"]] == [
+        (f"lauv/{cell}", "PASS", False) for cell in ("wifi", "gps", "ethernet")
+    ]
+    assert (
+        f"LAUV is a guest of Universitat de Girona until {UNTIL}, and no robot of the report's Table 3"
+        in (document["notes"])
+    )
+
+    printed = quay.end()
+    assert "udg-lauv: revoked" in printed
+    assert "ended here, and the server does not know it yet; it is not declared, has no good certificate" in printed
+    assert quay.files() == before
+    assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
+    (member,) = guests.members_of(quay.authority, "lauv")
+    assert (member.good, quay.authority.membership().queued) == ((), ("udg-lauv",))
+    assert quay.authority.check() == []
+
+
+def test_no_certificate_is_good_beyond_the_last_day(quay: Quay) -> None:
+    quay.add()
+    (member,) = guests.members_of(quay.authority, "lauv")
+    zone = ZoneInfo(load(quay.inventory).pilot.time_zone)
+    end = datetime.combine(date.fromisoformat(UNTIL) + timedelta(days=1), datetime.min.time(), zone)
+    (certificate,) = member.good
+    assert end - timedelta(days=1, minutes=1) < certificate.not_after <= end
+    words = ("vpn", "renew", "name=udg-lauv", "--no-push", f"authority={quay.folder / 'vpn'}")
+    with over_a_pipe(PASSPHRASE) as number:
+        quay.type(*words, "--passphrase-fd", number)
+    assert max(each.not_after for each in guests.members_of(quay.authority, "lauv")[0].good) <= end
+    printed = quay.type(*words, "days=90", code=3)
+    assert f"`days=90`: the guest `lauv` is here until {UNTIL}" in printed
+
+
+def test_a_plan_says_what_would_be_done_and_does_nothing(quay: Quay) -> None:
+    before, authority = quay.files(), quay.files("vpn")
+    printed = quay.add("--plan", code=2, passphrase=None)
+    assert "would declare lauv in group_vars/all/guests.yml: gps, wifi, ethernet, tested at coastal" in printed
+    assert "would let udg-lauv into the VPN, for 20 days" in printed
+    assert (quay.files(), quay.files("vpn")) == (before, authority)
+    quay.add()
+    there, authority = quay.files(), quay.files("vpn")
+    assert "already so: nothing to do" in quay.add("--plan", passphrase=None)
+    printed = quay.type("guest", "end", "name=lauv", "--plan", code=2, passphrase=None)
+    assert printed.splitlines() == [
+        "would put udg-lauv out of the VPN, for good",
+        "would take lauv out of group_vars/all/guests.yml",
+    ]
+    assert (quay.files(), quay.files("vpn")) == (there, authority)
+
+
+def test_repeating_makes_nothing_new(quay: Quay) -> None:
+    quay.add()
+    there, authority = quay.files(), quay.files("vpn")
+    assert "udg-lauv: already so" in quay.add(passphrase=None)
+    assert (quay.files(), quay.files("vpn")) == (there, authority)
+
+
+def test_another_guest_of_that_name_is_ended_as_it_is_advised(quay: Quay) -> None:
+    before = quay.files()
+    quay.add()
+    words = (*LAUV[:-1], "cells=gps", f"until={UNTIL}", "--no-push")
+    printed = quay.type("guest", "add", *words, code=3)
+    assert "the guest `lauv` is declared already, and otherwise" in printed
+    (typed,) = advised(said(printed, "`provision guest end name={}` takes it away; or correct {}"))
+    ours = [word for word in typed if not word.startswith(("inventory=", "authority="))]
+    assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
+    assert quay.files() == before
+
+
+def test_the_checklist_that_is_named_is_the_guests(quay: Quay) -> None:
+    printed = said(quay.add(), "its checklist: provision check site={} vehicle={}")
+    (typed,) = advised(printed)
+    assert "lauv/gps: LAUV knows where it is" in quay.type(*typed, "--rehearse", code=6)
+
+
+def test_after_a_stop_all_of_it_is_taken_back_as_it_is_advised(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = quay.files()
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("atlantis_netcfg.cli.vpn.members.close", stop)
+        printed = quay.add(code=5)
+    hint = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
+    (typed,) = advised(said(printed, hint))
+    ours = [word.replace("NAME", "lauv") for word in typed if not word.startswith(("inventory=", "authority="))]
+    assert "lauv: ended here" in quay.type(*ours, "--yes", "--no-push", code=5)
+    assert quay.files() == before
+
+
+@pytest.mark.parametrize("onward", ["add", "end"])
+def test_a_kill_between_declaring_and_issuing_is_completed_or_taken_back(
+    quay: Quay, onward: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process dies behind the first step: what a killed one leaves is the entry, and no member."""
+    before = quay.files()
+
+    def killed(*_: object) -> None:
+        raise _KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Onboarding, "issue", killed)
+        patch.setattr(guests, "members_of", killed)  # nothing is taken back by who is dead
+        with pytest.raises(_KilledError):
+            quay.add()
+    assert quay.files() != before
+    assert guests.members_of(quay.authority, "lauv") == ()
+    if onward == "add":
+        assert "udg-lauv: udg-lauv, address" in quay.add()
+        quay.end()
+    else:
+        assert "lauv: ended; it is not declared" in quay.end(code=0)
+    assert quay.files() == before
+
+
+@pytest.mark.parametrize("step", ["write", "remove_handouts", "left_over"])
+def test_a_kill_while_it_ends_is_completed(quay: Quay, step: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = quay.files()
+    quay.add()
+
+    def killed(*_: object) -> None:
+        raise _KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(guests, step, killed)
+        with pytest.raises(_KilledError):
+            quay.end()
+    assert "ended here, and the server does not know it yet; it is not declared" in quay.end()
+    assert quay.files() == before
+    assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
+
+
+class _KilledError(BaseException):
+    """In place of SIGKILL."""
+
+
+def test_the_wrong_passphrase_leaves_nothing(quay: Quay) -> None:
+    before = quay.files()
+    assert "does not open" in quay.add(code=3, passphrase=f"{PASSPHRASE}r")
+    assert quay.files() == before
+    assert guests.members_of(quay.authority, "lauv") == ()
+
+
+def test_comments_and_other_guests_stay(quay: Quay) -> None:
+    """What a person has added to the file stays, also what stands behind the guest that goes."""
+    old = {"name": "OLD", "kind": "asv", "partner": "udg", "until": "2027-01-01", "tested_at": ["te4sea"], "table3": []}
+    text = "\n".join([*LINES, *(f"    {key}: {json.dumps(value)}" for key, value in old.items())])
+    quay.file.write_text(f"{text}\n  # the last word\n")
+    before = quay.files()
+    quay.add()
+    assert quay.file.read_text().startswith(f"{text}\n  # the last word\n  lauv:\n")
+    assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["old", "lauv"]
+    quay.end()
+    assert quay.files() == before
+    assert "there is no guest `ald`" in quay.type("guest", "end", "name=ald", "--plan", code=7)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("name=Lauv",), 3, "has capital letters"),
+        (("name=sparus",), 3, "`sparus` is declared in vehicles.yml, and no guest of this command"),
+        (("partner=iqa",), 3, "`partner=iqa`: there is no such partner"),
+        (("site=costal",), 3, "did you mean `coastal`?"),
+        (("until=soon",), 3, "`until=soon` is no day"),
+        (("until=2020-01-01",), 3, "the guest `lauv` was here until 2020-01-01"),
+        (("title=Sparus",), 3, "`Sparus` is a robot of the report's Table 3, and no guest"),
+        (("link=wire",), 3, "`link=`: `wire` is not known"),
+    ],
+)
+def test_what_does_not_fit_is_told_and_nothing_is_written(
+    quay: Quay, words: Sequence[str], code: int, says: str
+) -> None:
+    before, authority = quay.files(), quay.files("vpn")
+    given = {word.partition("=")[0]: word for word in (*LAUV, f"until={UNTIL}")}
+    given |= {word.partition("=")[0]: word for word in words}
+    assert says in quay.type("guest", "add", *given.values(), "--no-push", code=code)
+    assert (quay.files(), quay.files("vpn")) == (before, authority)
+
+
+def test_a_name_that_was_revoked_never_returns_and_leaves_no_entry(quay: Quay) -> None:
+    before = quay.files()
+    quay.add()
+    quay.end()
+    assert "Names never return" in quay.add(code=3)
+    assert quay.files() == before
+
+
+@dataclass
+class Told:
+    """A server that answers."""
+
+    cuts: list[tuple[str, ...]] = field(default_factory=list)
+    away: bool = False
+
+    def hold(self, authority: Authority, notify: Subscriber) -> None:
+        """It knows nothing that the record does not."""
+
+    def published(self, notify: Subscriber) -> bytes:
+        raise NotImplementedError
+
+    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - of the protocol
+        return Deployed(("the server has it",))
+
+    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:  # noqa: ARG002
+        self.cuts.append(revoked.common_names)
+        if self.away:
+            return Deployed(errors=(OutcomeUnknown("the server does not answer"),), deployed=False)
+        authority.settled(revoked.common_names)
+        return Deployed(("no session of udg-lauv",))
+
+
+def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(
+    quay: Quay, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    there = Told(away=True)
+
+    def server(*_: Any) -> Told:  # noqa: ANN401 - as the command calls it
+        return there
+
+    monkeypatch.setattr(_common, "server", server)
+    assert "the server has it" in quay.add()
+    assert "the server does not answer" in quay.end(code=5)
+    there.away = False
+    assert "lauv: ended; it is not declared" in quay.end(code=0)
+    assert there.cuts == [("udg-lauv",), ("udg-lauv",)]
+    assert "lauv: already so; it is not declared" in quay.end(code=0)
+    assert len(there.cuts) == 2
+
+
+def test_what_is_left_is_named_and_is_not_green(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+    quay.add()
+    monkeypatch.setattr(guests, "remove_handouts", lambda *_: None)
+    printed = quay.end(code=6)
+    assert "something of lauv is left:" in printed
+    assert "handouts/udg-lauv is still there" in printed
+    assert "it is not declared" not in printed
