@@ -38,6 +38,7 @@ COMMANDS: Mapping[str, str] = {
     "adopt": "atlantis_netcfg.cli.adopt:adopt",
     "trust": "atlantis_netcfg.cli.adopt:trust",
     "backup": "atlantis_netcfg.cli.devices:backup",
+    "use": "atlantis_netcfg.cli.use:use",
     "prove": "atlantis_netcfg.cli.links:prove",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",

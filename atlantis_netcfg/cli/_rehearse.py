@@ -6,7 +6,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
@@ -14,6 +14,8 @@ from atlantis_netcfg.operations.kinds import is_unit
 from atlantis_netcfg.report.run import Pass, RunReport
 
 if TYPE_CHECKING:
+    from collections.abc import Container
+
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
@@ -26,6 +28,16 @@ def rehearse(opened: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPL
     if first.exit is not ExitCode.DONE:
         return first
     return _again(opened, twins, first)
+
+
+def configure(opened: CommandSession, fine: Container[ExitCode], what: str) -> None:
+    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links, no filter.
+
+    `fine`: how that may end. Raises NetcfgError.
+    """
+    report = opened.perform(Mode.APPLY)
+    if report.exit not in fine:
+        raise NetcfgError(f"{what} could not be configured:\n{report.as_text()}")
 
 
 def announce(opened: CommandSession) -> None:

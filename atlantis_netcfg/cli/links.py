@@ -64,12 +64,15 @@ def run_links(arguments: Arguments) -> ExitCode:
     import json
 
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core.errors import ExitCode
 
     _one_site(arguments.word("site"))
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if opened.rehearsal is not None:
-            _configure_links(opened)
-        report = _report(opened, _look(opened))
+            from atlantis_netcfg.cli._rehearse import configure
+
+            configure(opened, (ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING), "the emulated devices")
+        report = _report(opened, seen(opened))
     print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text()))
     return report.exit
 
@@ -82,20 +85,7 @@ def _one_site(site: str) -> None:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
 
 
-def _configure_links(opened: CommandSession) -> None:
-    """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links.
-
-    A check that fails is for the look to tell.
-    """
-    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.operations import Mode
-
-    report = opened.perform(Mode.APPLY)
-    if report.exit not in {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}:
-        raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
-
-
-def _look(opened: CommandSession) -> LinksStatus:
+def seen(opened: CommandSession) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
@@ -194,6 +184,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     from dataclasses import replace
 
     from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
     from atlantis_netcfg.operations.request import refuse_examples
 
@@ -203,7 +194,9 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=opened.as_json))
         if opened.rehearsal is not None:
-            _configure(opened)
+            from atlantis_netcfg.cli._rehearse import configure
+
+            configure(opened, (ExitCode.DONE,), "the emulated router")
         proving = found.proving(
             opened.declaration,
             open_filter=opened.arguments.flag("open-filter"),
@@ -243,16 +236,6 @@ def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ..
     seen = look(opened.declaration, terminal, opened.store, today=today, backup=named)
     names = () if opened.rehearsed else names_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
     return (*seen.findings, *names)
-
-
-def _configure(opened: CommandSession) -> None:
-    """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
-    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.operations import Mode
-
-    report = opened.perform(Mode.APPLY)
-    if report.exit is not ExitCode.DONE:
-        raise NetcfgError(f"the emulated router could not be configured:\n{report.as_text()}")
 
 
 def _request(opened: CommandSession) -> Request:

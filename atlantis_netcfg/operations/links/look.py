@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers import BearerFinding, BearerStatus
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.link_use import LinkUse
 
 
 @dataclass(slots=True)
@@ -255,6 +256,10 @@ class LinksStatus:
     """Devices, whether or not they answered."""
     bills: Mapping[str, Bill]
     """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
+    uptime_s: float | None = None
+    """Of the router; None: it was not read."""
+    use: LinkUse | None = None
+    """The link that is in use for a time instead of the declared order."""
     notes: tuple[str, ...] = ()
     """What went wrong beside the links."""
 
@@ -274,7 +279,7 @@ class LinksStatus:
             not_asked=self.not_asked,
             round_trips=self.round_trips,
             costs={name: {**bill.as_dict(), "words": bill.words} for name, bill in self.bills.items()},
-            notes=self.notes,
+            notes=(*self.notes, *(() if self.use is None else (self.use.words(self.uptime_s),))),
             not_rehearsed=not_rehearsed,
             time_zone=time_zone,
         )
@@ -367,7 +372,8 @@ class _LinkSite:
         """Judge what was heard, and keep the counters."""
         site = self.declaration.sites[self.router.site]
         month = self._months()
-        active = self._active()
+        active, reading = self._active(), self._reading
+        use = None if reading is None else reading.use
         seen = [
             SeenLinks(
                 route=route,
@@ -383,7 +389,7 @@ class _LinkSite:
             for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=ranked(_statuses(seen), site.failover.fail_back_s),
+            bearers=ranked(_statuses(seen), site.failover.fail_back_s, use),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
             probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
@@ -392,6 +398,8 @@ class _LinkSite:
             round_trips={name: session.round_trips for name, session in self.turn.doors.items()},
             asked=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
+            uptime_s=None if reading is None else reading.uptime_s,
+            use=use,
             notes=tuple(self.notes),
         )
 

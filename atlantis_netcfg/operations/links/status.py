@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
+    from atlantis_netcfg.routeros.link_use import LinkUse
 
 
 _MENUS = {family: f"/interface/{family}/print" for family in Family}
@@ -448,8 +449,22 @@ def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
     return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
-def ranked(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
-    """Say of each what follows from the order of preference; `statuses` stand in that order."""
+def ranked(statuses: Sequence[BearerStatus], fail_back_s: int, use: LinkUse | None = None) -> tuple[BearerStatus, ...]:
+    """Say of each what follows from the order of preference; `statuses` stand in that order.
+
+    A link in use for a time stands before all others: that is a warning of its own, and no fault of the others.
+    """
+    if use is not None and any(status.name == use.link for status in statuses):
+        hint = "`provision use site=… end` ends it now"
+        finding = BearerFinding(Verdict.WARN, IN_USE, use.words(uptime_s), hint)
+        order = sorted(statuses, key=lambda status: status.name != use.link)
+        found = {status.name: status for status in _by_rank(order, fail_back_s)}
+        found[use.link] = _with(found[use.link], finding)
+        return tuple(found[status.name] for status in statuses)
+    return _by_rank(statuses, fail_back_s)
+
+
+def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
     if any(status.active is None for status in statuses):
         return tuple(statuses)
     active = [status.name for status in statuses if status.active]
