@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.cost import Bill, bill
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearers, probe_commands
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
@@ -21,6 +22,7 @@ from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
 from atlantis_netcfg.operations.links.status import (
+    IN_USE,
     BoxesStatus,
     SeenLinks,
     Silent,
@@ -44,7 +46,7 @@ from atlantis_netcfg.routeros.estimate import on_the_wire
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers import BearerFinding, BearerStatus
+    from atlantis_netcfg.bearers import BearerStatus
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.routeros.link_use import LinkUse
@@ -279,7 +281,7 @@ class LinksStatus:
             not_asked=self.not_asked,
             round_trips=self.round_trips,
             costs={name: {**bill.as_dict(), "words": bill.words} for name, bill in self.bills.items()},
-            notes=(*self.notes, *(() if self.use is None else (self.use.words(self.uptime_s),))),
+            notes=self.notes,
             not_rehearsed=not_rehearsed,
             time_zone=time_zone,
         )
@@ -373,7 +375,6 @@ class _LinkSite:
         site = self.declaration.sites[self.router.site]
         month = self._months()
         active, reading = self._active(), self._reading
-        use = None if reading is None else reading.use
         seen = [
             SeenLinks(
                 route=route,
@@ -389,7 +390,7 @@ class _LinkSite:
             for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=ranked(_statuses(seen), site.failover.fail_back_s, use),
+            bearers=ranked(_statuses(seen), site.failover.fail_back_s, self._used(reading)),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
             probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
@@ -399,7 +400,7 @@ class _LinkSite:
             asked=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
             uptime_s=None if reading is None else reading.uptime_s,
-            use=use,
+            use=None if reading is None else reading.use,
             notes=tuple(self.notes),
         )
 
@@ -407,6 +408,12 @@ class _LinkSite:
     def _reading(self) -> RouterReading | None:
         answer = self._answer(self.router)
         return answer if isinstance(answer, RouterReading) else None
+
+    def _used(self, reading: RouterReading | None) -> tuple[str, BearerFinding] | None:
+        if reading is None or reading.use is None:
+            return None
+        hint = f"`provision use site={self.router.site} end` ends it now"
+        return reading.use.link, BearerFinding(Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
         return None if host is None else self.turn.answers.get(host.name)

@@ -28,9 +28,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.journal import Store
     from atlantis_netcfg.operations.lte.units import LteUnit
     from atlantis_netcfg.routeros._types import Row
-    from atlantis_netcfg.routeros.link_use import LinkUse
 
 
+IN_USE = "in-use-for-a-time"
+"""Code of the finding of a link that is in use instead of the declared order."""
 _MENUS = {family: f"/interface/{family}/print" for family in Family}
 _RADIO = "name,default-name,mac-address,disabled"
 
@@ -449,19 +450,20 @@ def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
     return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
-def ranked(statuses: Sequence[BearerStatus], fail_back_s: int, use: LinkUse | None = None) -> tuple[BearerStatus, ...]:
+def ranked(
+    statuses: Sequence[BearerStatus], fail_back_s: int, use: tuple[str, BearerFinding] | None = None
+) -> tuple[BearerStatus, ...]:
     """Say of each what follows from the order of preference; `statuses` stand in that order.
 
-    A link in use for a time stands before all others: that is a warning of its own, and no fault of the others.
+    `use`: the link that is in use for a time, and what is said of that. It stands before all others meanwhile.
     """
-    if use is not None and any(status.name == use.link for status in statuses):
-        hint = "`provision use site=… end` ends it now"
-        finding = BearerFinding(Verdict.WARN, IN_USE, use.words(uptime_s), hint)
-        order = sorted(statuses, key=lambda status: status.name != use.link)
-        found = {status.name: status for status in _by_rank(order, fail_back_s)}
-        found[use.link] = _with(found[use.link], finding)
-        return tuple(found[status.name] for status in statuses)
-    return _by_rank(statuses, fail_back_s)
+    if use is None or all(status.name != use[0] for status in statuses):
+        return _by_rank(statuses, fail_back_s)
+    link, finding = use
+    order = sorted(statuses, key=lambda status: status.name != link)
+    found = {status.name: status for status in _by_rank(order, fail_back_s)}
+    found[link] = _with(found[link], finding)
+    return tuple(found[status.name] for status in statuses)
 
 
 def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
