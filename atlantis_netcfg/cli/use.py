@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli._session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.link_use import Wish
+    from atlantis_netcfg.operations.link_use import UseRequest
     from atlantis_netcfg.report.run import RunReport
 
 USE = CommandSpec(
@@ -63,17 +63,17 @@ USE = CommandSpec(
 def run_use(arguments: Arguments) -> ExitCode:
     """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
     from atlantis_netcfg.cli._session import session
-    from atlantis_netcfg.operations.link_use import Wish, bearer_named, router_of
+    from atlantis_netcfg.operations.link_use import UseRequest, bearer_named, router_of
     from atlantis_netcfg.operations.request import refuse_examples
 
     site, unproved = arguments.word("site"), arguments.flag("unproved")
     for_s = _for_s(arguments)
-    wishes: list[Wish] = []
+    requests: list[UseRequest] = []
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
         router = router_of(declaration, site)
         if for_s is not None:
-            wishes.append(Wish(site, bearer_named(declaration, site, arguments.word("link")), for_s, unproved))
+            requests.append(UseRequest(site, bearer_named(declaration, site, arguments.word("link")), for_s, unproved))
         return (router,)
 
     with session(
@@ -82,8 +82,8 @@ def run_use(arguments: Arguments) -> ExitCode:
         refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
         if opened.rehearsal is not None:
             _settle(opened)
-        report = _begin(opened, wishes[0]) if wishes else _end(opened)
-    return opened.close(report, "" if opened.rehearsed or report.exit else f"provision links site={site}")
+        report = _begin(opened, requests[0]) if requests else _end(opened)
+    return opened.close(report)
 
 
 def _for_s(arguments: Arguments) -> int | None:
@@ -104,7 +104,7 @@ def _for_s(arguments: Arguments) -> int | None:
     if arguments.flag("rehearse"):
         raise UsageError(
             "`end` has nothing to end on an emulated router",
-            hint=f"`provision use site={site} link=4g for=30m --rehearse` rehearses the end, too",
+            hint="type it with `link=` and `for=`: that rehearses the end, too",
         )
     return None
 
@@ -126,16 +126,16 @@ def _wait(opened: CommandSession, seconds: float) -> None:
     opened.rehearsal.twins.do(opened.hosts[0].name, "wait", seconds=seconds)
 
 
-def _begin(opened: CommandSession, wish: Wish) -> RunReport:
+def _begin(opened: CommandSession, use_request: UseRequest) -> RunReport:
     from atlantis_netcfg.cli.links import seen
 
-    order = wish.order(seen(opened))
-    _pay(opened, wish)
+    order = use_request.order(seen(opened))
+    _pay(opened, use_request)
     opened.use = order
     if opened.arguments.flag("plan"):
         return opened.plan()
     if opened.rehearsal is not None:
-        return _rehearsed(opened, wish)
+        return _rehearsed(opened, use_request)
     report = opened.change(ask=not opened.arguments.flag("yes"))
     if not report.exit and not opened.as_json and order.until is not None:
         from atlantis_netcfg.core.times import time_text
@@ -155,15 +155,15 @@ def _end(opened: CommandSession) -> RunReport:
     return opened.change(ask=not opened.arguments.flag("yes"))
 
 
-def _pay(opened: CommandSession, wish: Wish) -> None:
+def _pay(opened: CommandSession, use_request: UseRequest) -> None:
     """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli._consent import pay
     from atlantis_netcfg.operations.costs import link_of
 
-    link = link_of(opened.declaration, opened.site, wish.bearer.name)
+    link = link_of(opened.declaration, opened.site, use_request.bearer.name)
     if not link.metered or opened.arguments.flag("plan"):
         return
-    words = f"{wish.cost(link).words}: all that the site sends and receives within that time"
+    words = f"{use_request.cost(link).words}: all that the site sends and receives within that time"
     if opened.rehearsed:
         if not opened.as_json:
             print(translate(f"a real use asks first: {words}"))
@@ -171,20 +171,20 @@ def _pay(opened: CommandSession, wish: Wish) -> None:
     pay([words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
 
 
-def _rehearsed(opened: CommandSession, wish: Wish) -> RunReport:
+def _rehearsed(opened: CommandSession, use_request: UseRequest) -> RunReport:
     """There and back: the link carries the traffic, a run changes nothing of it, and at the end the order is back."""
     from atlantis_netcfg.operations import Mode
 
     report = opened.perform(Mode.APPLY)
     if report.exit:
         return report
-    _see(opened, wish.bearer.name, "it is in use instead of the declared order")
+    _see(opened, use_request.bearer.name, "it is in use instead of the declared order")
     opened.use = None
     again = opened.perform(Mode.APPLY)
     if again.exit or any(result["planned"] for result in again.devices.values()):
         return again
     _tell(opened, "a run of the site changes nothing of it")
-    _wait(opened, wish.for_s)
+    _wait(opened, use_request.for_s)
     _see(opened, opened.declaration.sites[opened.site].bearers[0].name, "the declared order is back by itself")
     return report
 

@@ -7,20 +7,20 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import Access, LteRouter
 from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.kinds import Managed, managed
-from atlantis_netcfg.operations.link_use import carries, ordered
 from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, restored
 from atlantis_netcfg.operations.saved_states import saved_run
 from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
-from atlantis_netcfg.routeros.link_use import without_use
+from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, begun, ended, without_use
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.request import LinkOrder, Request
+    from atlantis_netcfg.routeros._types import Observed
 
 _SSH = 22
 
@@ -58,7 +59,7 @@ def device_job(
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
         remove_foreign=request.remove_foreign or request.rehearsed,
-        shows=None if request.use is None else partial(carries, ways, request.use),
+        shows=None if request.use is None else partial(_unused, ways, request.use),
         history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
 
@@ -86,7 +87,7 @@ def _desired(host: Host, text: str, request: Request, ways: Sequence[BearerRoute
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
     declared = read(text, source=f"the desired text of {host.name}")
     if request.use is not None:
-        return ordered(declared, ways, request.use)
+        return _ordered(declared, ways, request.use)
     if request.restore is not None:
         confirmed = confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed)
         return without_use(restored(confirmed, declared), declared)
@@ -98,6 +99,22 @@ def _desired(host: Host, text: str, request: Request, ways: Sequence[BearerRoute
     export = from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
     before = without_use(export, declared)
     return for_any_box(before) if request.rehearsed else before
+
+
+def _ordered(declared: Desired, ways: Sequence[BearerRoute], order: LinkOrder) -> Desired:
+    """The routes and the job of a router for an order of its links."""
+    if order.link is None or order.until is None:
+        return ended(declared)
+    use = LinkUse(order.link, order.until, order.until_uptime_s)
+    return begun(declared, use, order.since_uptime_s, {way.name: way.address for way in ways})
+
+
+def _unused(ways: Sequence[BearerRoute], order: LinkOrder, observed: Observed) -> str:
+    """Say that the link does not carry the traffic although it should by now, or nothing."""
+    if order.link is None or not order.proved:
+        return ""
+    active = active_bearer(observed.rows.get(ROUTES, ()), ways)
+    return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
 
 
 def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:

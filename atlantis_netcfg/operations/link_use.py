@@ -1,4 +1,4 @@
-"""`provision use`: what a person asks for, whether the link admits it, what it may cost, what the router shall hold.
+"""`provision use`: what a person asks for, whether the link admits it, and what it may cost.
 
 Whether a link is good enough is what `provision links` has just seen of it. A satellite is not probed, and a link
 without canaries cannot be: there a person has to say that it works (`--unproved`).
@@ -13,27 +13,22 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.cost import preview
-from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, nearest
 from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.operations.request import LinkOrder
-from atlantis_netcfg.routeros.link_use import ROUTES, SETTLED_S, LinkUse, begun, ended
+from atlantis_netcfg.routeros.link_use import SETTLED_S
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from atlantis_netcfg.bearers.cost import MeteredLink, Preview
-    from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations.links.look import LinksStatus
-    from atlantis_netcfg.routeros._types import Observed
-    from atlantis_netcfg.routeros.desired import Desired
 
 SHORTEST_S: Final = 60
 LONGEST_S: Final = 86_400
 _SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
 _BITS = 8
+_UNPROVED = "add `--unproved` if you know that it works, or want to find out"
 
 
 class LinkNotFit(DeviceFailed):
@@ -90,7 +85,7 @@ def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class UseRequest:
     """A link, and for how long."""
 
     site: str
@@ -123,7 +118,7 @@ class Wish:
             silent = "; ".join(item.message for item in status.unreachable) or "it does not say how long it has run"
             raise LinkNotFit(
                 f"the router of {self.site} was not read, so nothing was changed: {silent}",
-                hint=f"`provision links site={self.site}` shows what can be seen",
+                hint=f"`provision links site={self.site}` shows which link carries the traffic",
             )
         if status.uptime_s < SETTLED_S:
             raise LinkNotFit(
@@ -136,12 +131,14 @@ class Wish:
         found = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
         if self.unproved or found.state is LinkState.UP:
             return
-        down = found.state in {LinkState.DOWN, LinkState.SEARCHING}
         why = "; ".join(finding.message for finding in found.findings)
-        words = "is down" if down else "is not proved: nobody asks over it whether it works"
+        if found.state in {LinkState.DOWN, LinkState.SEARCHING}:
+            raise LinkNotFit(
+                f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED
+            )
         raise LinkNotFit(
-            f"{self.bearer.name} {words}{f' ({why})' if down and why else ''}, so nothing was changed",
-            hint="add `--unproved` if you know that it works, or want to find out",
+            f"whether {self.bearer.name} works is not proved, so nothing was changed: nobody asks over it",
+            hint=_UNPROVED,
         )
 
 
@@ -150,27 +147,11 @@ def ended_order(site: str, status: LinksStatus) -> LinkOrder:
     if status.uptime_s is None:
         raise LinkNotFit(
             f"the router of {site} was not read, so nothing was changed",
-            hint=f"`provision links site={site}` shows what can be seen",
+            hint=f"`provision links site={site}` shows which link carries the traffic",
         )
     if status.use is None:
         raise NothingInUse(
             f"no link of {site} is in use instead of the declared order, so there is nothing to end",
-            hint=f"`provision links site={site}` shows which link carries the traffic, and why",
+            hint=f"`provision links site={site}` shows which link carries the traffic",
         )
     return LinkOrder()
-
-
-def ordered(declared: Desired, ways: Sequence[BearerRoute], order: LinkOrder) -> Desired:
-    """Return the routes and the job of a router for an order of its links."""
-    if order.link is None or order.until is None:
-        return ended(declared)
-    use = LinkUse(order.link, order.until, order.until_uptime_s)
-    return begun(declared, use, order.since_uptime_s, {way.name: way.address for way in ways})
-
-
-def carries(ways: Sequence[BearerRoute], order: LinkOrder, observed: Observed) -> str:
-    """Say that the link does not carry the traffic although it should by now, or nothing."""
-    if order.link is None or not order.proved:
-        return ""
-    active = active_bearer(observed.rows.get(ROUTES, ()), ways)
-    return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"

@@ -35,8 +35,8 @@ TICK_S = 10
 """The job looks so often; the use ends so much earlier at most."""
 SETTLED_S = 120
 """A router that was started later has not judged its links yet, and a second start could not be told from the first."""
-_BEGUN, _IN_USE, _HELD = "4", "5", "6"
-_OVERRIDES = frozenset({_BEGUN, _IN_USE, _HELD})
+_BEGUN, _IN_USE, _HOLDING = "4", "5", "6"
+_OVERRIDES = frozenset({_BEGUN, _IN_USE, _HOLDING})
 _DEFAULT = "0.0.0.0/0"
 _UNJUDGED = ", not probed"
 _STAMP = "%Y-%m-%d %H:%M"
@@ -199,7 +199,7 @@ def _is_holding(item: RowItem) -> bool:
 
 def _distances(item: RowItem) -> tuple[str, ...]:
     """What a route of a link in use has instead of its declared distance: at first, and later."""
-    return (_HELD,) if _is_holding(item) else (_BEGUN, _IN_USE)
+    return (_HOLDING,) if _is_holding(item) else (_BEGUN, _IN_USE)
 
 
 def _moved(item: RowItem, *, in_use: bool) -> RowItem:
@@ -220,29 +220,29 @@ def _script(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Map
     """
     items = _routes(declared, use.link)
     usual = next(item.given["distance"] for item in items if not _is_holding(item))
-    held = next((item.given["distance"] for item in items if _is_holding(item)), None)
-    own = f'comment~"^{MARK}: {use.link}, "'
+    holding = next((item.given["distance"] for item in items if _is_holding(item)), None)
+    routes = f'comment~"^{MARK}: {use.link}, "'
     watched, unwatched = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unjudged, items)) else ("", "")
     others = "|".join(address for name, address in addresses.items() if name != use.link)
 
     def move(old: str, new: str, more: str = "") -> str:
-        rows = f"{own} distance={old}"
+        rows = f"{routes} distance={old}"
         return f":if ([:len [/ip route find {rows}]] > 0) do={{/ip route set [find {rows}] {more}distance={new}}}"
 
     over = "; ".join(
         (
             *(move(distance, usual, unwatched) for distance in (_BEGUN, _IN_USE)),
-            *((move(_HELD, held),) if held is not None else ()),
+            *((move(_HOLDING, holding),) if holding is not None else ()),
             _cut(addresses[use.link]),
             f'/log info message="atlantis: {use.link} is not in use any more, the declared order is back"',
             f"/system scheduler remove [find name={USE}]",
         )
     )
-    first = f"{own} distance={_BEGUN}"
+    first = f"{routes} distance={_BEGUN}"
     on = "; ".join(
         (
             move(usual, _BEGUN, watched),
-            *((move(held, _HELD),) if held is not None else ()),
+            *((move(holding, _HOLDING),) if holding is not None else ()),
             f":if ([:len [/ip route find {first} active]] > 0) do={{{_cut(others)}; {move(_BEGUN, _IN_USE)}}}",
         )
     )
