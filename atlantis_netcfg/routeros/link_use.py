@@ -103,7 +103,7 @@ def _run_time(desired: Desired, link: str) -> Iterator[RunTime]:
     for item in _routes(desired, link):
         for distance in _distances(item):
             yield RunTime(ROUTES, "distance", item.given["distance"], distance, temporary=True)
-        if _is_unjudged(item):
+        if _is_unwatched(item):
             yield RunTime(ROUTES, "check-gateway", "none", "arp", temporary=True)
 
 
@@ -193,6 +193,11 @@ def _is_unjudged(item: RowItem) -> bool:
     return item.given["comment"].endswith(_UNJUDGED)
 
 
+def _is_unwatched(item: RowItem) -> bool:
+    """Tell whether nothing is declared that would notice a dead box at this end."""
+    return _is_unjudged(item) and "check-gateway" not in item.given
+
+
 def _is_holding(item: RowItem) -> bool:
     return int(item.given["distance"]) % 10 == 1
 
@@ -222,7 +227,7 @@ def _script(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Map
     usual = next(item.given["distance"] for item in items if not _is_holding(item))
     holding = next((item.given["distance"] for item in items if _is_holding(item)), None)
     routes = f'comment~"^{MARK}: {use.link}, "'
-    watched, unwatched = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unjudged, items)) else ("", "")
+    watched, unwatched = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unwatched, items)) else ("", "")
     others = "|".join(address for name, address in addresses.items() if name != use.link)
 
     def move(old: str, new: str, more: str = "") -> str:
