@@ -349,10 +349,15 @@ def test_the_laptop_dies_at_some_moments(tmp_path: Path, part: float) -> None:
     killed(tmp_path, round(part * sentences("7.18.2")), "7.18.2")
 
 
+PARTS = 8
+"""Of a campaign, so that each of its tests is over in time."""
+
+
 @pytest.mark.campaign
+@pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
-def test_the_laptop_dies_at_every_moment(tmp_path: Path, version: str) -> None:
-    for sentence in range(sentences(version)):
+def test_the_laptop_dies_at_every_moment(tmp_path: Path, version: str, part: int) -> None:
+    for sentence in range(part, sentences(version), PARTS):
         killed(tmp_path / str(sentence), sentence, version)
 
 
@@ -382,7 +387,8 @@ def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: f
 
 
 @pytest.mark.campaign
+@pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize(("kind", "when"), list(faults()))
-def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str) -> None:
-    for sentence in range(1, sentences("7.18.2") + 1):
+def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, part: int) -> None:
+    for sentence in range(1 + part, sentences("7.18.2") + 1, PARTS):
         cut(tmp_path / str(sentence), sentence, kind, when)
