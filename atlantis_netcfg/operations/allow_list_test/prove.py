@@ -146,7 +146,10 @@ def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Comman
     first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
     for task in todo:
         if task.probe in TEMPORARY_ROWS:
-            where = (("dst-address", f"{task.address}/32"), ("table", f"via-{bearer.name}"))
+            where: tuple[tuple[str, str], ...] = (
+                ("dst-address", f"{task.address}/32"),
+                ("table", f"via-{bearer.name}"),
+            )
             if task.probe is SatelliteProbe.TCP:  # only what netwatch sends from the link's own address
                 where = (("src-address", f"{bearer.address}/32"), *where)
             words = (("action", "lookup-only-in-table"), ("comment", MARK), *where)
