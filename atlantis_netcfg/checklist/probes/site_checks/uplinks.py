@@ -108,7 +108,7 @@ class _DefaultRoute:
         unseen = [name for name, found in better.items() if isinstance(found, BearerFinding) or _state(found) is None]
         paid = ", which costs by the byte" if bearers[place].metered else ""
         if (use := _in_use(results[f"look {active}"], active)) is not None:
-            return warn(IN_USE, f"traffic leaves by {active}{paid}: {use['message']}", use["hint"])
+            return warn("in-use-for-a-time", f"traffic leaves by {active}{paid}: {use['message']}", use["hint"])
         if up:
             return self._passed_by(active, paid, up)
         if unseen:
