@@ -39,6 +39,7 @@ COMMANDS: Mapping[str, str] = {
     "trust": "atlantis_netcfg.cli.adopt:trust",
     "backup": "atlantis_netcfg.cli.devices:backup",
     "asbuilt": "atlantis_netcfg.cli.asbuilt:asbuilt",
+    "use": "atlantis_netcfg.cli.use:use",
     "prove": "atlantis_netcfg.cli.links:prove",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",

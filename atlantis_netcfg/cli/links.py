@@ -69,7 +69,7 @@ def run_links(arguments: Arguments) -> ExitCode:
     with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
         if opened.rehearsal is not None:
             opened.configure_twins()
-        report = _report(opened, _look(opened))
+        report = _report(opened, seen(opened))
     print(json.dumps(report.as_json(), ensure_ascii=False) if opened.as_json else translate(report.as_text()))
     return report.exit
 
@@ -82,7 +82,7 @@ def _one_site(site: str) -> None:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
 
 
-def _look(opened: CommandSession) -> LinksStatus:
+def seen(opened: CommandSession) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
@@ -190,7 +190,7 @@ def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=opened.as_json))
         if opened.rehearsal is not None:
-            _configure(opened)
+            opened.configure_twins(strict=True)
         proving = found.proving(
             opened.declaration,
             open_filter=opened.arguments.flag("open-filter"),
@@ -230,16 +230,6 @@ def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ..
     seen = look(opened.declaration, terminal, opened.store, today=today, backup=named)
     names = () if opened.rehearsed else names_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
     return (*seen.findings, *names)
-
-
-def _configure(opened: CommandSession) -> None:
-    """Bring the emulated router to its declared state: fresh from `provision adopt` it has no filter."""
-    from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-    from atlantis_netcfg.operations import Mode
-
-    report = opened.perform(Mode.APPLY)
-    if report.exit is not ExitCode.DONE:
-        raise NetcfgError(f"the emulated router could not be configured:\n{report.as_text()}")
 
 
 def _request(opened: CommandSession) -> Request:

@@ -7,10 +7,12 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.bearers.policy import active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.declaration.model import Access, LteRouter
 from atlantis_netcfg.journal import Journal, Pins, Recorder, Store
 from atlantis_netcfg.operations.bearers import bearer_of, patient
+from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.kinds import Managed, managed
 from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, restored
 from atlantis_netcfg.operations.saved_states import saved_run
@@ -18,13 +20,16 @@ from atlantis_netcfg.operations.terminals import PinRecorder, TriedPin
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
 from atlantis_netcfg.routeros.desired import Desired, from_export, read
+from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, begun, ended, without_use
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
+    from atlantis_netcfg.bearers.policy import BearerRoute
     from atlantis_netcfg.core.events import Subscriber
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.operations.request import LinkOrder, Request
+    from atlantis_netcfg.routeros._types import Observed
 
 _SSH = 22
 
@@ -36,7 +41,8 @@ def device_job(
     known = managed(declaration, host)
     access = known.access
     store = Store(request.state, rehearsed=request.rehearsed)
-    states = _states(known, request, store)
+    ways = ways_of(declaration, host)
+    states = _states(known, request, store, ways)
     bearer = bearer_of(declaration, host, request.via.get(host.name))
     return DeviceJob(
         name=host.name,
@@ -53,6 +59,7 @@ def device_job(
         run=journal.run if isinstance(journal, Journal) else "",
         unprotected=request.unprotected,
         remove_foreign=request.remove_foreign or request.rehearsed,
+        shows=None if request.use is None else partial(_unused, ways, request.use),
         history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
 
@@ -63,10 +70,10 @@ def _history(host: Host, request: Request, store: Store, journal: Recorder) -> H
     return store.history(host.site, host.name, current=current, dead=request.run)
 
 
-def _states(known: Managed, request: Request, store: Store) -> Mapping[str, Desired]:
+def _states(known: Managed, request: Request, store: Store, ways: Sequence[BearerRoute]) -> Mapping[str, Desired]:
     """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
     spent = "" if request.rehearsed else TriedPin(store.root, known.host.site, known.host.name).why_not
-    return {text.radio: replace(_desired(known.host, text.text, request), spent=spent) for text in known.texts()}
+    return {text.radio: replace(_desired(known.host, text.text, request, ways), spent=spent) for text in known.texts()}
 
 
 def _minding_the_sim(host: Host, request: Request, store: Store, journal: Recorder) -> Recorder:
@@ -76,18 +83,38 @@ def _minding_the_sim(host: Host, request: Request, store: Store, journal: Record
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
-def _desired(host: Host, text: str, request: Request) -> Desired:
+def _desired(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> Desired:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
     declared = read(text, source=f"the desired text of {host.name}")
+    if request.use is not None:
+        return _ordered(declared, ways, request.use)
     if request.restore is not None:
-        return restored(confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed), declared)
+        confirmed = confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed)
+        return without_use(restored(confirmed, declared), declared)
     if request.back_to is None:
         return declared
     saved = saved_run(request.state, host.site, request.back_to, rehearsed=request.rehearsed).before(host.name)
     if saved is None:
         raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
-    before = from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+    export = from_export(saved.read_text(encoding="utf-8"), declared.menus, source=str(saved))
+    before = without_use(export, declared)
     return for_any_box(before) if request.rehearsed else before
+
+
+def _ordered(declared: Desired, ways: Sequence[BearerRoute], order: LinkOrder) -> Desired:
+    """The routes and the job of a router for an order of its links."""
+    if order.link is None or order.until is None:
+        return ended(declared)
+    use = LinkUse(order.link, order.until, order.until_uptime_s)
+    return begun(declared, use, order.since_uptime_s, {way.name: way.address for way in ways})
+
+
+def _unused(ways: Sequence[BearerRoute], order: LinkOrder, observed: Observed) -> str:
+    """Say that the link does not carry the traffic although it should by now, or nothing."""
+    if order.link is None or not order.proved:
+        return ""
+    active = active_bearer(observed.rows.get(ROUTES, ()), ways)
+    return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
 
 
 def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:

@@ -6,6 +6,7 @@ import json
 import os
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -101,6 +102,20 @@ class StandIns(_Data):
     """Address below which the last part of each declared repository's address is served."""
 
 
+class LinkOrder(_Data):
+    """`provision use`: a link shall carry the traffic of the site for a time, or the declared order holds again."""
+
+    link: str | None = None
+    """None: the declared order."""
+    since_uptime_s: int = 0
+    """Of the router, when it was read."""
+    until_uptime_s: int = 0
+    until: datetime | None = None
+    """By the clock of this computer."""
+    proved: bool = True
+    """It has to carry the traffic at once, or the change is taken back."""
+
+
 def _private_state(state: Path) -> Path:
     if state.exists():
         hold_own(state, "name a folder of the user that runs this: `atlantis_request.state`, or ATLANTIS_STATE")
@@ -129,6 +144,8 @@ class Request(_Data):
     """Not what is declared is wanted, but what the devices were before this run."""
     restore: str | None = None
     """Not what is declared is wanted, but what this run has read back; the device may be a replacement."""
+    use: LinkOrder | None = None
+    """Not what is declared is wanted of the router, but another order of its links for a time."""
     offline: Path | None = None
     """A bundle: gateways take packages and sources from it, and from nowhere else."""
     unprotected: bool = False

@@ -52,6 +52,8 @@ class RunTime:
     name: str
     declared: str
     instead: str
+    temporary: bool = False
+    """Only while a bearer is in use for a time (`routeros/link_use.py`)."""
 
     def covers(self, menu: Menu, name: str, desired: str | None, found: Row) -> bool:
         """Tell whether what was found in the row is what the device makes of the wanted value."""
@@ -83,6 +85,8 @@ class Desired:
     """Why the PIN of the text must not be sent once more; empty: nothing is known against it."""
     run_time: tuple[RunTime, ...] = ()
     """Values that the device changes by itself: neither drift nor anything to put right."""
+    partial: frozenset[str] = frozenset()
+    """Menus of which the text names some rows alone: the others are not looked at, whosever they are."""
     remarks: tuple[tuple[str, str], ...] = ()
     """A menu, and what whoever agrees to a change of it should know."""
 

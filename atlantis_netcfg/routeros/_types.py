@@ -79,6 +79,8 @@ class Observed:
     """What the modem says of its SIM, where a text declares one."""
     jobs: tuple[Row, ...] = field(default=(), compare=False)
     """Jobs of ours that its scheduler had armed."""
+    uptime_s: float | None = field(default=None, compare=False)
+    """Since the device was started; None: it did not say."""
 
 
 class Verb(StrEnum):

@@ -328,6 +328,19 @@ ASSUMPTIONS: Final = (
         _person("log from each script, and compare the times with the row"),
     ),
     Assumption(
+        "use-job-from-1970",
+        "A job of the scheduler with an interval and a start on 1970-01-01 runs at every interval, whatever the clock"
+        " says, and for the first time within two minutes of a start of the router.",
+        "The end of a link's use; where the job does not run, the link stays in use until a person ends it.",
+        _person("add such a job that logs, set the clock back and forth, restart the router, and read the log"),
+    ),
+    Assumption(
+        "use-uptime-compares",
+        "In a script `[/system resource get uptime]` is a time, and `<` and `>=` compare it with a time like `5400s`.",
+        "The end of a link's use; a script that fails here ends nothing and logs an error every ten seconds.",
+        _person("type `:put ([/system resource get uptime] >= 5400s)` on a router and see `true` or `false`"),
+    ),
+    Assumption(
         "lte-pin-words",
         "`pin-status` of a modem says in the words of 3GPP TS 27.007 whether it asks for a PIN.",
         "Whether a PIN is sent; after any other words none is.",

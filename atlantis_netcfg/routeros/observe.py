@@ -196,7 +196,8 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     found_counts = tuple(each for each in counts if each is not None)
     named = monitor_of(found.get(LTE, ()))
     modem_now = modem_row(result[0] if named == MONITOR else await session.command(named)) if result else None
-    return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows)
+    uptime_s = seconds(_first(seen.resource).get("uptime", ""))
+    return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows, uptime_s)
 
 
 async def read_back(

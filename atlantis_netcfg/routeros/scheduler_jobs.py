@@ -1,8 +1,9 @@
 """Jobs of a device's scheduler that take a change back by themselves: armed before it, taken away after it.
 
 `atlantis-dead-man` runs the way back of one device (`apply`), `atlantis-pair` that of the far end of a bridge (`pair`).
-Both are armed outside safe mode, which would undo them too. In a device-mode without scheduler such a row can be added
-and never runs (manual, Device-mode): it is read back. Every reading of a device asks for `ARMED` as well.
+Both are armed outside safe mode, which would undo them too. `atlantis-use` ends the use of a link (`link_use`): it is a
+row like others, and comes and goes with the routes. In a device-mode without scheduler such a row can be added and
+never runs (manual, Device-mode): it is read back. Every reading of a device asks for `ARMED` as well.
 
 The dead-man job is set off by `interval` alone: without a battery the clock jumps as soon as NTP answers, and a
 wall-clock time is then missed or hit too early. Its script first removes the job, so that it runs once. The job of a
@@ -30,10 +31,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Facts, Row
     from atlantis_netcfg.routeros.api._values import Channel
 
-DEAD_MAN, PAIR = "atlantis-dead-man", "atlantis-pair"
+DEAD_MAN, PAIR, USE = "atlantis-dead-man", "atlantis-pair", "atlantis-use"
 MENU = "/system/scheduler"
 _PRINT = f"{MENU}/print"
-_EITHER = (f"?name={DEAD_MAN}", f"?name={PAIR}", "?#|")
+_EITHER = (f"?name={DEAD_MAN}", f"?name={PAIR}", "?#|", f"?name={USE}", "?#|")
 ARMED = Command(_PRINT, ((".proplist", ".id,name,comment"),), _EITHER)
 """Reads the jobs of ours; a device without any answers with a few bytes."""
 _READ_BACK = ((".proplist", ".id,name,comment,disabled,invalid,.about"),)
@@ -64,8 +65,12 @@ class ArmedJob:
 
 
 def jobs_of(rows: Iterable[Row]) -> tuple[ArmedJob, ...]:
-    """Return the jobs among the answers to `ARMED`."""
-    return tuple(ArmedJob(row.get(".id", ""), row.get("name", ""), row.get("comment") or "a run") for row in rows)
+    """Return the jobs of runs among the answers to `ARMED`; `atlantis-use` is what a person asked for."""
+    return tuple(
+        ArmedJob(row.get(".id", ""), row.get("name", ""), row.get("comment") or "a run")
+        for row in rows
+        if row.get("name") != USE
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -217,16 +217,19 @@ _PAIR = 2
 
 
 def two_or_none(draft: Draft) -> Iterator[Finding]:
-    """One silent canary must not take a link down: two of them, or the link is not probed."""
+    """One silent canary must not take a link down: two of them, or the link is not probed.
+
+    A satellite has none wherever it stands in the order: its port and its terminal are watched, which costs nothing.
+    """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             path = ("bearers", index, "canaries")
             if 0 < len(set(bearer.canaries)) < _PAIR:
                 message = f"link `{bearer.name}` has one canary: if that host fails, the link counts as down"
                 yield draft.wrong(Part("site", name), path, message, "name two different hosts beyond the link")
-            elif not bearer.canaries and index < len(site.bearers) - 1:
+            elif not bearer.canaries and index < len(site.bearers) - 1 and not bearer.kind.traits.allow_list:
                 message = f"link `{bearer.name}` has no canaries, so its failure would not be noticed"
-                hint = "name two; only the last link in order of preference can go without"
+                hint = "name two; only a satellite and the last link in order of preference can go without"
                 yield draft.wrong(Part("site", name), ("bearers", index), message, hint)
 
 

@@ -85,6 +85,10 @@ async def _gap(router: EmulatedRouter, seconds: float) -> None:
     router.gap(seconds)
 
 
+async def _wait(router: EmulatedRouter, seconds: float) -> None:
+    await router.wait(seconds)
+
+
 async def _silence(router: EmulatedRouter, addresses: list[str]) -> None:
     router.silence(addresses)
 
@@ -161,6 +165,7 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "reset": _reset,
     "gap": _gap,
     "silence": _silence,
+    "wait": _wait,
     "modem": _modem,
     "drop": _drop,
     "vanish": _vanish,

@@ -61,12 +61,15 @@ class EmulatedRouter:
         self._tallies: list[TrafficCounters] = []
         self._consoles: dict[str, Caller] = {}
         self._serial: SerialLine | None = None
+        self._ahead_s = 0.0
+        """How far the time of the router is ahead of ours."""
         self._radio: Callable[[], None] | None = None
         self._carried: Callable[[], bool] | None = None
 
     async def start(self) -> None:
         """Boot from the state directory and listen. Raises SeedRefused, or OSError if a port is taken."""
-        self.device = Device(self.spec, asyncio.get_running_loop().time)
+        loop = asyncio.get_running_loop()
+        self.device = Device(self.spec, lambda: loop.time() + self._ahead_s)
         flash = self._flash.load()
         if flash is not None:
             self.device.restore(flash)
@@ -78,6 +81,7 @@ class EmulatedRouter:
             tallies=self._tallies,
             others={"ssh": self._shell},
         )
+        self._board.ahead_s = self._ahead_s
         self.relink(self._link)
         self.turn(self._knobs)
         self.on_radio(self._radio, self._carried)
@@ -230,6 +234,18 @@ class EmulatedRouter:
     def silence(self, addresses: Sequence[str]) -> None:
         """Let no answer come from these addresses to what the router asks, and from all others again."""
         self.device.silence(addresses)
+        self._board.tell()
+
+    async def wait(self, seconds: float) -> None:
+        """Let time pass for the router alone, with all that becomes due; its connections stand still meanwhile."""
+        ours = asyncio.get_running_loop().time()
+        end = ours + self._ahead_s + seconds
+        while (due := self.device.due()) is not None and due <= end:
+            self._ahead_s = max(self._ahead_s, due - ours)
+            self.device.tick()
+        self._ahead_s = self._board.ahead_s = end - ours
+        self.device.tick()
+        await self._board.settle()
         self._board.tell()
 
     def drop(self) -> None:

@@ -8,7 +8,9 @@ What RouterOS offers over its API decides what can be proved:
 - a TCP target is tried by a netwatch row, and a time server by a routing rule and the router's own time client; both
   rows are on the router for a moment only, under safe mode, and only on a person's word (`/tool/fetch` speaks HTTP only
   and is forbidden by device-mode on home routers);
-- the VPN's own address follows the best link (a routing rule of ours), so it is only tried while that is the satellite.
+- the VPN's own address follows the best link (a routing rule of ours). Over TCP it is tried all the same, by a rule for
+  what the row sends from the link's own address; over UDP only while the satellite carries the traffic, which
+  `provision use` gives it for some minutes.
 """
 
 from __future__ import annotations

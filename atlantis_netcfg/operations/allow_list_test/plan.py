@@ -37,7 +37,10 @@ _LOGIN, _TERMINAL, _PING, _ROWS = 100, 700, 200, 2_000
 _NO_TCP = "a TCP connection needs a row of netwatch for a moment: add --try-all"
 _NO_TIME = "the time client has to be made to ask over it, which needs a routing rule for a moment: add --try-all"
 _FOLLOWS = "the router sends to the VPN's address over the best link, which is not the satellite now"
-_QUIET = "the satellite does not carry the traffic now, so nothing asks this target over it"
+_QUIET = (
+    "the satellite does not carry the traffic now, so nothing asks this target over it; put it in use for some minutes,"
+    " and try again"
+)
 _NO_UDP = "silence of UDP proves nothing, and nothing of the router's asks this target; try it by hand"
 
 
@@ -119,7 +122,7 @@ def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[Satell
     if target.transport is Transport.TCP:
         if not how.try_all:
             return SatelliteProbe.NONE, _NO_TCP
-        return (SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (SatelliteProbe.TCP, "")
+        return SatelliteProbe.TCP, ""
     if expected is Expected.REFUSED:
         return SatelliteProbe.NONE, _NO_UDP
     return _answering(target, how)
@@ -173,13 +176,20 @@ class NameReading:
         """Packets that went out to a target, by the rule that lets them out."""
         return self._passed(chain, task, "dst")
 
+    def went_out(self, chain: str, task: Task, before: NameReading) -> bool | None:
+        """Whether packets to a target were counted on their way out since `before`; None: no rule counts them."""
+        if not any(self._is_rule(row, task, "dst") for row in self.chain(chain)):
+            return None
+        return self.questions(chain, task) > before.questions(chain, task)
+
     def _passed(self, chain: str, task: Task, side: str) -> int:
+        return sum(_number(row, "packets") for row in self.chain(chain) if self._is_rule(row, task, side))
+
+    @staticmethod
+    def _is_rule(row: Row, task: Task, side: str) -> bool:
+        """Whether a rule is the one that lets a target's packets pass, and counts them."""
         unique = {f"{side}-address": task.address, f"{side}-port": str(task.port), "protocol": task.transport}
-        return sum(
-            _number(row, "packets")
-            for row in self.chain(chain)
-            if row.get("action") == "return" and all(row.get(name) == value for name, value in unique.items())
-        )
+        return row.get("action") == "return" and all(row.get(name) == value for name, value in unique.items())
 
 
 def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:

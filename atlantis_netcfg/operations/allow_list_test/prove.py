@@ -145,8 +145,13 @@ def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
 def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply) -> Iterator[Command]:
     first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
     for task in todo:
-        if task.probe is SatelliteProbe.TIME:
-            where = (("dst-address", f"{task.address}/32"), ("table", f"via-{bearer.name}"))
+        if task.probe in TEMPORARY_ROWS:
+            where: tuple[tuple[str, str], ...] = (
+                ("dst-address", f"{task.address}/32"),
+                ("table", f"via-{bearer.name}"),
+            )
+            if task.probe is SatelliteProbe.TCP:  # only what netwatch sends from the link's own address
+                where = (("src-address", f"{bearer.address}/32"), *where)
             words = (("action", "lookup-only-in-table"), ("comment", MARK), *where)
             yield Command("/routing/rule/add", (*words, first) if first is not None else words)
 
@@ -166,7 +171,14 @@ def connected(todo: Sequence[Task], status: Reply) -> set[Task]:
 def outcome(
     task: Task, answered: Collection[Task], before: NameReading, now: NameReading, out: str
 ) -> tuple[ProbeOutcome, str]:
-    """What was seen of one of these targets; `out` is the chain of what goes out."""
+    """What was seen of one of these targets; `out` is the chain of what goes out.
+
+    An answer proves something of the satellite only where the question went out over it.
+    """
+    elsewhere = task.probe is SatelliteProbe.TCP and now.went_out(out, task, before) is False
+    if elsewhere:
+        how = "it answered" if task in answered else "it was asked"
+        return ProbeOutcome.NOT_TRIED, f"{how}, but the router has counted nothing to it over the satellite"
     if task in answered:
         return ProbeOutcome.ANSWERED, ""
     if task.probe is SatelliteProbe.TIME and now.questions(out, task) <= before.questions(out, task):

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.cost import Bill, bill
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearers, probe_commands
 from atlantis_netcfg.bearers.satellite import judge_names
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.declaration.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.journal import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
@@ -21,6 +22,7 @@ from atlantis_netcfg.operations.jobs import endpoint_of
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
 from atlantis_netcfg.operations.links.status import (
+    IN_USE,
     BoxesStatus,
     SeenLinks,
     Silent,
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.standing import StandingTraffic
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.routeros.link_use import LinkUse
 
 
 @dataclass(slots=True)
@@ -259,6 +262,10 @@ class LinksStatus:
     """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
     standing: Mapping[str, StandingTraffic]
     """Bearer to what goes over it by itself, by the declaration."""
+    uptime_s: float | None = None
+    """Of the router; None: it was not read."""
+    use: LinkUse | None = None
+    """The link that is in use for a time instead of the declared order."""
     notes: tuple[str, ...] = ()
     """What went wrong beside the links."""
 
@@ -373,7 +380,7 @@ class _LinkSite:
         """Judge what was heard, and keep the counters."""
         site = self.declaration.sites[self.router.site]
         month = self._months()
-        active = self._active()
+        active, reading = self._active(), self._reading
         standing = standing_traffic(self.declaration, self.router.site)
         over = [over_budget(bearer, traffic) for bearer, traffic in zip(site.bearers, standing, strict=True)]
         seen = [
@@ -391,7 +398,7 @@ class _LinkSite:
             for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=ranked(_statuses(seen, over), site.failover.fail_back_s),
+            bearers=ranked(_statuses(seen, over), site.failover.fail_back_s, self._used(reading)),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
             probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
@@ -401,6 +408,8 @@ class _LinkSite:
             asked=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
             standing={item.link.name: item for item in standing},
+            uptime_s=None if reading is None else reading.uptime_s,
+            use=None if reading is None else reading.use,
             notes=tuple(self.notes),
         )
 
@@ -408,6 +417,12 @@ class _LinkSite:
     def _reading(self) -> RouterReading | None:
         answer = self._answer(self.router)
         return answer if isinstance(answer, RouterReading) else None
+
+    def _used(self, reading: RouterReading | None) -> tuple[str, BearerFinding] | None:
+        if reading is None or reading.use is None:
+            return None
+        hint = f"`provision use site={self.router.site} end` ends it now"
+        return reading.use.link, BearerFinding(Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
         return None if host is None else self.turn.answers.get(host.name)

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, BearerRoute, PolicyProbe, probe_commands
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
+from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 from atlantis_netcfg.routeros.observe import seconds
+from atlantis_netcfg.routeros.scheduler_jobs import ARMED
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping, Sequence
@@ -68,7 +70,7 @@ PINGS = 3
 _PORT = ("name", "default-name", "running", "disabled", "rx-byte", "tx-byte")
 _RULE = ("chain", "action", "disabled", "packets", "bytes")
 _NEIGHBOUR = ("address", "interface", "mac-address", "complete", "disabled", "invalid")
-_MENUS = 5
+_MENUS = 6
 """Questions besides the pings."""
 _TRUE = frozenset({"true", "yes"})
 _TIME = re.compile(r"(?:(\d+)s)?(?:(\d+)ms)?(?:(\d+)us)?")
@@ -121,6 +123,8 @@ class RouterReading:
     """By bearer; only the canaries whose pings were carried out."""
     neighbours: Mapping[str, tuple[SeenNeighbour, ...]] | None = None
     """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
+    use: LinkUse | None = None
+    """The link that is in use for a time instead of the declared order."""
     dropped: Mapping[str, tuple[int, int]] | None = None
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
@@ -135,6 +139,7 @@ def questions(routes: Sequence[BearerRoute]) -> tuple[tuple[Command, ...], tuple
         Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
         Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
         Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
+        ARMED,
     )
     return (*menus, *(Command(probe.path, probe.arguments) for probe in probes)), probes
 
@@ -156,7 +161,7 @@ async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) ->
 
 def read(replies: Sequence[Reply], probes: Sequence[PolicyProbe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
-    resource, ports, routes, neighbours, rules = (rows(reply) for reply in replies[:_MENUS])
+    resource, ports, routes, neighbours, rules, jobs = (rows(reply) for reply in replies[:_MENUS])
     called = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
     renamed = {port: name for port, name in called.items() if name != port}
     return RouterReading(
@@ -166,6 +171,7 @@ def read(replies: Sequence[Reply], probes: Sequence[PolicyProbe]) -> RouterReadi
         routes=routes,
         echoes=_echoes(probes, replies[_MENUS:]),
         neighbours=None if neighbours is None or renamed else _by_port(neighbours),
+        use=in_use(jobs or ()),
         dropped=None if rules is None else _by_chain(rules),
     )
 

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._types import Row
 
 
+IN_USE = "in-use-for-a-time"
+"""Code of the finding of a link that is in use instead of the declared order."""
 _MENUS = {family: f"/interface/{family}/print" for family in Family}
 _RADIO = "name,default-name,mac-address,disabled"
 
@@ -448,8 +450,23 @@ def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
     return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
-def ranked(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
-    """Say of each what follows from the order of preference; `statuses` stand in that order."""
+def ranked(
+    statuses: Sequence[BearerStatus], fail_back_s: int, use: tuple[str, BearerFinding] | None = None
+) -> tuple[BearerStatus, ...]:
+    """Say of each what follows from the order of preference; `statuses` stand in that order.
+
+    `use`: the link that is in use for a time, and what is said of that. It stands before all others meanwhile.
+    """
+    if use is None or all(status.name != use[0] for status in statuses):
+        return _by_rank(statuses, fail_back_s)
+    link, finding = use
+    order = sorted(statuses, key=lambda status: status.name != link)
+    found = {status.name: status for status in _by_rank(order, fail_back_s)}
+    found[link] = _with(found[link], finding)
+    return tuple(found[status.name] for status in statuses)
+
+
+def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
     if any(status.active is None for status in statuses):
         return tuple(statuses)
     active = [status.name for status in statuses if status.active]

@@ -52,6 +52,7 @@ from atlantis_netcfg.routeros.apply._state import (
     signs,
 )
 from atlantis_netcfg.routeros.apply._writer import ActionRefused, Writer
+from atlantis_netcfg.routeros.link_use import ROUTES
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
     HISTORY,
@@ -69,7 +70,8 @@ from atlantis_netcfg.routeros.observe import (
 from atlantis_netcfg.routeros.pin import LTE, monitor_of, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeUnavailable, held_by
-from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man, disarm
+from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
+from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man, disarm, forbidden
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -332,6 +334,7 @@ async def verify(work: RunContext, rest: Sequence[Action]) -> None:
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _until_told(work, await _read_anew(work))
     _compare(work, now, rest)
+    await _until_shown(work, now)
     work.after = now
     work.record(Verified(device=work.job.name, state=digest(now)))
 
@@ -371,6 +374,19 @@ async def _until_told(work: RunContext, now: Observed) -> Observed:
         await asyncio.sleep(patience.first_poll_s)
         now = replace(now, modem=modem_row(await work.channel.command(monitor)))
     return now
+
+
+async def _until_shown(work: RunContext, now: Observed) -> None:
+    """Wait until the routes do what the change is for, where a job says what that is. Raises VerificationFailed."""
+    if work.job.shows is None:
+        return
+    clock = asyncio.get_running_loop().time
+    until = clock() + work.job.patience.settle_s
+    while why := work.job.shows(now):
+        if clock() >= until:
+            raise VerificationFailed(why)
+        await asyncio.sleep(work.job.patience.first_poll_s)
+        now = merged(now, (ROUTES,), [await work.channel.command(printing(ROUTES))])
 
 
 def _compare(work: RunContext, now: Observed, rest: Iterable[Action]) -> None:
@@ -540,6 +556,8 @@ def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
 
 def _features(plan: Plan, facts: Facts) -> Iterator[str]:
     for action in plan.actions:
+        if action.menu == SCHEDULER and action.verb is not Verb.REMOVE and (why := forbidden(facts)):
+            yield f"{why}, so the job {action.subject} would never run: allow it with /system device-mode update"
         feature = _FEATURES.get(action.menu)
         desired = dict(action.values).get("enabled") in ("yes", "true")
         if feature is not None and desired and facts.device_mode.get(feature) in ("false", "no"):

@@ -11,6 +11,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.routeros.api import WINDOW, CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
 from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, DeviceJob, Unfit
 from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
+from atlantis_netcfg.routeros.scheduler_jobs import jobs_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,7 +78,7 @@ class Contact:
     async def until_fired(self, session: Channel, question: Command, patience_s: float) -> None:
         """Wait until no dead-man job is armed any more."""
         for pause_s in self._pauses(patience_s):
-            if not (await session.command(question)).rows:
+            if not jobs_of((await session.command(question)).rows):
                 return
             self._say("a dead-man job is armed: waiting until it has taken everything back")
             await asyncio.sleep(pause_s)

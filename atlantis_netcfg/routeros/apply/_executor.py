@@ -34,6 +34,7 @@ from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, Dr
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import ManagementPath, objections, touches
+from atlantis_netcfg.routeros.link_use import in_use, tolerated
 from atlantis_netcfg.routeros.observe import (
     BRIEF,
     LATER,
@@ -257,6 +258,10 @@ async def _read(work: RunContext) -> None:
     brief = [path for path in BRIEF if work.brief and path in job.desired.entire]
     work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted, brief=brief)
     work.left = look(work.before)
+    work.job = replace(job, desired=tolerated(job.desired, work.before))
+    use = in_use(work.before.jobs)
+    if use is not None and not any(note.startswith(f"{use.link} is in use") for note in work.notes):
+        work.notes.append(use.words(work.before.uptime_s))
     facts = work.before.facts
     work.record(
         DeviceObserved(device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before))

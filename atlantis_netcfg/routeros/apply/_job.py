@@ -147,6 +147,8 @@ class Patience:
     """From arming a dead-man job until it takes back what was not confirmed; beside safe mode `undo_s` comes to it."""
     modem_s: float = 90.0
     """For a modem that starts anew with a PIN, until it says whether the SIM has taken it."""
+    settle_s: float = 10.0
+    """For routes that were just written, until the device uses them."""
     first_poll_s: float = 1.0
     last_poll_s: float = 15.0
 
@@ -188,6 +190,8 @@ class DeviceJob:
     """Ports whose byte counters are read along, where that costs no round trip."""
     cost_policy: CostPolicy | None = None
     """Who says what the run may cost; None: it may cost anything."""
+    shows: Callable[[Observed], str] | None = None
+    """Says why the device does not do what the change was for, or nothing; None: the rows alone are what it is for."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -421,6 +421,7 @@ class RunContext:
     def ended(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
         read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
-        result = ended(self.job, result, read if self.plan is not None else None)
+        whole = self.plan is not None and not self.job.desired.partial
+        result = ended(self.job, result, read if whole else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result

@@ -191,8 +191,25 @@ _TOOLS = (
     ),
 )
 
+_SCHEDULER = Menu(
+    "/system/scheduler",
+    Shape.LIST,
+    # Before the routes that it puts back.
+    Layer.ATTACHMENT,
+    keys=("name",),
+    subject="{name}",
+    fields=(
+        text("name", None),
+        COMMENT,
+        DISABLED,
+        time("interval", "0s"),
+        text("on-event"),
+        *kept(text("start-date"), text("start-time"), policy("policy")),
+    ),
+)
+
 MENUS = (
     *(_IDENTITY, _CLOCK, _NOTE, _LOGGING_ACTION, _LOGGING, _NTP_CLIENT, _NTP_SERVERS),
-    *(_GROUP, _USER, _CERTIFICATE),
+    *(_GROUP, _USER, _CERTIFICATE, _SCHEDULER),
     *_TOOLS,
 )

@@ -133,8 +133,15 @@ def writes(
         for each in menu.fields:
             named = each.name in item.values or each.name in item.unknown
             if each.name in row and not named and not _stays(context, each):
-                desired |= _differing(menu, row, each.name, menu.default_of(each.name, row))
+                default = menu.default_of(each.name, row)
+                if not _is_run_time(context, menu, each.name, default, row):
+                    desired |= _differing(menu, row, each.name, default)
     return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in desired.items())
+
+
+def _is_run_time(context: Context, menu: Menu, name: str, desired: str | None, row: Row) -> bool:
+    """Tell whether the device itself has put another value there."""
+    return any(either.covers(menu, name, desired, row) for either in context.desired.run_time)
 
 
 def _stays(context: Context, each: Field) -> bool:
@@ -153,7 +160,7 @@ def _named(context: Context, report: MenuPlan, item: RowItem, row: Row, name: st
     if each.prompted and value:
         return _requested(context, report, item, row, name)
     desired = menu.default_of(name, row) if value is None else value
-    if any(either.covers(menu, name, desired, row) for either in context.desired.run_time):
+    if _is_run_time(context, menu, name, desired, row):
         return {}
     changes = _differing(menu, row, name, desired)
     if changes and each.board and not any(other.board and other.name in row for other in menu.fields):

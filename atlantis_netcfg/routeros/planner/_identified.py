@@ -242,7 +242,7 @@ def _set(work: _MatchedRows, match: _Match, row: Row) -> None:
 def _report_left(work: _MatchedRows) -> None:
     """Remove what was ours, or all in a menu that is ours entirely; tell of the rest."""
     menu = work.menu
-    if menu.shape is not Shape.LIST:
+    if menu.shape is not Shape.LIST or menu.path in work.context.desired.partial:
         return
     going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
     if going:

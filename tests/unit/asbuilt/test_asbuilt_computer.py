@@ -13,8 +13,8 @@ from atlantis_netcfg.asbuilt import computer
 from atlantis_netcfg.asbuilt.look import SiteLook
 from atlantis_netcfg.asbuilt.record import Link, Origin, ReadState
 from atlantis_netcfg.checklist.probes import CommandResult, Trouble
-from atlantis_netcfg.checklist.probes.registry import allowed
 from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.core.reading_programs import allowed
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.operations.request import Request
 

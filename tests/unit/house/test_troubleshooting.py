@@ -43,6 +43,7 @@ PASSED_ON = {
     ("routeros/api/_values.py", "Refused"): _CALLER,
     ("routeros/api/_values.py", "SessionLost"): _CALLER,
     ("routeros/apply/_change.py", "ActionRefused"): _DEVICE,
+    ("routeros/apply/_change.py", "VerificationFailed"): _CALLER,
     ("routeros/apply/_contact.py", "Unfit"): "the text says which of two radio menus fits, in the words of the plan",
     ("routeros/apply/_executor.py", "Busy"): _CAUSE,
     ("routeros/pair/_transaction.py", "ProtectionLost"): _CAUSE,

@@ -21,7 +21,7 @@ WAYS = (
     BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp"),
     BearerRoute("satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.91",), "ether3", "satellite", metered=True),
 )
-MENUS = ("resource", "interface", "route", "arp", "filter")
+MENUS = ("resource", "interface", "route", "arp", "filter", "scheduler")
 
 
 def replies(case: Mapping[str, Any]) -> list[Reply]:

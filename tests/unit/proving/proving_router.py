@@ -52,6 +52,8 @@ class Fake:
     """Whether the time server answers."""
     tells_both: bool = False
     """Whether the second one answers as well."""
+    more_rules: tuple[dict[str, str], ...] = ()
+    """Rules of the filter besides those of VPN and time."""
     clock: list[str] = field(default_factory=list)
     """What the time client was set to."""
 
@@ -106,6 +108,7 @@ class Fake:
                 {".id": "*6", "chain": OUT, "packets": str(int(asked)), **_reversed(SECOND_NTP_RULE)},
                 {".id": "*7", "chain": BACK, "packets": str(int(asked and self.tells_both)), **SECOND_NTP_RULE},
                 {".id": "*5", "chain": BACK, "action": "drop", "packets": "2"},
+                *self.more_rules,
             )
         )
 

@@ -249,6 +249,15 @@ def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, 
     assert {row["src-address"] for row in added} == {"10.10.2.2"}
 
 
+@pytest.mark.parametrize("connects", [True, False])
+def test_what_did_not_go_out_over_the_satellite_proves_nothing(connects: bool) -> None:  # noqa: FBT001 - a case
+    rule = {"chain": "to-satellite", "action": "return", "dst-address": ADDED, "dst-port": "443", "protocol": "tcp"}
+    router = Fake(connects=connects, more_rules=({**rule, "packets": "3"},))
+    proof = prove(router, proving(try_all=True, link=over_tcp()))
+    assert told(proof)[f"{ADDED} tcp 443"] == ("not tried", "INCONCLUSIVE")
+    assert "the router has counted nothing to it over the satellite" in proof.as_text()
+
+
 @pytest.mark.parametrize(
     ("asks", "tells", "seen"),
     [
@@ -263,9 +272,11 @@ def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: b
     assert told(proof)["192.0.2.123 udp 123"] == seen
     assert (router.clock, router.rows, router.held) == (["no", "yes"], [], False)
     ways = [dict(command.arguments) for command in router.sent if command.path == "/routing/rule/add"]
-    assert [(row["dst-address"], row["table"], row["place-before"]) for row in ways] == [
-        ("192.0.2.123/32", "via-satellite", "*A"),
-        ("192.0.2.124/32", "via-satellite", "*A"),
+    assert [(row["dst-address"], row["table"], row["place-before"], row.get("src-address")) for row in ways] == [
+        ("192.0.2.123/32", "via-satellite", "*A", None),
+        ("192.0.2.124/32", "via-satellite", "*A", None),
+        # The site's own packets to it, which have other senders, stay where they are.
+        ("203.0.113.2/32", "via-satellite", "*A", "10.10.2.2/32"),
     ]
 
 

@@ -22,7 +22,7 @@ IN_USE = """
 /ip/dhcp-client /ip/dns /ip/dns/static /ip/service /ip/ssh /ip/firewall/address-list /ip/firewall/filter
 /ip/firewall/nat /ip/firewall/mangle /ip/route /ip/neighbor/discovery-settings /ip/cloud /ip/proxy /ip/socks
 /ip/upnp /ipv6/settings /routing/table /routing/rule /routing/settings /system/identity /system/clock
-/system/ntp/client /system/ntp/client/servers /system/logging /system/logging/action /system/note
+/system/ntp/client /system/ntp/client/servers /system/scheduler /system/logging /system/logging/action /system/note
 /tool/mac-server /tool/mac-server/mac-winbox /tool/mac-server/ping /tool/bandwidth-server /user /user/group
 /certificate /interface/wireless /interface/wireless/security-profiles /interface/wireless/connect-list
 /interface/wireless/access-list /interface/wifi /interface/wifi/configuration /interface/wifi/channel

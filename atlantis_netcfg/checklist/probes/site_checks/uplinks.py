@@ -32,6 +32,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, Step
+from atlantis_netcfg.operations.links.status import IN_USE
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -106,6 +107,8 @@ class _DefaultRoute:
         ]
         unseen = [name for name, found in better.items() if isinstance(found, BearerFinding) or _state(found) is None]
         paid = ", which costs by the byte" if bearers[place].metered else ""
+        if (use := _in_use(results[f"look {active}"], active)) is not None:
+            return warn("in-use-for-a-time", f"traffic leaves by {active}{paid}: {use['message']}", use["hint"])
         if up:
             return self._passed_by(active, paid, up)
         if unseen:
@@ -134,6 +137,13 @@ class _DefaultRoute:
         if isinstance(result, BearerFinding):
             return (result,)
         return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), result))
+
+
+def _in_use(look: Answer, active: str) -> Mapping[str, str] | None:
+    """What was found of a link that is in use for a time instead of the declared order."""
+    found = bearer_status(look, active)
+    findings = () if isinstance(found, BearerFinding) else found.get("findings") or ()
+    return next((finding for finding in findings if finding.get("code") == IN_USE), None)
 
 
 def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> BearerFinding:

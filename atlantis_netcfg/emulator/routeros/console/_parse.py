@@ -118,9 +118,12 @@ class DoOnError:
 
 @dataclass(frozen=True, slots=True)
 class IfStatement:
-    """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression."""
+    """`:if (left sign right) do={ ... } else={ ... }`; right of `~` stands a regular expression.
 
-    left: Variable | Find
+    On the left of a time in seconds (`90s`) stands a command that returns a time: `[/system resource get uptime]`.
+    """
+
+    left: Variable | Find | MenuCommand
     sign: str
     right: int | str
     then: tuple[Statement, ...]
@@ -428,6 +431,8 @@ class Parser:
         self.text.space()
         pattern = sign == "~" and isinstance(left, Variable) and self.text.peek() == '"'
         right = self.text.value() if pattern else self.text.match(_INTEGER)
+        if isinstance(left, MenuCommand) and not self.text.take("s"):
+            raise self.text.error("syntax error")
         if sign is None or right is None or (sign == "~" and not pattern):
             raise self.text.error("syntax error")
         self._expect(")")
@@ -460,10 +465,15 @@ class Parser:
         self.menu = menu
         return Each(names[1], names[2], tuple(texts), body)
 
-    def _counted(self) -> Variable | Find:
+    def _counted(self) -> Variable | Find | MenuCommand:
         self.text.space()
         if self.text.peek() == "$":
             return self.text.variable()
+        if self.text.peek() == "[" and _LEN.match(self.text.source, self.text.at) is None:
+            found = self._bracket()
+            if isinstance(found, MenuCommand):
+                return found
+            raise self.text.error("syntax error")
         if self.text.match(_LEN) is None:
             raise self.text.error("syntax error")
         found = self._bracket()

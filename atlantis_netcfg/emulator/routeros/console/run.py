@@ -34,6 +34,7 @@ from atlantis_netcfg.emulator.routeros.console._parse import (
 from atlantis_netcfg.emulator.routeros.console.people import PrintView, reported, shown, summed
 from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.spec import Deviation
+from atlantis_netcfg.emulator.routeros.values import seconds
 from atlantis_netcfg.emulator.routeros.views import without_counters
 
 if TYPE_CHECKING:
@@ -215,9 +216,15 @@ class _Runner:
         return lines
 
     def _holds(self, choice: IfStatement) -> bool:
-        """Compare numbers; a variable that nobody has set is no number, and nothing holds of it."""
+        """Compare numbers and times; a variable that nobody has set is no number, and nothing holds of it.
+
+        Assumption: use-uptime-compares
+        """
         if isinstance(choice.left, Find) and isinstance(choice.right, int):
             return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
+        if isinstance(choice.left, MenuCommand) and isinstance(choice.right, int):
+            spent = seconds(self._returned(choice.left))
+            return spent is not None and _COMPARE[choice.sign](int(spent), choice.right)
         value = self.variables.get(choice.left.name, "") if isinstance(choice.left, Variable) else ""
         if isinstance(choice.right, str):
             return re.search(choice.right, value) is not None

@@ -163,6 +163,8 @@ class Switchboard:
         self._alarm = asyncio.Event()
         self._settling = asyncio.Lock()
         self._timers: list[asyncio.TimerHandle] = []
+        self.ahead_s = 0.0
+        """How far the time of the device is ahead of the loop's."""
         self.line: MemberLine | None = None
         """The serial line, beside the network."""
         self._gap_until = 0.0
@@ -346,7 +348,7 @@ class Switchboard:
             due = None if self.booting else self._device.due()
             try:
                 # Not wait_for: in Python 3.11 it forgets that it was cancelled if the alarm comes in the same moment.
-                async with asyncio.timeout_at(due):
+                async with asyncio.timeout_at(None if due is None else due - self.ahead_s):
                     await self._alarm.wait()
             except TimeoutError:
                 self._device.tick()

@@ -204,6 +204,14 @@ PINGED = (
     + "".join(f"64 bytes from 10.80.0.1: icmp_seq={number} ttl=64 time=62.0 ms\n" for number in range(1, 6))
     + "\n--- 10.80.0.1 ping statistics ---\n5 packets transmitted, {} received, {}0% packet loss, time 4006ms\n"
 )
+IN_USE = {
+    "state": "up",
+    "active": True,
+    "findings": [
+        {"verdict": "WARN", "code": "in-use-for-a-time", "message": "4g is in use until 20:30", "hint": "type `end`"}
+    ],
+}
+"""4G, as `provision links` tells it while it is in use."""
 LEAVE = "; ".join(
     f"/ip route disable [find gateway={gateway}]"
     for gateway in ("198.51.100.11", "198.51.100.12", "10.10.0.1 distance=11")
@@ -305,6 +313,7 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the router has sent no question by ARP": lambda: lines_of("/tool", {"status": "no interface", "sent": "0"}),
     # routes
     "a better link is up and not used": lambda: World(script=LEAVE),
+    "a link is in use for a time": lambda: World(looks={**LOOKS, "4g": IN_USE}, script=LEAVE),
     "the better link is down": lambda: World(
         looks={**LOOKS, "wifi-ptp": {"state": "down", "active": False}},
         script=LEAVE,

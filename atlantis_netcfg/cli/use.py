@@ -1,0 +1,204 @@
+"""`provision use`: let a link carry the traffic of a site for a time; the router puts its own order back by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    UNPROTECTED,
+    VERBOSE,
+    VIA,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.operations.link_use import UseRequest
+    from atlantis_netcfg.report.run import RunReport
+
+USE = CommandSpec(
+    "use",
+    "let a link carry the traffic of a site for a time; then the router puts the declared order back by itself",
+    group=Group.LINKS,
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("link", "the link that is to carry the traffic", example="4g"),
+        Word("for", "how long, from 1 minute to 24 hours", example="30m"),
+        Word("order", "`end`: the declared order holds again from now on", choices=("end",), bare=True),
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("unproved", "also a link that is down, or of which nobody has seen that it works"),
+        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        Flag("rehearse", "the same with an emulated router: there, and back by itself", harmless=True),
+        Flag("yes", "do not ask before changing the router"),
+        ACCEPT_COST,
+        UNPROTECTED,
+        ASK_VAULT_PASS,
+        JSON,
+        VERBOSE,
+    ),
+    details=(
+        "The end stands in a job of the router, which comes with the change: nobody has to come back. A restart of the "
+        "router ends it, too. Failover goes on: where the link fails, the next one takes over as declared.\n"
+        "Type it again to make it longer, shorter, or to take another link. It needs a router that may run jobs."
+    ),
+    changes=True,
+    plays=True,
+)
+
+
+def run_use(arguments: Arguments) -> ExitCode:
+    """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.operations.link_use import UseRequest, bearer_named, router_of
+    from atlantis_netcfg.operations.request import refuse_examples
+
+    site, unproved = arguments.word("site"), arguments.flag("unproved")
+    for_s = _for_s(arguments)
+    requests: list[UseRequest] = []
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        router = router_of(declaration, site)
+        if for_s is not None:
+            requests.append(UseRequest(site, bearer_named(declaration, site, arguments.word("link")), for_s, unproved))
+        return (router,)
+
+    with session(
+        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), chosen=chosen
+    ) as opened:
+        refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
+        if opened.rehearsal is not None:
+            _settle(opened)
+        report = _begin(opened, requests[0]) if requests else _end(opened)
+    return opened.close(report)
+
+
+def _for_s(arguments: Arguments) -> int | None:
+    """How long; None: to its end. Raises UsageError where the words do not go together."""
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations.link_use import span_s
+
+    site, span = arguments.word("site"), arguments.optional("for")
+    named = [name for name in ("link", "for") if arguments.optional(name) is not None]
+    whole = f"type `provision use site={site} link=4g for=30m`, or `provision use site={site} end`"
+    if arguments.optional("order") is None:
+        if span is None or len(named) < 2:  # noqa: PLR2004 - both words
+            missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in named)
+            raise UsageError(f"{missing} {'are' if len(named) == 0 else 'is'} missing", hint=whole)
+        return span_s(span)
+    if named:
+        raise UsageError("`end` ends whatever is in use: it takes no link and no time", hint=whole)
+    if arguments.flag("rehearse"):
+        raise UsageError(
+            "`end` has nothing to end on an emulated router",
+            hint="type it with `link=` and `for=`: that rehearses the end, too",
+        )
+    return None
+
+
+def _settle(opened: CommandSession) -> None:
+    """Configure the emulated router, and let it run for as long as it needs to judge its links."""
+    from atlantis_netcfg.cli._rehearse import announce
+    from atlantis_netcfg.routeros.link_use import SETTLED_S
+
+    announce(opened)
+    opened.configure_twins(strict=True)
+    _wait(opened, SETTLED_S)
+
+
+def _wait(opened: CommandSession, seconds: float) -> None:
+    """Put the clock of the emulated router forward."""
+    assert opened.rehearsal is not None  # noqa: S101 - only a rehearsal comes here
+    opened.rehearsal.twins.do(opened.hosts[0].name, "wait", seconds=seconds)
+
+
+def _begin(opened: CommandSession, use_request: UseRequest) -> RunReport:
+    from atlantis_netcfg.cli.links import seen
+
+    order = use_request.order(seen(opened))
+    _pay(opened, use_request)
+    opened.use = order
+    if opened.arguments.flag("plan"):
+        return opened.plan()
+    if opened.rehearsal is not None:
+        return _rehearsed(opened, use_request)
+    report = opened.change(ask=not opened.arguments.flag("yes"))
+    if not report.exit and not opened.as_json and order.until is not None:
+        from atlantis_netcfg.core.times import time_text
+
+        until = time_text(order.until, opened.declaration.pilot.time_zone)
+        print(translate(f"{order.link} carries the traffic of {opened.site} until {until}"), flush=True)
+    return report
+
+
+def _end(opened: CommandSession) -> RunReport:
+    from atlantis_netcfg.cli.links import seen
+    from atlantis_netcfg.operations.link_use import ended_order
+
+    opened.use = ended_order(opened.site, seen(opened))
+    if opened.arguments.flag("plan"):
+        return opened.plan()
+    return opened.change(ask=not opened.arguments.flag("yes"))
+
+
+def _pay(opened: CommandSession, use_request: UseRequest) -> None:
+    """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
+    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.operations.costs import link_of
+
+    link = link_of(opened.declaration, opened.site, use_request.bearer.name)
+    if not link.metered or opened.arguments.flag("plan"):
+        return
+    words = f"{use_request.cost(link).words}: all that the site sends and receives within that time"
+    if opened.rehearsed:
+        if not opened.as_json:
+            print(translate(f"a real use asks first: {words}"))
+        return
+    pay([words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+
+
+def _rehearsed(opened: CommandSession, use_request: UseRequest) -> RunReport:
+    """There and back: the link carries the traffic, a run changes nothing of it, and at the end the order is back."""
+    from atlantis_netcfg.operations import Mode
+
+    report = opened.perform(Mode.APPLY)
+    if report.exit:
+        return report
+    _see(opened, use_request.bearer.name, "it is in use instead of the declared order")
+    opened.use = None
+    again = opened.perform(Mode.APPLY)
+    if again.exit or any(result["planned"] for result in again.devices.values()):
+        return again
+    _tell(opened, "a run of the site changes nothing of it")
+    _wait(opened, use_request.for_s)
+    _see(opened, opened.declaration.sites[opened.site].bearers[0].name, "the declared order is back by itself")
+    return report
+
+
+def _see(opened: CommandSession, link: str, words: str) -> None:
+    """Say so when the link carries the traffic of the emulated router. Raises NetcfgError."""
+    from atlantis_netcfg.cli.links import seen
+    from atlantis_netcfg.core.errors import NetcfgError
+
+    active = [status.name for status in seen(opened).bearers if status.active]
+    if active != [link]:
+        raise NetcfgError(f"{link} does not carry the traffic of the emulated router, but {active}")
+    _tell(opened, f"{link} carries the traffic: {words}")
+
+
+def _tell(opened: CommandSession, words: str) -> None:
+    if not opened.as_json:
+        print(translate(words), flush=True)

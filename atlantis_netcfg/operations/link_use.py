@@ -1,0 +1,157 @@
+"""`provision use`: what a person asks for, whether the link admits it, and what it may cost.
+
+Whether a link is good enough is what `provision links` has just seen of it. A satellite is not probed, and a link
+without canaries cannot be: there a person has to say that it works (`--unproved`).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers import LinkState
+from atlantis_netcfg.bearers.cost import preview
+from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, nearest
+from atlantis_netcfg.declaration.model import Router
+from atlantis_netcfg.operations.request import LinkOrder
+from atlantis_netcfg.routeros.link_use import SETTLED_S
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers.cost import MeteredLink, Preview
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.links.look import LinksStatus
+
+SHORTEST_S: Final = 60
+LONGEST_S: Final = 86_400
+_SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
+_BITS = 8
+_UNPROVED = "add `--unproved` if you know that it works, or want to find out"
+
+
+class LinkNotFit(DeviceFailed):
+    """The link is down, or nobody has seen that it works: the traffic of the site stays where it is."""
+
+
+class NothingInUse(NothingMatched):
+    """`end` was typed, and no link is in use instead of the declared order."""
+
+
+def span_s(text: str) -> int:
+    """Return what `for=` says, in seconds. Raises UsageError."""
+    found = _SPAN.fullmatch(text)
+    hint = "type minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
+    if not text or found is None:
+        raise UsageError(f"`for={text}` is no time", hint=hint)
+    hours, minutes = (int(part or 0) for part in found.groups())
+    seconds = 3600 * hours + 60 * minutes
+    if not SHORTEST_S <= seconds <= LONGEST_S:
+        raise UsageError(f"`for={text}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint)
+    return seconds
+
+
+def router_of(declaration: Declaration, site: str) -> Host:
+    """Return the router that chooses among the links of a site. Raises UsageError where there is nothing to choose."""
+    if site not in declaration.sites:
+        near = nearest(site, declaration.sites)
+        listed = f"the sites are: {', '.join(declaration.sites)}"
+        raise UsageError(
+            f"`site={site}`: a link is put in use at one site",
+            hint=f"did you mean `site={near}`? {listed}" if near else listed,
+        )
+    router = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    bearers = declaration.sites[site].bearers
+    if router is None or len(bearers) < 2:  # noqa: PLR2004 - to choose among
+        only = f"`{bearers[0].name}` is its only link" if bearers else "it has no links"
+        raise UsageError(
+            f"`{site}` has no links to choose among: {only}",
+            hint=f"declare a second link in group_vars/{site}.yml, in the order of preference",
+        )
+    return router
+
+
+def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
+    """Return the link of that name. Raises UsageError, with the near miss."""
+    bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
+    if name not in bearers:
+        near = nearest(name, bearers)
+        listed = f"its links are: {', '.join(bearers)}"
+        raise UsageError(
+            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {listed}" if near else listed
+        )
+    return bearers[name]
+
+
+@dataclass(frozen=True, slots=True)
+class UseRequest:
+    """A link, and for how long."""
+
+    site: str
+    bearer: Bearer
+    for_s: int
+    unproved: bool = False
+    """A person has said that the link may be taken although nobody has seen that it works."""
+
+    def order(self, status: LinksStatus, now: datetime | None = None) -> LinkOrder:
+        """Return what the router shall hold from now on. Raises LinkNotFit, with what was seen of the link."""
+        uptime_s = self._uptime(status)
+        self._refuse_unfit(status)
+        until = (now or datetime.now(UTC)) + timedelta(seconds=self.for_s)
+        return LinkOrder(
+            link=self.bearer.name,
+            since_uptime_s=uptime_s,
+            until_uptime_s=uptime_s + self.for_s,
+            until=until.replace(second=0, microsecond=0),
+            proved=not self.unproved,
+        )
+
+    def cost(self, link: MeteredLink) -> Preview:
+        """Return what the traffic of the site can come to at most: what the declared rate lets through both ways."""
+        rate = self.bearer.rate
+        most = round((rate.up_kbps + rate.down_kbps) * 1000 / _BITS * self.for_s)
+        return preview(most, self.for_s, link, at_most=True)
+
+    def _uptime(self, status: LinksStatus) -> int:
+        if status.uptime_s is None:
+            silent = "; ".join(item.message for item in status.unreachable) or "it does not say how long it has run"
+            raise LinkNotFit(
+                f"the router of {self.site} was not read, so nothing was changed: {silent}",
+                hint=f"`provision links site={self.site}` shows which link carries the traffic",
+            )
+        if status.uptime_s < SETTLED_S:
+            raise LinkNotFit(
+                f"the router of {self.site} was started {status.uptime_s:.0f} s ago and is still judging its links",
+                hint=f"type the same again in {SETTLED_S - status.uptime_s:.0f} s",
+            )
+        return int(status.uptime_s)
+
+    def _refuse_unfit(self, status: LinksStatus) -> None:
+        found = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
+        if self.unproved or found.state is LinkState.UP:
+            return
+        why = "; ".join(finding.message for finding in found.findings)
+        if found.state in {LinkState.DOWN, LinkState.SEARCHING}:
+            raise LinkNotFit(
+                f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED
+            )
+        raise LinkNotFit(
+            f"whether {self.bearer.name} works is not proved, so nothing was changed: nobody asks over it",
+            hint=_UNPROVED,
+        )
+
+
+def ended_order(site: str, status: LinksStatus) -> LinkOrder:
+    """Return that the declared order holds again. Raises NothingInUse, LinkNotFit."""
+    if status.uptime_s is None:
+        raise LinkNotFit(
+            f"the router of {site} was not read, so nothing was changed",
+            hint=f"`provision links site={site}` shows which link carries the traffic",
+        )
+    if status.use is None:
+        raise NothingInUse(
+            f"no link of {site} is in use instead of the declared order, so there is nothing to end",
+            hint=f"`provision links site={site}` shows which link carries the traffic",
+        )
+    return LinkOrder()

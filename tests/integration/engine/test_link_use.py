@@ -1,0 +1,394 @@
+"""A link in use for a time: the order moves, is told, and comes back by itself, whoever dies and whatever the clock."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from engine_bench import Bench, on
+from test_sites import bench, declaration
+
+from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
+from atlantis_netcfg.emulator.routeros.spec import DeviceMode, DeviceModeName
+from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.routeros import JobMode, Status, desired
+from atlantis_netcfg.routeros.api import Session, SessionLost, Unreachable
+from atlantis_netcfg.routeros.apply import Patience
+from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, begun, ended
+from atlantis_netcfg.routeros.observe import seconds
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine, Iterator, Sequence
+
+    from atlantis_netcfg.bearers.policy import BearerRoute
+    from atlantis_netcfg.routeros import DeviceResult, Endpoint
+    from atlantis_netcfg.routeros.api import Command, Reply
+    from atlantis_netcfg.routeros.apply import Channel
+    from atlantis_netcfg.routeros.desired import Desired
+
+FOR_S = 600
+RUNNING_S = 200
+"""How long the router has run when a use begins."""
+PTP = ("198.51.100.11", "198.51.100.12")
+LTE = ("198.51.100.21", "198.51.100.22")
+UNTIL = datetime(2026, 11, 25, 20, 30, tzinfo=UTC)
+TOLD = "satellite is in use instead of the declared order until 2026-11-25 20:30 UTC (9 min left)"
+GAP_S = 70.0
+SHORT_S = 120
+"""Of a use that is killed."""
+HASTY = Patience(reach_s=30)
+"""A dead laptop waits for nobody."""
+
+
+def router(tmp_path: Path, **more: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec
+    """The router of the coastal site, as declared; its own address is there since its adoption."""
+    made = bench(tmp_path, "coastal-router")
+    adopted = "add address=10.64.101.1/24 "
+    seed = "".join(line for line in made.text.splitlines(keepends=True) if not line.startswith(adopted))
+    return bench(tmp_path, "coastal-router", seed=seed, **more)
+
+
+def exported(bench: Bench) -> str:
+    """The configuration; that a route is not checked may be written down, and means the same as nothing."""
+    return bench.export().replace("\\\n    ", "").replace("check-gateway=none ", "")
+
+
+@cache
+def ways() -> tuple[BearerRoute, ...]:
+    return ways_of(declaration(), declaration().hosts["coastal-router"])
+
+
+async def rows(bench: Bench, menu: str, *queries: str) -> list[dict[str, str]]:
+    answers = await bench.router.console([f"{menu}/print", *queries])
+    return [dict(word[1:].partition("=")[::2] for word in each.words) for each in answers if each.kind == "!re"]
+
+
+async def active(bench: Bench) -> str | None:
+    return active_bearer(await rows(bench, "/ip/route"), ways())
+
+
+async def armed(bench: Bench) -> bool:
+    return bool(await rows(bench, "/system/scheduler", "?name=atlantis-use"))
+
+
+async def uptime(bench: Bench) -> int:
+    return int(seconds((await rows(bench, "/system/resource"))[0]["uptime"]) or 0)
+
+
+async def use_of(bench: Bench, link: str, for_s: int = FOR_S) -> Desired:
+    since = await uptime(bench)
+    addresses = {way.name: way.address for way in ways()}
+    return begun(desired.read(bench.text), LinkUse(link, UNTIL, since + for_s), since, addresses)
+
+
+async def begin(bench: Bench, link: str, for_s: int = FOR_S, **changes: Any) -> DeviceResult:  # noqa: ANN401 - of DeviceJob
+    return await bench.converge(desired=await use_of(bench, link, for_s), **changes)
+
+
+async def started(bench: Bench) -> str:
+    """Let the router run for a while, and return its export."""
+    await asyncio.sleep(RUNNING_S)
+    assert await active(bench) == "wifi-ptp"
+    return exported(bench)
+
+
+@pytest.mark.parametrize("version", ["7.16", "7.18.2", "7.21.5"])
+@pytest.mark.parametrize("link", ["4g", "satellite"])
+def test_the_order_comes_back_by_itself(tmp_path: Path, version: str, link: str) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        changed = await begin(bench, link)
+        assert changed.status is Status.CHANGED, changed.message
+        assert await active(bench) == link
+        await asyncio.sleep(FOR_S - 3 * TICK_S)
+        assert await active(bench) == link
+        await asyncio.sleep(3 * TICK_S)
+        assert await active(bench) == "wifi-ptp"
+        assert exported(bench) == before
+        assert [row for row in await rows(bench, "/log") if row["topics"].startswith("script,error")] == []
+
+    on(router(tmp_path, version=version), act)
+
+
+def test_a_link_that_dies_in_use_is_left_as_declared_and_taken_again(tmp_path: Path) -> None:
+    """One silent canary moves nothing, two do, to the next link as declared; a link that is back is in use again."""
+
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        await begin(bench, "4g", 1500)
+        bench.router.silence(LTE[:1])
+        await asyncio.sleep(120)
+        assert await active(bench) == "4g"
+        bench.router.silence([*LTE, *PTP])
+        await asyncio.sleep(120)
+        assert await active(bench) == "satellite"
+        bench.router.silence(LTE)
+        await asyncio.sleep(180)
+        assert await active(bench) == "wifi-ptp"
+        bench.router.silence([])
+        await asyncio.sleep(240)
+        assert await active(bench) == "4g"
+        await asyncio.sleep(1500)
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+
+    on(router(tmp_path), act)
+
+
+@pytest.mark.parametrize("moment_s", [1, 35, 300, 595])
+@pytest.mark.parametrize("clock", ["1970-01-01 00:00:00", "2031-05-05 05:05:05"])
+def test_a_restart_ends_it_whatever_the_clock(tmp_path: Path, moment_s: int, clock: str) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        assert (await begin(bench, "4g")).status is Status.CHANGED
+        await asyncio.sleep(moment_s)
+        await bench.router.console(["/system/reboot"])
+        await asyncio.sleep(20)
+        date, time = clock.split()
+        await bench.router.console(["/system/clock/set", f"=date={date}", f"=time={time}"])
+        await asyncio.sleep(2 * TICK_S)
+        assert not await armed(bench)
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+
+    on(router(tmp_path), act)
+
+
+@pytest.mark.parametrize("clock", ["1970-01-01 00:00:00", "2031-05-05 05:05:05"])
+def test_a_clock_that_jumps_moves_no_end(tmp_path: Path, clock: str) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        await begin(bench, "4g")
+        await asyncio.sleep(100)
+        date, time = clock.split()
+        await bench.router.console(["/system/clock/set", f"=date={date}", f"=time={time}"])
+        await asyncio.sleep(FOR_S - 100 - 3 * TICK_S)
+        assert await active(bench) == "4g"
+        await asyncio.sleep(3 * TICK_S)
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+
+    on(router(tmp_path), act)
+
+
+def test_every_run_tells_it_and_changes_nothing_of_it(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        await started(bench)
+        await begin(bench, "satellite")
+        await asyncio.sleep(60)
+        during = exported(bench)
+        for mode in (JobMode.PLAN, JobMode.APPLY, JobMode.RESUME, JobMode.DRIFT):
+            found = await bench.converge(mode)
+            assert (found.status, found.planned) == (Status.UNCHANGED, 0), (mode, found.message, found.diff)
+            (note,) = [note for note in found.notes if "in use" in note]
+            assert note.startswith(TOLD)
+        assert exported(bench) == during
+        bench.text = bench.text.replace("memory-lines=2000", "memory-lines=3000")
+        assert (await bench.converge()).planned == 1
+        assert await active(bench) == "satellite"
+
+    on(router(tmp_path), act)
+
+
+def test_without_its_job_it_is_a_difference_that_a_run_puts_right(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        await begin(bench, "satellite")
+        await bench.router.console(["/system/scheduler/remove", "=numbers=atlantis-use"])
+        found = await bench.converge(JobMode.DRIFT)
+        assert found.status is Status.DRIFTED
+        assert [note for note in found.notes if "in use" in note] == []
+        assert (await bench.converge()).status is Status.CHANGED
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+
+    on(router(tmp_path), act)
+
+
+def test_it_is_prolonged_shortened_moved_and_ended(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        await begin(bench, "4g", 120)
+        await asyncio.sleep(30)
+        longer = await begin(bench, "4g", 900)
+        assert (longer.status, longer.planned) == (Status.CHANGED, 1), longer.diff
+        await asyncio.sleep(600)
+        assert await active(bench) == "4g"
+        assert (await begin(bench, "satellite", 900)).status is Status.CHANGED
+        assert await active(bench) == "satellite"
+        await asyncio.sleep(30)
+        assert (await begin(bench, "satellite", 60)).planned == 1
+        await asyncio.sleep(60)
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+        await begin(bench, "satellite", 900)
+        await asyncio.sleep(30)
+        over = await bench.converge(desired=ended(desired.read(bench.text)))
+        assert over.status is Status.CHANGED, over.message
+        assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
+        again = await bench.converge(desired=ended(desired.read(bench.text)))
+        assert again.status is Status.UNCHANGED
+
+    on(router(tmp_path), act)
+
+
+def test_a_router_that_may_not_run_jobs_refuses_it(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        refused = await begin(bench, "4g")
+        assert refused.status is Status.REFUSED
+        assert "forbids the scheduler, so the job atlantis-use would never run" in refused.message
+        assert exported(bench) == before
+
+    on(router(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME)), act)
+
+
+def test_a_link_that_does_not_carry_the_traffic_then_is_taken_back(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        before = await started(bench)
+        result = await begin(bench, "4g", shows=lambda _seen: "4g does not carry the traffic")
+        assert result.status is Status.ROLLED_BACK
+        assert "4g does not carry the traffic" in result.message
+        assert exported(bench) == before
+
+    on(router(tmp_path), act)
+
+
+def test_a_router_that_is_not_as_declared_refuses_it(tmp_path: Path) -> None:
+    async def act(bench: Bench) -> None:
+        refused = await begin(bench, "4g")
+        assert refused.status is Status.REFUSED
+        assert "there is no 0.0.0.0/0 via 198.51.100.21" in refused.message
+
+    on(bench(tmp_path, "coastal-router"), act)
+
+
+# --- killed at every moment ------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Laptop:
+    """It dies when it has sent so many sentences: nothing is sent any more, and its connections are gone."""
+
+    lives_for: int = 1_000_000
+    sent: int = 0
+
+    async def connect(self, endpoint: Endpoint) -> Channel:
+        """In place of `Session.open`."""
+        if self.sent >= self.lives_for:
+            raise Unreachable("the laptop is dead")
+        return _Mortal(await Session.open(endpoint), self)
+
+
+class _Mortal:
+    def __init__(self, session: Session, laptop: Laptop) -> None:
+        self.traffic = session.traffic
+        self._session = session
+        self._laptop = laptop
+
+    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+        (reply,) = await self.flight([command], silence_s=silence_s)
+        return reply
+
+    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+        laptop = self._laptop
+        room = max(0, laptop.lives_for - laptop.sent)
+        laptop.sent += min(room, len(commands))
+        if room >= len(commands):
+            return await self._session.flight(commands, silence_s=silence_s)
+        if room:
+            await self._session.flight(commands[:room], silence_s=silence_s)
+        await self._session.close(wait=False)
+        raise SessionLost("the laptop is dead", in_flight=True)
+
+    async def close(self, *, wait: bool = True) -> None:
+        await self._session.close(wait=wait)
+
+
+@cache
+def sentences(version: str) -> int:
+    """How many a use takes that nothing disturbs."""
+
+    async def act(bench: Bench) -> int:
+        await started(bench)
+        laptop = Laptop()
+        await begin(bench, "4g", SHORT_S, connect=laptop.connect)
+        return laptop.sent
+
+    with TemporaryDirectory() as folder:
+        return on(router(Path(folder), version=version), act)
+
+
+async def in_its_order(bench: Bench, before: str, run: Coroutine[Any, Any, DeviceResult]) -> DeviceResult:
+    """At the declared end the router is in its order, whatever has become of the run; and so it is for good."""
+    task = asyncio.ensure_future(run)
+    await asyncio.sleep(SHORT_S)
+    assert await active(bench) == "wifi-ptp"
+    result = await task
+    await asyncio.sleep(SHORT_S)
+    assert (await active(bench), exported(bench)) == ("wifi-ptp", before), result.message
+    return result
+
+
+def killed(tmp_path: Path, sentence: int, version: str) -> None:
+    async def act(bench: Bench) -> DeviceResult:
+        before = await started(bench)
+        use = await use_of(bench, "4g", SHORT_S)
+        return await in_its_order(
+            bench, before, bench.converge(desired=use, connect=Laptop(sentence).connect, patience=HASTY)
+        )
+
+    result = on(router(tmp_path, version=version), act)
+    assert result.status is not Status.CHANGED, sentence
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.7, 0.8, 0.9])
+def test_the_laptop_dies_at_some_moments(tmp_path: Path, part: float) -> None:
+    killed(tmp_path, round(part * sentences("7.18.2")), "7.18.2")
+
+
+PARTS = 8
+"""Of a campaign, so that each of its tests is over in time."""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
+def test_the_laptop_dies_at_every_moment(tmp_path: Path, version: str, part: int) -> None:
+    for sentence in range(part, sentences(version), PARTS):
+        killed(tmp_path / str(sentence), sentence, version)
+
+
+def cut(tmp_path: Path, sentence: int, kind: FaultKind, when: str) -> None:
+    """Cut a use at one sentence; whoever gets through again, the order is back in time."""
+
+    async def act(bench: Bench) -> DeviceResult:
+        before = await started(bench)
+        use = await use_of(bench, "4g", SHORT_S)
+        fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
+        bench.router.arm(LinkFault.model_validate(fault))
+        return await in_its_order(bench, before, bench.converge(desired=use))
+
+    on(router(tmp_path), act)
+
+
+def faults() -> Iterator[tuple[FaultKind, str]]:
+    for kind in FaultKind:
+        yield kind, "before"
+        yield kind, "after"
+
+
+@pytest.mark.parametrize(("kind", "when"), [(FaultKind.VANISH, "after"), (FaultKind.POWER, "before")])
+@pytest.mark.parametrize("part", [0.7, 0.8, 0.9])
+def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: float) -> None:
+    cut(tmp_path, round(part * sentences("7.18.2")), kind, when)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize(("kind", "when"), list(faults()))
+def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, part: int) -> None:
+    for sentence in range(1 + part, sentences("7.18.2") + 1, PARTS):
+        cut(tmp_path / str(sentence), sentence, kind, when)

@@ -1,0 +1,128 @@
+"""`provision use` on a real address: there, told by everybody, and back, by the router or by a person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+from hints_said import advised, said
+from quay import ROUTER, Quay, quay
+
+from atlantis_netcfg.bearers.policy import active_bearer
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.routeros.link_use import SETTLED_S
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+pytestmark = [pytest.mark.slow, pytest.mark.namespace]
+
+LINK = ("use", "site=coastal", "link=4g", "for=30m", "--yes", "--accept-cost")
+END = ("use", "site=coastal", "end", "--yes")
+TOLD = "4g is in use instead of the declared order until"
+NOT_ASKED = 6
+"""What `links` ends with here: no resolver is in this network, and only the router answers."""
+
+
+@dataclass
+class Technician:
+    """Somebody who types commands at the quay."""
+
+    at: Quay
+
+    def type(self, *words: str, code: int = 0) -> str:
+        more = ("--yes",) if words == ("site=coastal",) else ()
+        done = self.at.provision(*dict.fromkeys([*words, *more]), code=code)
+        return done.stdout + done.stderr
+
+    def active(self) -> str | None:
+        declaration = load(self.at.inventory, decrypt=lambda _text: "a secret that is long enough")
+        answer = self.at.do("console", words=["/ip/route/print"])
+        rows = [dict(word[1:].partition("=")[::2] for word in words) for kind, *words in answer if kind == "!re"]
+        return active_bearer(rows, ways_of(declaration, declaration.hosts[ROUTER]))
+
+    def wait(self, seconds: float) -> None:
+        """Let time pass for the router."""
+        self.at.do("wait", seconds=seconds)
+
+
+@pytest.fixture
+def technician(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Technician]:
+    """A router as declared, which has run for a while."""
+    with quay(tmp_path) as berth:
+        berth.configure()
+        monkeypatch.setenv("COLUMNS", "200")
+        somebody = Technician(berth)
+        somebody.wait(SETTLED_S)
+        yield somebody
+
+
+def test_it_is_told_by_every_command_and_ends_by_itself(technician: Technician) -> None:
+    before = technician.at.export()
+    assert "4g carries the traffic of coastal until" in technician.type(*LINK)
+    assert technician.active() == "4g"
+    assert TOLD in technician.type("site=coastal", "--plan")
+    run = technician.type("site=coastal")
+    assert TOLD in run
+    assert "0 changed" in run
+    assert TOLD in technician.type("drift", "site=coastal", f"only={ROUTER}")
+    links = technician.type("links", "site=coastal", f"only={ROUTER}", code=NOT_ASKED)
+    assert TOLD in " ".join(links.split())
+    assert technician.active() == "4g"
+    technician.wait(1800)
+    assert (technician.active(), technician.at.export()) == ("wifi-ptp", before)
+
+
+def test_what_is_advised_is_typed(technician: Technician) -> None:
+    """Every way out that is printed, in the situation in which it is printed."""
+    refused = technician.type("use", "site=coastal", "--yes", code=3)
+    begin, end = advised(said(refused, "type `provision use site={} link=4g for=30m`, or `provision use site={} end`"))
+    nothing = technician.type(*end, "--yes", code=7)
+    (look,) = advised(said(nothing, "`provision links site={}` shows which link carries the traffic"))
+    technician.type(*look, f"only={ROUTER}", code=NOT_ASKED)
+    technician.type(*begin, "--yes", "--accept-cost")
+    links = technician.type("links", "site=coastal", f"only={ROUTER}", code=NOT_ASKED)
+    (over,) = advised(said(links, "`provision use site={} end` ends it now"))
+    technician.type(*over, "--yes")
+    assert technician.active() == "wifi-ptp"
+
+
+def test_nobody_pays_for_it_without_having_said_so(technician: Technician) -> None:
+    before = technician.at.export()
+    refused = technician.type("use", "site=coastal", "link=4g", "for=30m", "--yes", code=4)
+    assert "up to" in refused
+    assert "--accept-cost" in refused
+    assert technician.at.export() == before
+
+
+def test_a_link_that_nobody_has_seen_to_work_is_taken_on_a_word_alone(technician: Technician) -> None:
+    before = technician.at.export()
+    words = ("use", "site=coastal", "link=satellite", "for=1h", "--yes", "--accept-cost")
+    assert "whether satellite works is not proved" in technician.type(*words, code=4)
+    technician.at.do("silence", addresses=["10.99.2.21", "10.99.2.22"])
+    assert "4g is down, so nothing was changed" in technician.type(*LINK, code=4)
+    assert technician.at.export() == before
+    technician.type(*words, "--unproved")
+    assert technician.active() == "satellite"
+    technician.wait(3600)
+    assert technician.active() == "wifi-ptp"
+
+
+def test_a_router_that_was_just_started_is_waited_for(technician: Technician) -> None:
+    technician.at.do("restart")
+    refused = technician.type(*LINK, code=4)
+    assert "is still judging its links" in refused
+
+
+def test_a_state_that_was_saved_meanwhile_does_not_bring_it_back(technician: Technician) -> None:
+    before = technician.at.export()
+    technician.type(*LINK)
+    technician.at.do("console", words=["/system/note/set", "=note=somebody was here"])
+    technician.type("site=coastal")
+    technician.type(*END)
+    assert technician.active() == "wifi-ptp"
+    technician.type("rollback", "site=coastal", "to=latest", f"only={ROUTER}", "--yes")
+    assert (technician.active(), technician.at.export()) == ("wifi-ptp", before)

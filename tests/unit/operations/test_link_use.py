@@ -1,0 +1,147 @@
+"""What `provision use` takes, what it refuses, and what it says of the cost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.bearers import BearerFinding, BearerStatus, LinkState
+from atlantis_netcfg.core.errors import NetcfgError, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.link_use import (
+    LinkNotFit,
+    NothingInUse,
+    UseRequest,
+    bearer_named,
+    ended_order,
+    router_of,
+    span_s,
+)
+from atlantis_netcfg.operations.links.look import LinksStatus
+from atlantis_netcfg.routeros.link_use import LinkUse, in_use
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+DECLARED = load(Path(__file__).parents[3] / "inventory")
+NOW = datetime(2026, 11, 25, 20, 0, 31, tzinfo=UTC)
+
+
+def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use: LinkUse | None = None) -> LinksStatus:
+    down = () if state is LinkState.UP else (BearerFinding(Verdict.FAIL, "silent", "no canary answers", "look"),)
+    bearers = tuple(
+        BearerStatus(
+            name=bearer.name,
+            kind=bearer.kind.value,
+            state=state,
+            active=None,
+            metered=True,
+            quality={},
+            month_bytes=None,
+            findings=down,
+        )
+        for bearer in DECLARED.sites["coastal"].bearers
+    )
+    return LinksStatus(
+        bearers=bearers,
+        boxes={},
+        months={},
+        probe_bytes={},
+        unreachable=(),
+        not_asked={},
+        round_trips={},
+        asked=(),
+        bills={},
+        uptime_s=uptime_s,
+        use=use,
+    )
+
+
+def wanted(link: str = "4g", for_s: int = 1800, *, unproved: bool = False) -> UseRequest:
+    return UseRequest("coastal", bearer_named(DECLARED, "coastal", link), for_s, unproved)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("1m", 60), ("30m", 1800), ("2h", 7200), ("1h30m", 5400), ("24h", 86400)]
+)
+def test_times_that_are_taken(text: str, seconds: int) -> None:
+    assert span_s(text) == seconds
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("0m", "is less than 1 minute"),
+        ("25h", "is more than 24 hours"),
+        ("24h1m", "is more than 24 hours"),
+        ("30", "is no time"),
+        ("30s", "is no time"),
+        ("half", "is no time"),
+    ],
+)
+def test_times_that_are_refused(text: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words) as refused:
+        span_s(text)
+    assert "`for=30m`" in str(refused.value.hint)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message", "hint"),
+    [
+        (lambda: router_of(DECLARED, "scc"), "`uplink` is its only link", "declare a second link"),
+        (lambda: router_of(DECLARED, "all"), "a link is put in use at one site", "the sites are: "),
+        (lambda: router_of(DECLARED, "costal"), "a link is put in use at one site", "did you mean `site=coastal`?"),
+        (
+            lambda: bearer_named(DECLARED, "coastal", "satelite"),
+            "has no link `satelite`",
+            "did you mean `link=satellite`?",
+        ),
+        (lambda: wanted().order(status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
+        (lambda: wanted().order(status(uptime_s=20)), "was started 20 s ago", "again in 100 s"),
+        (lambda: wanted().order(status(LinkState.DOWN)), "4g is down, .*: no canary answers", "--unproved"),
+        (lambda: wanted().order(status(LinkState.SEARCHING)), "4g is down", "--unproved"),
+        (lambda: wanted().order(status(LinkState.UNKNOWN)), "whether 4g works is not proved", "--unproved"),
+        (lambda: ended_order("coastal", status()), "there is nothing to end", "`provision links site=coastal`"),
+        (lambda: ended_order("coastal", status(uptime_s=None)), "was not read", "`provision links site=coastal`"),
+    ],
+)
+def test_what_is_refused(ask: Callable[[], object], message: str, hint: str) -> None:
+    with pytest.raises(NetcfgError, match=message) as refused:
+        ask()
+    assert hint in str(refused.value.hint)
+
+
+def test_refusals_have_their_exit_codes() -> None:
+    assert (LinkNotFit("").exit, NothingInUse("").exit, UsageError("").exit) == (4, 7, 3)
+
+
+def test_the_end_is_counted_by_the_router_and_told_by_this_computer() -> None:
+    order = wanted(for_s=3600).order(status(), NOW)
+    assert (order.link, order.since_uptime_s, order.until_uptime_s, order.proved) == ("4g", 500, 4100, True)
+    assert order.until == datetime(2026, 11, 25, 21, 0, tzinfo=UTC)
+    unproved = wanted(unproved=True).order(status(LinkState.UNKNOWN), NOW)
+    assert not unproved.proved
+
+
+def test_the_most_that_the_declared_rate_lets_through_is_told() -> None:
+    cost = wanted("satellite", 600).cost(link_of(DECLARED, "coastal", "satellite"))
+    rate = DECLARED.sites["coastal"].bearers[-1].rate
+    assert cost.bill.payload_bytes == round((rate.up_kbps + rate.down_kbps) * 1000 / 8 * 600)
+    assert "up to" in cost.words
+    assert "EUR" in cost.words
+
+
+def test_a_use_is_read_back_as_it_was_written() -> None:
+    use = LinkUse("4g", datetime(2026, 11, 25, 21, 0, tzinfo=UTC), 4100)
+    assert in_use([{"name": "atlantis-use", "comment": use.comment}]) == use
+    assert in_use([{"name": "somebody", "comment": use.comment}]) is None
+    assert in_use([{"name": "atlantis-use", "comment": "atlantis: something else"}]) is None
+    assert "(60 min left)" in use.words(500)
+    assert "(7 s left)" in use.words(4093)
+    assert "left" not in replace(use).words(None).partition(", by")[0]
