@@ -184,7 +184,7 @@ class CommandSession:
         )
 
     def configure_twins(self, *, strict: bool = False) -> None:
-        """Bring the emulated devices to their declared state: fresh from `provision adopt` they have no links, no filter.
+        """Bring the emulated devices to their declared state: fresh from `provision adopt` they have none of it.
 
         A check that fails is for whoever looks at them afterwards to tell, unless `strict`. Raises NetcfgError.
         """

@@ -47,7 +47,7 @@ from atlantis_netcfg.routeros.estimate import on_the_wire
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.bearers import BearerFinding, BearerStatus
+    from atlantis_netcfg.bearers import BearerStatus
     from atlantis_netcfg.bearers.standing import StandingTraffic
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.request import Request
