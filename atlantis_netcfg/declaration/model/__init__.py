@@ -58,6 +58,7 @@ from atlantis_netcfg.declaration.model.endpoints import (
     RcRfEndpoint,
     SeenFrom,
     UsblEndpoint,
+    WifiClient,
     WifiEndpoint,
     WifiRole,
 )
@@ -214,6 +215,7 @@ __all__ = [
     "VpnClient",
     "VpnServer",
     "VpnService",
+    "WifiClient",
     "WifiEndpoint",
     "WifiRole",
 ]

@@ -24,6 +24,7 @@ from atlantis_netcfg.declaration.rules import (
     secrets,
     vehicles,
     vpn,
+    wifi,
 )
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ RULES: tuple[Rule, ...] = (
     *dds.RULES,
     *vehicles.RULES,
     *endpoints.RULES,
+    *wifi.RULES,
     *management.CLOCK_RULES,
     *secrets.RULES,
 )

@@ -53,6 +53,11 @@ def claims(draft: Draft) -> Iterator[Claim]:
         for index, link in enumerate(site.served_links):
             what = f"link `{link.name}` of `{name}`"
             yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
+    for name, vehicle in draft.vehicles.items():
+        wifi = vehicle.endpoints.wifi
+        if wifi is not None and wifi.client is not None:
+            path = ("endpoints", "wifi", "client", "network")
+            yield Claim(wifi.client.network, f"the access point of `{name}`", Part("vehicle", name), path)
     if draft.pilot is not None:
         yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 

@@ -22,6 +22,7 @@ from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, Ra
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.core.secret import Secret
 
 _SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""
@@ -138,12 +139,17 @@ def country(draft: Draft) -> Iterator[Finding]:
 def key(draft: Draft) -> Iterator[Finding]:
     """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
     for _, part, ptp in _radios(draft):
-        if isinstance(ptp.key, SealedSecret):
-            continue
-        text = ptp.key.reveal()
-        if len(text) not in _KEY_CHARACTERS or not (text.isascii() and text.isprintable()):
+        if not is_passphrase(ptp.key):
             message = "the bridge's key must have 8 to 63 printable ASCII characters"
             yield draft.wrong(part, ("ptp", "key"), message, "make another key")
+
+
+def is_passphrase(key: Secret) -> bool:
+    """Whether radios take it; one that is still sealed cannot be looked at, and counts as taken."""
+    if isinstance(key, SealedSecret):
+        return True
+    text = key.reveal()
+    return len(text) in _KEY_CHARACTERS and text.isascii() and text.isprintable()
 
 
 def peers(draft: Draft) -> Iterator[Finding]:
