@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration.model import BearerKind, Device, Pilot, Router, Site
+    from atlantis_netcfg.render._cpe import RadioView
 
 
 BRIDGE = "bridge-lan"
@@ -259,6 +260,8 @@ class RouterView:
     """Unicast ports of the pilot's DDS, like 7410-7429."""
     names: tuple[Named, ...]
     forwards: tuple[Forwarded, ...]
+    access_point: RadioView | None = None
+    """Its own radio, where vehicles join it."""
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:

@@ -590,7 +590,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
         Column.WIFI,
         lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
-    endpoint = cell.endpoints.wifi
+    endpoint = cell.wifi
     if endpoint is not None:
         return (*bridges, _radio_step(cell, endpoint, "own" if bridges else ""))
     return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))

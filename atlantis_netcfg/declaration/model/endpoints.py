@@ -79,7 +79,7 @@ class WifiEndpoint(_EndpointModel):
     mac: MacAddress | None = None
     """Of the vehicle's radio; None: whoever has the address is believed."""
     seen_by: HostName | None = None
-    """Vehicle as station: RouterOS device whose registration table lists it; None: its access point is not ours."""
+    """Vehicle as station: RouterOS device whose registration table lists it; None: the site's router, if it has one."""
     low_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -75.0
     """Weaker is poor."""
     high_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -35.0

@@ -40,7 +40,7 @@ def joined_at_all(draft: Draft) -> Iterator[Finding]:
             message = f"the access point of `{name}` has a key and no name: a radio joins a network by its name"
             yield draft.wrong(part, (*_WIFI, "key"), message, "write its `ssid` beside it")
         elif not is_passphrase(key):
-            message = "the key of an access point must have 8 to 63 printable ASCII characters"
+            message = "the access point's key must have 8 to 63 printable ASCII characters"
             yield draft.wrong(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
 
 
