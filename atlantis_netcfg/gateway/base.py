@@ -143,6 +143,8 @@ class BaseView:
     neighbours: tuple[DeclaredNeighbour, ...]
     radios: tuple[str, ...]
     """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
+    opened: str | None
+    """The one of them that opens a network, and gives its stations their addresses."""
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
@@ -166,7 +168,8 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
-        radios=tuple(radio.interface for radio in radios.radios(declaration, host)),
+        radios=radios.interfaces(declaration, host),
+        opened=None if device.access_point is None else device.access_point.interface,
     )
 
 
@@ -225,6 +228,8 @@ class GatewayBase:
     """None: it stays as the image has it."""
     secrets: Mapping[str, str]
     """Word in a file to the vehicle whose key of its access point stands there."""
+    own_secret: str | None
+    """The word in the place of the key of the gateway's own access point; None: it has none."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
@@ -233,6 +238,7 @@ class GatewayBase:
             "packages": {"packages": packages},
             "configure": self.configuration.as_dict(),
             "secrets": dict(self.secrets),
+            "own_secret": self.own_secret,
         }
         return values if self.network is None else {**values, "network": self.network.as_dict()}
 
@@ -240,7 +246,7 @@ class GatewayBase:
 def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
     """Pure. In a rehearsal the networks of a computer are those of this machine: no tool of its own gives addresses."""
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, addressed=not rehearsed)
-    absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *(() if air.radios else (radios.UNIT,)))
+    absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
     packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
     return GatewayBase(
         packages=(*(Package(name) for name in packages), *air.packages),
@@ -258,6 +264,7 @@ def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = Fals
         ),
         network=None if rehearsed else gateway_network(declaration, host),
         secrets=air.secrets,
+        own_secret=None if air.opened is None else air.opened.placeholder,
     )
 
 

@@ -1,7 +1,8 @@
-"""The radios of a gateway computer: each joins access points of vehicles, which an AUV has on the surface.
+"""The radios of a gateway computer: they join access points of vehicles, which an AUV has on the surface.
 
-A unit of systemd for each radio runs wpa_supplicant as long as the radio is there; systemd-networkd gives it its
-address, and takes no route, name server or time from a robot. The firewall forwards nothing from or to a radio: robots
+One more may be an access point itself, for vehicles that are stations. A unit of systemd for each radio runs
+wpa_supplicant or hostapd as long as the radio is there; systemd-networkd gives it its address, and takes no route,
+name server or time from a robot. The firewall forwards nothing from or to a radio: robots
 of different partners meet in the VPN alone, where its policy says who may reach whom. The keys are no part of this: a
 file has a word in the place of each, and the role puts the key there.
 """
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import channels
-from atlantis_netcfg.declaration.model import SeenFrom, WifiRole
+from atlantis_netcfg.declaration.model import Gateway, SeenFrom, WifiRole
 from atlantis_netcfg.gateway.parts import Brought, Check, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.render import environment
 
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.declaration.model import WifiEndpoint
+    from atlantis_netcfg.declaration.model import GatewayAccessPoint, WifiEndpoint
 
 FOLDER = "/etc/atlantis/radios"
 """Ours alone: whatever else stands in it goes."""
 UNIT = "/etc/systemd/system/atlantis-radio@.service"
+ACCESS_POINT_UNIT = "/etc/systemd/system/atlantis-access-point@.service"
 NETWORKS = "/etc/systemd/network"
 PREFIX = "04-atlantis-radio-"
 """Of our files in there: before all others, for the first that names an interface holds."""
@@ -32,6 +34,13 @@ NETWORKD = "systemd-networkd.service"
 NO_RADIO = "atlantis-none"
 """A name that no interface has: a program that reads a file for it ends when it looks for the radio."""
 
+ACCEPT_HOSTAPD = (
+    "sh",
+    "-c",
+    f'! hostapd -i {NO_RADIO} "$1" 2>&1 | grep -e "^Line" -e "errors found in configuration"',
+    "sh",
+    "%s",
+)
 ACCEPT_SUPPLICANT = (
     "sh",
     "-c",
@@ -40,6 +49,11 @@ ACCEPT_SUPPLICANT = (
     "%s",
 )
 """wpa_supplicant cannot only check a file: here it reads it, tells what it does not understand, and finds no radio."""
+
+
+def quoted(ssid: str) -> str:
+    """The name of a network in quotes where it is plain, else as hexadecimal digits (wpa_supplicant.conf)."""
+    return f'"{ssid}"' if ssid.isascii() and ssid.isprintable() else ssid.encode().hex()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +66,8 @@ class AccessPoint:
 
     @property
     def ssid(self) -> str:
-        """As wpa_supplicant takes it: in quotes where it is plain, else as hexadecimal digits (wpa_supplicant.conf)."""
-        name = self.wifi.ssid or ""
-        return f'"{name}"' if name.isascii() and name.isprintable() else name.encode().hex()
+        """As wpa_supplicant takes it."""
+        return quoted(self.wifi.ssid or "")
 
     @property
     def pattern(self) -> str:
@@ -97,6 +110,57 @@ class Radio:
         return {f"{NETWORKS}/{PREFIX}{self.interface}-{item.vehicle}.network": item for item in self.access_points}
 
 
+@dataclass(frozen=True, slots=True)
+class OpenedNetwork:
+    """The radio that is an access point itself."""
+
+    radio: GatewayAccessPoint
+
+    placeholder: str = "@key-of-the-access-point@"
+
+    @property
+    def interface(self) -> str:
+        """Its name."""
+        return self.radio.interface
+
+    @property
+    def file(self) -> str:
+        """What hostapd reads."""
+        return f"{FOLDER}/{self.interface}.conf"
+
+    @property
+    def unit(self) -> str:
+        """What runs it."""
+        return f"atlantis-access-point@{self.interface}.service"
+
+    @property
+    def network(self) -> str:
+        """What systemd-networkd reads."""
+        return f"{NETWORKS}/{PREFIX}{self.interface}.network"
+
+    @property
+    def ssid(self) -> str:
+        """As hostapd takes it in `ssid2` (hostapd.conf)."""
+        return quoted(self.radio.ssid)
+
+    @property
+    def channel(self) -> int:
+        """Number of the channel (IEEE 802.11, annex E)."""
+        return (self.radio.frequency_mhz - (2407 if self.radio.band == "2ghz" else 5000)) // 5
+
+    @property
+    def address(self) -> str:
+        """Of the gateway in it, with the prefix length."""
+        return f"{self.radio.address}/{self.radio.network.prefixlen}"
+
+
+def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
+    """Every radio in a network of robots."""
+    opened = host.device.access_point if isinstance(host.device, Gateway) else None
+    names = [radio.interface for radio in radios(declaration, host)]
+    return tuple(names if opened is None else [*names, opened.interface])
+
+
 def radios(declaration: Declaration, host: Host) -> tuple[Radio, ...]:
     """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
     tested = declaration.sites[host.site].checklist.vehicles
@@ -116,13 +180,22 @@ class GatewayRadios:
     radios: tuple[Radio, ...]
     country: str
     """ISO 3166-1: its law holds for the radios."""
+    opened: OpenedNetwork | None = None
+    """The one that is an access point."""
     addressed: bool = True
     """False in a rehearsal, whose networks are this computer's: their addresses are left alone."""
 
     @property
     def packages(self) -> tuple[Package, ...]:
         """What runs a radio."""
-        return (Package("wpasupplicant"),) if self.radios else ()
+        joining = (Package("wpasupplicant"),) if self.radios else ()
+        return joining if self.opened is None else (*joining, Package("hostapd"))
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Units that nothing needs."""
+        needed = {UNIT: bool(self.radios), ACCESS_POINT_UNIT: self.opened is not None}
+        return tuple(path for path, there in needed.items() if not there)
 
     @property
     def files(self) -> Iterator[File]:
@@ -134,54 +207,77 @@ class GatewayRadios:
                 yield File(path, _render("radio.network.j2", radio=radio, item=item))
         if self.radios:
             yield File(UNIT, _render("radio.service.j2", folder=FOLDER))
+        if self.opened is not None:
+            text = _render("access-point.conf.j2", opened=self.opened, country=self.country)
+            yield File(self.opened.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
+            yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER))
+            if self.addressed:
+                yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
+
+    @property
+    def _running(self) -> list[tuple[str, str, str, str]]:
+        """Interface, unit, the unit's file, and the file that its program reads."""
+        joining = [(radio.interface, radio.unit, UNIT, radio.file) for radio in self.radios]
+        if self.opened is None:
+            return joining
+        return [*joining, (self.opened.interface, self.opened.unit, ACCESS_POINT_UNIT, self.opened.file)]
+
+    @property
+    def _networks(self) -> tuple[str, ...]:
+        joined = [path for radio in self.radios for path in radio.networks]
+        return tuple(joined if self.opened is None else [*joined, self.opened.network])
 
     @property
     def steps(self) -> tuple[ConvergeStep, ...]:
         """What is declared no more is taken away before what is declared is started."""
-        kept = [path for radio in self.radios for path in radio.networks]
-        names = [radio.unit for radio in self.radios]
+        names = " ".join(unit for _, unit, _, _ in self._running)
         remove = ConvergeStep(
             "take away the radios that are declared no more",
-            ("sh", "-c", _TAKE_AWAY, "sh", f" {' '.join(kept)} ", f" {' '.join(names)} "),
-            (UNIT,),
+            ("sh", "-c", _TAKE_AWAY, "sh", f" {' '.join(self._networks)} ", f" {names} "),
+            (UNIT, ACCESS_POINT_UNIT),
         )
-        return (remove, *(self._start(radio) for radio in self.radios))
-
-    def _start(self, radio: Radio) -> ConvergeStep:
-        run = ("sh", "-c", _START, "sh", radio.unit, radio.interface)
-        return ConvergeStep(f"start {radio.interface} where it is plugged in", run, (UNIT, radio.file))
+        start = (
+            ConvergeStep(f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read))
+            for name, unit, file, read in self._running
+        )
+        return (remove, *start)
 
     @property
     def units(self) -> Iterator[Unit]:
         """A radio that is not plugged in is not waited for."""
-        if self.radios and self.addressed:
-            files = tuple(path for radio in self.radios for path in radio.networks)
-            yield Unit(NETWORKD, enabled=True, active=True, after=files, reload=True)
-        for radio in self.radios:
-            yield Unit(radio.unit, enabled=True, after=(UNIT, radio.file), wait=False)
+        if self._running and self.addressed:
+            yield Unit(NETWORKD, enabled=True, active=True, after=self._networks, reload=True)
+        for _, unit, file, read in self._running:
+            yield Unit(unit, enabled=True, after=(file, read), wait=False)
+        if self.opened is not None:
+            # Debian's own, which reads another file; it would take every radio of that file.
+            yield Unit("hostapd.service", enabled=False, active=False)
 
     @property
     def brought(self) -> tuple[Brought, ...]:
         """A radio is a thing that a person plugs in."""
-        return tuple(Brought(f"/sys/class/net/{radio.interface}", self._missing(radio)) for radio in self.radios)
+        uses = {
+            radio.interface: f"joins the access point of {', '.join(item.vehicle for item in radio.access_points)}"
+            for radio in self.radios
+        }
+        if self.opened is not None:
+            uses[self.opened.interface] = f"opens the network {self.opened.radio.ssid}"
+        return tuple(Brought(f"/sys/class/net/{name}", self._missing(name, use)) for name, use in uses.items())
 
-    def _missing(self, radio: Radio) -> str:
-        names = ", ".join(item.vehicle for item in radio.access_points)
+    def _missing(self, name: str, use: str) -> str:
         if not self.addressed:
-            return f"not rehearsed: {radio.interface} joins the access point of {names}, for this machine has no radio"
-        return f"there is no radio {radio.interface} here, which joins the access point of {names}: plug it in"
+            return f"not rehearsed: {name} {use}, for this machine has no radio"
+        return f"there is no radio {name} here, which {use}: plug it in"
 
     @property
     def checks(self) -> tuple[Check, ...]:
         """Nobody else drives the radios."""
-        if not self.radios:
+        names = [name for name, _, _, _ in self._running]
+        if not names:
             return ()
-        names = ", ".join(radio.interface for radio in self.radios)
-        hint = (
-            "on the computer: `nmcli device set NAME managed no`, and the same in a file of /etc/NetworkManager/conf.d"
-        )
-        words = ("sh", "-c", _ALONE, "sh", *(radio.interface for radio in self.radios))
-        return (Check(words, f"NetworkManager drives a radio of {names} as well, and may take it away", hint),)
+        hint = "on the computer: `nmcli device set NAME managed no`, and so in a file of /etc/NetworkManager/conf.d"
+        finding = f"NetworkManager drives a radio of {', '.join(names)} as well, and may take it away"
+        return (Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
 
     @property
     def secrets(self) -> dict[str, str]:
@@ -192,7 +288,9 @@ class GatewayRadios:
 def gateway_radios(declaration: Declaration, host: Host, *, addressed: bool = True) -> GatewayRadios:
     """Pure."""
     country = channels.COUNTRY_CODES[declaration.pilot.country]
-    return GatewayRadios(radios(declaration, host), country, addressed)
+    assert isinstance(host.device, Gateway)  # noqa: S101 - callers choose gateways
+    opened = None if host.device.access_point is None else OpenedNetwork(host.device.access_point)
+    return GatewayRadios(radios(declaration, host), country, opened, addressed)
 
 
 _TAKE_AWAY = f"""\
@@ -201,9 +299,10 @@ for file in {NETWORKS}/{PREFIX}*.network; do
     case "$1" in *" $file "*) ;; *) [ ! -e "$file" ] || {{ rm -f "$file"; gone=yes; }} ;; esac
 done
 [ -z "$gone" ] || networkctl reload 2>/dev/null || :
-for link in /etc/systemd/system/*.wants/atlantis-radio@*.service; do
+for link in /etc/systemd/system/*.wants/atlantis-*@*.service; do
     [ -L "$link" ] || continue
     unit="${{link##*/}}"
+    case "$unit" in atlantis-radio@*|atlantis-access-point@*) ;; *) continue ;; esac
     case "$2" in *" $unit "*) ;; *) systemctl --quiet disable --now "$unit" 2>/dev/null; rm -f "$link" ;; esac
 done
 systemctl daemon-reload

@@ -28,9 +28,9 @@ from atlantis_netcfg.declaration.model._base import (
     Model,
     Name,
     PortName,
+    Radio,
     SecretText,
     Sha256,
-    Ssid,
     Text,
     Transport,
 )
@@ -139,36 +139,6 @@ class SignalBounds(Model):
     """Weaker than this is poor, in dBm."""
     strongest_dbm: Annotated[StrictInt, Field(ge=-60, le=-10)] = -35
     """Stronger than this overdrives the receiver, in dBm."""
-
-
-class Radio(Model):
-    """What every radio of ours is set to that others join."""
-
-    ssid: Ssid
-    """Name of the radio network, the same at every end."""
-    standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
-    """Of the radio cards; every end has it."""
-    band: Literal["2ghz", "5ghz"]
-    """2.4 or 5 GHz."""
-    frequency_mhz: StrictInt
-    """Centre of the channel, in MHz; it must be one that the country allows."""
-    width_mhz: Literal[20, 40, 80] = 20
-    """Of the channel, in MHz."""
-    country: Literal["portugal", "belgium"]
-    """Regulatory domain, the one of the pilot."""
-    outdoor: StrictBool = True
-    """Whether the antennas stand outdoors: some channels are for indoors only."""
-    key: SecretText
-    """Passphrase of the network, the same at every end. Vaulted, or EXAMPLE-…."""
-    wpa: Literal["wpa2", "wpa3"] = "wpa2"
-    """With protocol 802.11; wpa3 exists in the `wifi` menus only."""
-    tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
-    """At the antenna's socket; None leaves it to the country's limit, which is too much for a short link."""
-    antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
-    """From the antenna's data sheet; with it the radiated power is held below the country's limit.
-
-    RouterOS' `wifi` menus take 30 at most.
-    """
 
 
 class Ptp(Radio):

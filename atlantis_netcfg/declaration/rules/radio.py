@@ -17,7 +17,7 @@ from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, Radio, RadioMenus, Router
+from atlantis_netcfg.declaration.model import Cpe, Gateway, Ptp, PtpMode, PtpProtocol, Radio, RadioMenus, Router
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,9 +40,10 @@ def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, Radio]]:
     """Every radio that the law and the cards bind alike, with the block in which it is declared."""
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
-    for host, _, router in draft.boxes(Router):
-        if router.access_point is not None:
-            yield Part("device", host), "access_point", router.access_point
+    for kind in (Router, Gateway):
+        for host, _, box in draft.boxes(kind):
+            if box.access_point is not None:
+                yield Part("device", host), "access_point", box.access_point
 
 
 def standard_and_band(draft: Draft) -> Iterator[Finding]:

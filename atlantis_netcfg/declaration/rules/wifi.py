@@ -1,4 +1,4 @@
-"""The gateway's radios: which access points of vehicles they join, and with which address."""
+"""The gateway's radios: which access points of vehicles they join, and the network that one of them opens."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.findings import Finding
 
 _WIFI = ("endpoints", "wifi")
+_WIDTH_MHZ = 20
 
 
 def _joined(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
@@ -94,14 +95,55 @@ def addresses(draft: Draft) -> Iterator[Finding]:
 def radios(draft: Draft) -> Iterator[Finding]:
     """The radio that joins vehicles is not the interface of the gateway's LAN."""
     for host, site, gateway in draft.boxes(Gateway):
-        lan = {gateway.network.interface} if gateway.network is not None else set()
-        lan |= {gateway.image.interface} if gateway.image is not None and gateway.image.interface is not None else set()
         tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _joined(draft):
-            if wifi.interface in lan and (tested is None or name in tested):
+            if wifi.interface in _lan(gateway) and (tested is None or name in tested):
                 message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
                 hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
                 yield draft.wrong(Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios)
+def _lan(gateway: Gateway) -> set[str | None]:
+    blocks = (gateway.network, gateway.image)
+    return {block.interface for block in blocks if block is not None and block.interface is not None}
+
+
+def opened(draft: Draft) -> Iterator[Finding]:
+    """What hostapd 2.9, of Ubuntu 20.04, can do with one radio, at an address that the gateway can have."""
+    for host, _, gateway in draft.boxes(Gateway):
+        radio, part = gateway.access_point, Part("device", host)
+        if radio is None:
+            continue
+        if radio.standard == "802.11ax":
+            message = "hostapd 2.9, which Ubuntu 20.04 has, does not know 802.11ax"
+            yield draft.wrong(part, ("access_point", "standard"), message, "choose 802.11ac or an older standard")
+        if radio.width_mhz != _WIDTH_MHZ:
+            message = f"this toolkit sets up a gateway's access point with {_WIDTH_MHZ} MHz alone"
+            yield draft.wrong(part, ("access_point", "width_mhz"), message, "leave `width_mhz` out")
+        for name in ("tx_power_dbm", "antenna_gain_dbi"):
+            if getattr(radio, name) is not None:
+                message = f"hostapd sets no power: `{name}` would do nothing on a gateway"
+                hint = f"leave `{name}` out: the radio keeps to the country's limit"
+                yield draft.wrong(part, ("access_point", name), message, hint)
+        if why := why_unusable(radio.address, radio.network):
+            path = ("access_point", "address")
+            yield draft.wrong(part, path, f"{radio.address} {why}", example_in(radio.network))
+
+
+def one_use(draft: Draft) -> Iterator[Finding]:
+    """A radio opens a network, or joins others; it is not the interface of the LAN either."""
+    for host, site, gateway in draft.boxes(Gateway):
+        if gateway.access_point is None:
+            continue
+        name, path = gateway.access_point.interface, ("access_point", "interface")
+        tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
+        joins = [key for key, wifi, _ in _joined(draft) if wifi.interface == name and (tested is None or key in tested)]
+        if name in _lan(gateway):
+            message = f"`{name}` is the interface of the LAN, and no radio"
+            yield draft.wrong(Part("device", host), path, message, "write the name of a radio, like wlan3")
+        elif joins:
+            message = f"`{name}` joins the access point of `{joins[0]}`: one radio does not open a network as well"
+            yield draft.wrong(Part("device", host), path, message, "name another radio, here or at the vehicle")
+
+
+RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios, opened, one_use)
