@@ -256,18 +256,22 @@ class GatewayRadios:
     @property
     def brought(self) -> tuple[Brought, ...]:
         """A radio is a thing that a person plugs in."""
-        uses = {
-            radio.interface: f"joins the access point of {', '.join(item.vehicle for item in radio.access_points)}"
-            for radio in self.radios
-        }
+        notes = {radio.interface: self._joins(radio) for radio in self.radios}
         if self.opened is not None:
-            uses[self.opened.interface] = f"opens the network {self.opened.radio.ssid}"
-        return tuple(Brought(f"/sys/class/net/{name}", self._missing(name, use)) for name, use in uses.items())
+            notes[self.opened.interface] = self._opens(self.opened)
+        return tuple(Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
-    def _missing(self, name: str, use: str) -> str:
+    def _joins(self, radio: Radio) -> str:
+        name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
         if not self.addressed:
-            return f"not rehearsed: {name} {use}, for this machine has no radio"
-        return f"there is no radio {name} here, which {use}: plug it in"
+            return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
+        return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
+
+    def _opens(self, opened: OpenedNetwork) -> str:
+        name, ssid = opened.interface, opened.radio.ssid
+        if not self.addressed:
+            return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"
+        return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
 
     @property
     def checks(self) -> tuple[Check, ...]:

@@ -170,8 +170,9 @@ def key(draft: Draft) -> Iterator[Finding]:
     """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
     for part, block, radio in _transmitters(draft):
         if not is_passphrase(radio.key):
-            owner = "bridge" if block == "ptp" else "access point"
-            message = f"the {owner}'s key must have 8 to 63 printable ASCII characters"
+            message = "the bridge's key must have 8 to 63 printable ASCII characters"
+            if block != "ptp":
+                message = "the access point's key must have 8 to 63 printable ASCII characters"
             yield draft.wrong(part, (block, "key"), message, "make another key")
 
 

@@ -35,7 +35,7 @@ def joined_at_all(draft: Draft) -> Iterator[Finding]:
             message = f"`{name}` is a station: the key of the site's network is declared at its access point"
             yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
         elif wifi.seen_from is not SeenFrom.GATEWAY:
-            message = f"the access point of `{name}` is joined by the {wifi.seen_from}, which nobody configures"
+            message = f"the access point of `{name}` is joined by the laptop, which nobody configures"
             yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
         elif wifi.ssid is None:
             message = f"the access point of `{name}` has a key and no name: a radio joins a network by its name"
