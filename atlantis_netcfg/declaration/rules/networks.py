@@ -56,13 +56,13 @@ def claims(draft: Draft) -> Iterator[Claim]:
             yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
     for host, _, gateway in draft.boxes(Gateway):
         if gateway.access_point is not None:
-            network, path = gateway.access_point.network, ("access_point", "network")
-            yield Claim(network, f"the access point of `{host}`", Part("device", host), path)
+            network, what = gateway.access_point.network, f"the access point of `{host}`"
+            yield Claim(network, what, Part("device", host), ("access_point", "network"))
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
         if wifi is not None and wifi.client is not None:
-            path = ("endpoints", "wifi", "client", "network")
-            yield Claim(wifi.client.network, f"the access point of `{name}`", Part("vehicle", name), path)
+            network, what = wifi.client.network, f"the access point of `{name}`"
+            yield Claim(network, what, Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
     if draft.pilot is not None:
         yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 

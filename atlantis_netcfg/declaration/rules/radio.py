@@ -40,10 +40,9 @@ def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, Radio]]:
     """Every radio that the law and the cards bind alike, with the block in which it is declared."""
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
-    for kind in (Router, Gateway):
-        for host, _, box in draft.boxes(kind):
-            if box.access_point is not None:
-                yield Part("device", host), "access_point", box.access_point
+    for host, device in draft.devices.items():
+        if isinstance(device, Router | Gateway) and device.access_point is not None:
+            yield Part("device", host), "access_point", device.access_point
 
 
 def standard_and_band(draft: Draft) -> Iterator[Finding]:

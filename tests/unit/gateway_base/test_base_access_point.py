@@ -8,12 +8,16 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.gateway.base import GatewayBase, gateway_base
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 ROOT = Path(__file__).parents[3]
 GATEWAY = "coastal-gateway"
@@ -32,12 +36,12 @@ DECLARED = {
 }
 
 
-def part(tmp_path: Path, *, rehearsed: bool = False, **changes: str) -> GatewayBase:
+def part(tmp_path: Path, changes: Mapping[str, str] | None = None, *, rehearsed: bool = False) -> GatewayBase:
     """The shipped inventory whose gateway opens a network."""
     made = tmp_path / "inventory"
     shutil.copytree(ROOT / "inventory", made)
     path = made / "host_vars" / f"{GATEWAY}.yml"
-    rows = "".join(f"    {name}: {value}\n" for name, value in {**DECLARED, **changes}.items())
+    rows = "".join(f"    {name}: {value}\n" for name, value in {**DECLARED, **(changes or {})}.items())
     path.write_text(f"{path.read_text()}  access_point:\n{rows}")
     declaration = load(made)
     return gateway_base(declaration, declaration.hosts[GATEWAY], rehearsed=rehearsed)
@@ -72,7 +76,7 @@ def test_its_key_comes_from_the_declaration_and_is_shown_nowhere(tmp_path: Path)
 
 
 def test_stations_may_reach_each_other_where_it_is_declared(tmp_path: Path) -> None:
-    assert "ap_isolate=0" in files(part(tmp_path, isolated="false"))[FILE]
+    assert "ap_isolate=0" in files(part(tmp_path, {"isolated": "false"}))[FILE]
 
 
 def test_a_rehearsal_says_that_it_opens_no_network(tmp_path: Path) -> None:
@@ -126,7 +130,7 @@ def test_the_real_program_reads_the_file(
     hostapd: tuple[Path, Path | None], tmp_path: Path, changes: dict[str, str]
 ) -> None:
     file = tmp_path / "wlan3.conf"
-    file.write_text(files(part(tmp_path, **changes))[FILE])
+    file.write_text(files(part(tmp_path, changes))[FILE])
     said = read_by(*hostapd, file)
     assert "errors found in configuration file" not in said
     assert not re.search(r"^Line \d+", said, re.MULTILINE), said

@@ -145,9 +145,9 @@ class DesiredState:
 def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
     secret = row.get("secret_content")
     content = secret if secret is not None else row.get("content")
-    for word in secrets if content is not None else ():
-        if word in content:
-            content = secret = content.replace(word, secrets[word])
+    for word, value in secrets.items():
+        if content is not None and word in content:
+            content = secret = content.replace(word, value)
     if content is None:
         raise ModuleError(
             f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"
