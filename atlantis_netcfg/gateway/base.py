@@ -244,8 +244,8 @@ class GatewayBase:
 
 
 def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
-    """Pure. In a rehearsal the networks of a computer are those of this machine: no tool of its own gives addresses."""
-    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, addressed=not rehearsed)
+    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own."""
+    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
     packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
     return GatewayBase(

@@ -30,7 +30,6 @@ ACCESS_POINT_UNIT = "/etc/systemd/system/atlantis-access-point@.service"
 NETWORKS = "/etc/systemd/network"
 PREFIX = "04-atlantis-radio-"
 """Of our files in there: before all others, for the first that names an interface holds."""
-NETWORKD = "systemd-networkd.service"
 NO_RADIO = "atlantis-none"
 """A name that no interface has: a program that reads a file for it ends when it looks for the radio."""
 
@@ -182,8 +181,8 @@ class GatewayRadios:
     """ISO 3166-1: its law holds for the radios."""
     opened: OpenedNetwork | None = None
     """The one that is an access point."""
-    addressed: bool = True
-    """False in a rehearsal, whose networks are this computer's: their addresses are left alone."""
+    rehearsed: bool = False
+    """A machine of a rehearsal has no radio, and says so."""
 
     @property
     def packages(self) -> tuple[Package, ...]:
@@ -203,7 +202,7 @@ class GatewayRadios:
         for radio in self.radios:
             text = _render("radio.conf.j2", radio=radio, country=self.country)
             yield File(radio.file, text, mode="0600", validate=ACCEPT_SUPPLICANT)
-            for path, item in radio.networks.items() if self.addressed else ():
+            for path, item in radio.networks.items():
                 yield File(path, _render("radio.network.j2", radio=radio, item=item))
         if self.radios:
             yield File(UNIT, _render("radio.service.j2", folder=FOLDER))
@@ -211,8 +210,7 @@ class GatewayRadios:
             text = _render("access-point.conf.j2", opened=self.opened, country=self.country)
             yield File(self.opened.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
             yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER))
-            if self.addressed:
-                yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
+            yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
 
     @property
     def _running(self) -> list[tuple[str, str, str, str]]:
@@ -240,13 +238,14 @@ class GatewayRadios:
             ConvergeStep(f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read))
             for name, unit, file, read in self._running
         )
-        return (remove, *start)
+        if not self._networks:
+            return (remove,)
+        reload = ConvergeStep("let systemd-networkd read the networks of radios", ("sh", "-c", _RELOAD), self._networks)
+        return (remove, reload, *start)
 
     @property
     def units(self) -> Iterator[Unit]:
-        """A radio that is not plugged in is not waited for."""
-        if self._running and self.addressed:
-            yield Unit(NETWORKD, enabled=True, active=True, after=self._networks, reload=True)
+        """A radio that is not plugged in is not waited for; with one that is, systemd-networkd starts."""
         for _, unit, file, read in self._running:
             yield Unit(unit, enabled=True, after=(file, read), wait=False)
         if self.opened is not None:
@@ -263,13 +262,13 @@ class GatewayRadios:
 
     def _joins(self, radio: Radio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
-        if not self.addressed:
+        if self.rehearsed:
             return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
         return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
 
     def _opens(self, opened: OpenedNetwork) -> str:
         name, ssid = opened.interface, opened.radio.ssid
-        if not self.addressed:
+        if self.rehearsed:
             return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"
         return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
 
@@ -289,12 +288,12 @@ class GatewayRadios:
         return {item.placeholder: item.vehicle for radio in self.radios for item in radio.access_points}
 
 
-def gateway_radios(declaration: Declaration, host: Host, *, addressed: bool = True) -> GatewayRadios:
+def gateway_radios(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayRadios:
     """Pure."""
     country = channels.COUNTRY_CODES[declaration.pilot.country]
     assert isinstance(host.device, Gateway)  # noqa: S101 - callers choose gateways
     opened = None if host.device.access_point is None else OpenedNetwork(host.device.access_point)
-    return GatewayRadios(radios(declaration, host), country, opened, addressed)
+    return GatewayRadios(radios(declaration, host), country, opened, rehearsed)
 
 
 _TAKE_AWAY = f"""\
@@ -311,6 +310,7 @@ for link in /etc/systemd/system/*.wants/atlantis-*@*.service; do
 done
 systemctl daemon-reload
 """
+_RELOAD = "! systemctl --quiet is-active systemd-networkd.service || exec networkctl reload"
 _START = """\
 systemctl daemon-reload
 [ ! -e "/sys/class/net/$2" ] || exec systemctl --no-block start "$1"

@@ -91,6 +91,7 @@ def test_the_radios_of_a_gateway(stand: Stand) -> None:
     edited(stand, "        key: EXAMPLE-mares-wifi\n", "")
     edited(stand, "        client: {network: 10.70.3.0/24, address: 10.70.3.2}\n", "")
     mended = stand.run("--diff")
+    assert "10.70.1.2/24" in said(stand, "ip -4 -o addr show dev wlan0")
     assert f"file {CONF}" in mended["changes"]
     assert f'psk="{SECRET}"' in said(stand, f"cat {CONF}")
     assert said(stand, "ls /etc/atlantis/radios") == "wlan0.conf\nwlan1.conf"
@@ -100,7 +101,7 @@ def test_the_radios_of_a_gateway(stand: Stand) -> None:
 
 
 def test_networkd_gives_the_address_and_nothing_else(stand: Stand) -> None:
-    declaration = load(stand.inventory, decrypt=lambda _: SECRET)
+    declaration = load(stand.inventory, decrypt=lambda _: SECRET)  # its file is laid down here by hand: one of all
     base = gateway_base(declaration, declaration.hosts[NAME])
     text = next(file.content for file in base.configuration.files if file.path == NETWORK)
     before = said(stand, "ip -4 route; ip -4 -o addr show dev eth0; cat /etc/resolv.conf")
