@@ -87,7 +87,7 @@ class AccessPoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Radio:
+class JoiningRadio:
     """One radio of a gateway."""
 
     interface: str
@@ -160,7 +160,7 @@ def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return tuple(names if opened is None else [*names, opened.interface])
 
 
-def radios(declaration: Declaration, host: Host) -> tuple[Radio, ...]:
+def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
     """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
     tested = declaration.sites[host.site].checklist.vehicles
     found: dict[str, list[AccessPoint]] = {}
@@ -169,14 +169,14 @@ def radios(declaration: Declaration, host: Host) -> tuple[Radio, ...]:
         joined = wifi is not None and wifi.role is WifiRole.ACCESS_POINT and wifi.seen_from is SeenFrom.GATEWAY
         if wifi is not None and joined and wifi.key is not None:
             found.setdefault(wifi.interface, []).append(AccessPoint(key, wifi))
-    return tuple(Radio(interface, tuple(found[interface])) for interface in sorted(found))
+    return tuple(JoiningRadio(interface, tuple(found[interface])) for interface in sorted(found))
 
 
 @dataclass(frozen=True, slots=True)
 class GatewayRadios:
     """What a gateway gets for its radios; without one: what is taken away."""
 
-    radios: tuple[Radio, ...]
+    radios: tuple[JoiningRadio, ...]
     country: str
     """ISO 3166-1: its law holds for the radios."""
     opened: OpenedNetwork | None = None
@@ -260,7 +260,7 @@ class GatewayRadios:
             notes[self.opened.interface] = self._opens(self.opened)
         return tuple(Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
-    def _joins(self, radio: Radio) -> str:
+    def _joins(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
         if self.rehearsed:
             return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"

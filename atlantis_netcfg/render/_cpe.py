@@ -10,13 +10,20 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration.channels import lower_edge
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.render.view import Declared, DeclaredHost, ManagementView, Named, Prerequisite, RenderError
+from atlantis_netcfg.render.view import (
+    Declared,
+    DeclaredHost,
+    ManagementView,
+    Named,
+    Prerequisite,
+    RadioView,
+    RenderError,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, Radio, RouterAccessPoint, ServedLink
+    from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, RouterAccessPoint, ServedLink, WifiRadio
 
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}
@@ -34,42 +41,6 @@ _SMALLEST_CELL_KM = 10
 """Of `nv2-cell-radius`; below 10 km RouterOS refuses it (Manual, Nv2)."""
 _WEATHER_MHZ = (5600, 5650)
 """Weather radars: an access point listens for ten minutes before it speaks there (ETSI EN 301 893)."""
-
-
-@dataclass(frozen=True, slots=True)
-class RadioView:
-    """One radio, in the words of its family of menus."""
-
-    name: str
-    """Factory name."""
-    family: str
-    """`wireless` or `wifi`."""
-    is_ap: bool
-    ssid: str
-    protocol: str
-    """RouterOS' word for `wireless-protocol`."""
-    band: str
-    frequency_mhz: int
-    width: str
-    country: str
-    installation: str
-    skip_dfs: str
-    """Which channels an access point keeps off when it has to choose another one."""
-    key: Secret
-    authentication: str
-    tx_power_dbm: int | None
-    antenna_gain_dbi: int | None
-    cell_radius_km: int = _SMALLEST_CELL_KM
-    """Of nv2."""
-    distance_km: int | None = None
-    """Only where the distance needs it."""
-    isolated: bool = False
-    """Stations do not reach one another through it."""
-
-    @property
-    def is_nv2(self) -> bool:
-        """Whether the key is nv2's own; the security profile is for 802.11."""
-        return self.protocol == "nv2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +164,7 @@ def access_point(radio: RouterAccessPoint) -> RadioView:
     return replace(_plain(radio, radio.menus), isolated=radio.isolated)
 
 
-def _plain(radio: Radio, family: str) -> RadioView:
+def _plain(radio: WifiRadio, family: str) -> RadioView:
     """An access point of 802.11."""
     legacy = family == "wireless"
     low = radio.frequency_mhz - radio.width_mhz // 2
@@ -217,13 +188,13 @@ def _plain(radio: Radio, family: str) -> RadioView:
     )
 
 
-def _band(radio: Radio, *, legacy: bool) -> str:
+def _band(radio: WifiRadio, *, legacy: bool) -> str:
     if not legacy:
         return f"{radio.band}-{radio.standard.removeprefix('802.11')}"
     return _LEGACY_BANDS[radio.standard].format(_LEGACY_N[radio.band])
 
 
-def _width(radio: Radio, *, legacy: bool) -> str:
+def _width(radio: WifiRadio, *, legacy: bool) -> str:
     """Write a width with the control channel's place in it: `C` is the control channel, each `e` 20 MHz beside it."""
     if radio.width_mhz == _STEP_MHZ:
         return "20mhz"

@@ -16,12 +16,12 @@ from atlantis_netcfg.declaration.model._base import (
     Network,
     PortName,
     PowerSource,
-    Radio,
     SecretText,
     Sha256,
     Ssid,
     Text,
     Transport,
+    WifiRadio,
 )
 from atlantis_netcfg.declaration.model.dds import Dds, DdsPath, DdsPeer, RosDistribution, RosMiddleware
 from atlantis_netcfg.declaration.model.device import (
@@ -189,7 +189,6 @@ __all__ = [
     "Ptp",
     "PtpMode",
     "PtpProtocol",
-    "Radio",
     "RadioMenus",
     "RcRfEndpoint",
     "Repository",
@@ -223,5 +222,6 @@ __all__ = [
     "VpnService",
     "WifiClient",
     "WifiEndpoint",
+    "WifiRadio",
     "WifiRole",
 ]

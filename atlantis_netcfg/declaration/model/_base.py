@@ -299,7 +299,7 @@ class Transport(StrEnum):
     TCP = "tcp"
 
 
-class Radio(Model):
+class WifiRadio(Model):
     """What every radio of ours is set to that others join."""
 
     ssid: Ssid

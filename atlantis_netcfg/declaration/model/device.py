@@ -28,11 +28,11 @@ from atlantis_netcfg.declaration.model._base import (
     Model,
     Name,
     PortName,
-    Radio,
     SecretText,
     Sha256,
     Text,
     Transport,
+    WifiRadio,
 )
 from atlantis_netcfg.declaration.model.gateway import Gateway, Ssh
 
@@ -141,7 +141,7 @@ class SignalBounds(Model):
     """Stronger than this overdrives the receiver, in dBm."""
 
 
-class Ptp(Radio):
+class Ptp(WifiRadio):
     """Radio settings of one end; both ends must agree."""
 
     peer: HostName
@@ -159,7 +159,7 @@ class Ptp(Radio):
     """When both ends change: if the link is not back after so long they return to what they were."""
 
 
-class RouterAccessPoint(Radio):
+class RouterAccessPoint(WifiRadio):
     """The router's own radio, by which vehicles that are stations get into the site's LAN."""
 
     menus: Literal["wifi", "wireless"] = "wifi"

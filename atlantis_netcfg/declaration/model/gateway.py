@@ -14,8 +14,8 @@ from atlantis_netcfg.declaration.model._base import (
     LanBox,
     Model,
     Network,
-    Radio,
     Text,
+    WifiRadio,
     plain,
     text_like,
     wrong,
@@ -172,7 +172,7 @@ class GpsTime(Model):
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
-class GatewayAccessPoint(Radio):
+class GatewayAccessPoint(WifiRadio):
     """A radio of the gateway that opens a network for vehicles that are stations; it is no part of the LAN."""
 
     interface: Interface

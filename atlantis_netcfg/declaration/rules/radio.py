@@ -17,7 +17,7 @@ from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import Cpe, Gateway, Ptp, PtpMode, PtpProtocol, Radio, RadioMenus, Router
+from atlantis_netcfg.declaration.model import Cpe, Gateway, Ptp, PtpMode, PtpProtocol, RadioMenus, Router, WifiRadio
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,7 +36,7 @@ def _radios(draft: Draft) -> Iterator[tuple[str, Part, Ptp]]:
         yield host, Part("device", host), cpe.ptp
 
 
-def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, Radio]]:
+def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, WifiRadio]]:
     """Every radio that the law and the cards bind alike, with the block in which it is declared."""
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
@@ -132,7 +132,7 @@ def wpa(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
 
 
-def _channel(radio: Radio) -> tuple[str, str, int, int]:
+def _channel(radio: WifiRadio) -> tuple[str, str, int, int]:
     return radio.country, radio.band, radio.frequency_mhz, radio.width_mhz
 
 

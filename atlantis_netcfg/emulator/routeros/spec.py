@@ -228,7 +228,7 @@ class Validity(_Spec):
     until: datetime
 
 
-class Station(_Spec):
+class NearbyStation(_Spec):
     """A client of 802.11 near the router: it joins the network with its name and passphrase, if there is one."""
 
     mac: str
@@ -252,7 +252,7 @@ class Environment(_Spec):
     """Address to the `status` of its lease; others are `waiting`."""
     tunnels: dict[str, str] = Field(default_factory=dict)
     """OpenVPN client to the address (with prefix length) that its server gives it: it is connected."""
-    stations: tuple[Station, ...] = ()
+    stations: tuple[NearbyStation, ...] = ()
     """Clients near its radio: those whose network it opens are in its registration table."""
     time_server: str | None = None
     """The time server that answers; None: none does."""

@@ -11,7 +11,7 @@ from render_declared import declaration
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration.model import Router, RouterAccessPoint
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec
-from atlantis_netcfg.emulator.routeros.spec import Environment, Radio, Station
+from atlantis_netcfg.emulator.routeros.spec import Environment, NearbyStation, Radio
 from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DRIVERS = {"wifi": ("wifi-qcom", "wifi1"), "wireless": ("wireless", "wlan1")}
 KEY = "EXAMPLE-coastal-access-point"
-STATION = Station(mac="02:00:5e:00:01:23", ssid="EXAMPLE-ATLANTIS-COASTAL", passphrase=KEY, signal_dbm=-61.0)
+STATION = NearbyStation(mac="02:00:5e:00:01:23", ssid="EXAMPLE-ATLANTIS-COASTAL", passphrase=KEY, signal_dbm=-61.0)
 
 
 def text(menus: str, **changes: object) -> str:
@@ -39,7 +39,7 @@ def row(menus: str, **changes: object) -> dict[str, str | None]:
     return dict(found.values)
 
 
-def twin(menus: str, *stations: Station) -> tuple[Device, Caller]:
+def twin(menus: str, *stations: NearbyStation) -> tuple[Device, Caller]:
     package, name = DRIVERS[menus]
     spec = RouterSpec(
         name="coastal-router",
@@ -63,7 +63,7 @@ def _radio_only(menus: str) -> str:
     return "\n".join(kept) + "\n"
 
 
-def registered(menus: str, *stations: Station) -> list[dict[str, str]]:
+def registered(menus: str, *stations: NearbyStation) -> list[dict[str, str]]:
     device, caller = twin(menus, *stations)
     said = device.run(caller, [f"/interface/{menus}/registration-table/print"])
     return [dict(word[1:].split("=", 1) for word in answer.words) for answer in said if answer.kind == "!re"]

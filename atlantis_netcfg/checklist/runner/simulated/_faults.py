@@ -232,7 +232,7 @@ def _around(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields
     return spoil
 
 
-def _station(mac: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of the router twin's `Station`
+def _station(mac: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of the router twin's `NearbyStation`
     def spoil(world: World) -> None:
         stations = world.routers[_ROUTER]["stations"]
         world.routers[_ROUTER]["stations"] = [each | changes if each["mac"] == mac else each for each in stations]

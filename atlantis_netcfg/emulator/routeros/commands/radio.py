@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
-from atlantis_netcfg.emulator.routeros.radio._link import why_silent
+from atlantis_netcfg.emulator.routeros.radio._law import why_silent
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
 from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Air, Driver, Peer, RadioSettings, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
@@ -20,7 +20,7 @@ from atlantis_netcfg.emulator.routeros.values import id_text, interval
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.spec import Station
+    from atlantis_netcfg.emulator.routeros.spec import NearbyStation
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _Row = dict[str, str]
@@ -118,7 +118,7 @@ def registrations(core: Core, call: Call) -> list[_Row]:
     return [{".id": id_text(number), **row} for number, row in enumerate(rows, start=1)]
 
 
-def _stations(core: Core, mine: RadioSettings) -> list[Station]:
+def _stations(core: Core, mine: RadioSettings) -> list[NearbyStation]:
     """Clients around the router that a radio serves. How long it listens for radar before is not emulated for them."""
     if not (mine.enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, Air()):
         return []
@@ -140,7 +140,7 @@ def _passphrases(mine: RadioSettings) -> list[str]:
     return re.split(rf",(?=(?:{kinds})=)", mine.passphrase)
 
 
-def _of_station(menu: str, interface: str, mine: RadioSettings, station: Station) -> _Row:
+def _of_station(menu: str, interface: str, mine: RadioSettings, station: NearbyStation) -> _Row:
     kind = min(mine.authentication, default="none")
     row = {"interface": interface, "mac-address": station.mac.upper(), "uptime": "10m", "last-activity": "0ms"}
     if menu == WIFI:
