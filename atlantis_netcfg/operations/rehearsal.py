@@ -122,8 +122,9 @@ def rehearsal(
             for name, ready in twins.ready.items()
         }
         with_radio = [host for host in emulated if managed(declaration, host).hardware.radios]
-        radio = _RADIO_NOT_REHEARSED if with_radio else ()
-        radio += _STATIONS_NOT_REHEARSED if any(isinstance(host.device, Router) for host in with_radio) else ()
+        radio: tuple[str, ...] = _RADIO_NOT_REHEARSED if with_radio else ()
+        if any(isinstance(host.device, Router) for host in with_radio):
+            radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
         routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
         untold = (*routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from gateway_role import NAME
 from gateway_stand import technician  # noqa: F401 - a fixture
-from test_gateway_clock import NAME, Guest, booted, card
+from test_gateway_clock import Guest, booted, card
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.lab import TreeSpec, why_not
