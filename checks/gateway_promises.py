@@ -24,6 +24,7 @@ from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.declaration import Declaration, Host
 
 __all__ = ["BUILT", "ENVIRONMENT", "JOURNAL", "LOCALE", "SSHD", "FileThere", "Promises", "UnitThere", "promises"]
@@ -40,14 +41,15 @@ class FileThere:
     """A file; None is not promised."""
 
     path: str
-    content: bytes
+    content: bytes | None
+    """None: it holds a secret that is vaulted, and nothing is opened here."""
     mode: str | None = None
     owner: str | None = None
     group: str | None = None
 
     @property
-    def sha256(self) -> str:
-        return hashlib.sha256(self.content).hexdigest()
+    def sha256(self) -> str | None:
+        return None if self.content is None else hashlib.sha256(self.content).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,8 @@ class Promises:
 
     def text(self, path: str) -> str:
         """What a promised file says; empty where none is promised."""
-        return self.files[path].content.decode() if path in self.files else ""
+        content = self.files[path].content if path in self.files else None
+        return "" if content is None else content.decode()
 
     def settings(self, folder: str) -> dict[str, str]:
         """`Key value` and `Key=value` lines of the promised files in a folder, without comments and sections."""
@@ -142,7 +145,8 @@ def promises(declaration: Declaration, host: Host) -> Promises:
         if name == ACCESS or not concerns(name, host):
             continue
         try:
-            _take(made, part(declaration, host, Request()))
+            values = part(declaration, host, Request())
+            _take(made, values, _secrets(declaration, host, values))
         except NetcfgError as error:
             made.lacking[name] = f"{error}; {error.hint}" if error.hint else str(error)
     if isinstance(host.device, Gateway) and host.device.vpn_address is not None:
@@ -152,9 +156,31 @@ def promises(declaration: Declaration, host: Host) -> Promises:
     return made
 
 
-def _take(made: Promises, values: Mapping[str, Any]) -> None:
+def _secrets(declaration: Declaration, host: Host, values: Mapping[str, Any]) -> dict[str, Secret | None]:
+    """Word in a file to the secret that stands there on the computer."""
+    wifi = {word: declaration.vehicles[key].endpoints.wifi for word, key in (values.get("secrets") or {}).items()}
+    found = {word: None if item is None else item.key for word, item in wifi.items()}
+    opened = host.device.access_point if isinstance(host.device, Gateway) else None
+    if opened is not None and values.get("own_secret"):
+        found[values["own_secret"]] = opened.key
+    return found
+
+
+def _filled(text: str, secrets: Mapping[str, Secret | None]) -> bytes | None:
+    """A text with its secrets; None where one of them is still sealed."""
+    for word, secret in secrets.items():
+        if word not in text:
+            continue
+        try:
+            text = text.replace(word, "" if secret is None else secret.reveal())
+        except NetcfgError:
+            return None
+    return text.encode()
+
+
+def _take(made: Promises, values: Mapping[str, Any], secrets: Mapping[str, Secret | None]) -> None:
     configure, packages = values.get("configure") or {}, values.get("packages") or {}
-    for file in _files(values):
+    for file in _files(values, secrets):
         made.files[file.path] = file
     made.links |= {link["path"]: link["target"] for link in configure.get("links") or ()}
     made.absent += [*(configure.get("absent") or ()), *(packages.get("absent") or ())]
@@ -171,12 +197,12 @@ def _take(made: Promises, values: Mapping[str, Any]) -> None:
     made.ours += elsewhere.get("ours", ())
 
 
-def _files(values: Mapping[str, Any]) -> Iterator[FileThere]:
+def _files(values: Mapping[str, Any], secrets: Mapping[str, Secret | None]) -> Iterator[FileThere]:
     """Of whatever module lays it down."""
     packages, network = values.get("packages") or {}, values.get("network") or {}
     for row in (values.get("configure") or {}).get("files") or ():
         kept = {key: row.get(key, usual) for key, usual in (("mode", "0644"), ("owner", "root"), ("group", "root"))}
-        yield FileThere(row["path"], row["content"].encode(), **kept)
+        yield FileThere(row["path"], _filled(row["content"], secrets), **kept)
     for row in (*(packages.get("sources") or ()), *(packages.get("pins") or ())):
         yield FileThere(row["path"], row["content"].encode())
     for row in packages.get("keys") or ():

@@ -45,6 +45,8 @@ RANGES: dict[str, dict[str, tuple[Range, ...]]] = {
     "belgium": {"5ghz": _CEPT_5GHZ, "2ghz": _CEPT_2GHZ},
 }
 """Country in RouterOS' own word -> band -> ranges."""
+COUNTRY_CODES: dict[str, str] = {"portugal": "PT", "belgium": "BE"}
+"""Country in RouterOS' own word -> that of ISO 3166-1, which Linux has."""
 CHANNELS: dict[str, tuple[int, ...]] = {
     "2ghz": tuple(range(2412, 2473, 5)),
     "5ghz": (*range(5180, 5321, 20), *range(5500, 5721, 20), *range(5745, 5866, 20)),

@@ -14,10 +14,12 @@ from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import DdsPath, Gateway, GpsTime, TimeServer
+from atlantis_netcfg.gateway import radios
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
     ConvergeStep,
+    Directory,
     File,
     Link,
     NetworkPart,
@@ -29,7 +31,7 @@ from atlantis_netcfg.gateway.parts import (
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.declaration import Declaration, Host
 
@@ -139,6 +141,10 @@ class BaseView:
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
     neighbours: tuple[DeclaredNeighbour, ...]
+    radios: tuple[str, ...]
+    """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
+    opened: str | None
+    """The one of them that opens a network, and gives its stations their addresses."""
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
@@ -162,6 +168,8 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
+        radios=radios.interfaces(declaration, host),
+        opened=None if device.access_point is None else device.access_point.interface,
     )
 
 
@@ -218,29 +226,45 @@ class GatewayBase:
     configuration: Configuration
     network: NetworkPart | None
     """None: it stays as the image has it."""
+    secrets: Mapping[str, str]
+    """Word in a file to the vehicle whose key of its access point stands there."""
+    own_secret: str | None
+    """The word in the place of the key of the gateway's own access point; None: it has none."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        values = {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
+        values: dict[str, Any] = {
+            "packages": {"packages": packages},
+            "configure": self.configuration.as_dict(),
+            "secrets": dict(self.secrets),
+            "own_secret": self.own_secret,
+        }
         return values if self.network is None else {**values, "network": self.network.as_dict()}
 
 
-def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
-    """Pure."""
-    view = base_view(declaration, host)
+def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
+    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own."""
+    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
+    absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
+    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
     return GatewayBase(
-        packages=tuple(Package(name) for name in (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))),
+        packages=(*(Package(name) for name in packages), *air.packages),
         configuration=Configuration(
-            files=tuple(_files(view)),
+            directories=(Directory(radios.FOLDER, mode="0700"),),
+            files=(*_files(view), *air.files),
             links=(Link("/etc/localtime", f"/usr/share/zoneinfo/{view.time_zone}"),),
-            absent=(CLOUD_INIT_ON, *(() if view.watchdog_s is not None else (WATCHDOG,))),
-            steps=STEPS,
-            units=tuple(_units(view)),
-            checks=CHECKS,
+            absent=(CLOUD_INIT_ON, *absent),
+            only=(radios.FOLDER,),
+            steps=(*STEPS, *air.steps),
+            units=(*_units(view), *air.units),
+            brought=air.brought,
+            checks=(*CHECKS, *air.checks),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         ),
-        network=gateway_network(declaration, host),
+        network=None if rehearsed else gateway_network(declaration, host),
+        secrets=air.secrets,
+        own_secret=None if air.opened is None else air.opened.placeholder,
     )
 
 

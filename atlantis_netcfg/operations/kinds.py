@@ -7,7 +7,7 @@ A new kind is a subclass of `Managed` in a module of its own and its name in `_K
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
@@ -295,8 +295,9 @@ class ManagedRouter(Managed):
         return self._router.access
 
     def texts(self) -> tuple[KindText, ...]:
-        """Return the one text."""
-        return (KindText(router(self.declaration, self.host)),)
+        """Return the one text; with an access point for a router with a radio in the declared menus alone."""
+        radio = self._router.access_point
+        return (KindText(router(self.declaration, self.host), "" if radio is None else _MENUS[radio.menus]),)
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
         """Ports and certificates."""
@@ -315,11 +316,24 @@ class ManagedRouter(Managed):
     @property
     def hardware(self) -> Hardware:
         """The declared ports."""
-        ports = self._router.ports
-        return Hardware(
+        ports, radio = self._router.ports, self._router.access_point
+        hardware = Hardware(
             ports=tuple(port.name for port in ports),
             poe_ports=tuple(port.name for port in ports if port.poe is not None),
         )
+        if radio is None:
+            return hardware
+        return replace(hardware, radios=(radio_name(radio.menus),), packages=("routeros", _PACKAGES[radio.menus]))
+
+    def unfit(self, radios: Collection[str]) -> tuple[str, str]:
+        """Say why: no driver, or the other one."""
+        name, radio = self.host.name, self._router.access_point
+        if not radios:
+            return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
+        there = "wifi" if _MENUS["wifi"] in radios else "wireless"
+        menus = "" if radio is None else radio.menus
+        why = f"{name} is declared with an access point in the `{menus}` menus, and its radio has the `{there}` ones"
+        return why, f"write `menus: {there}` under `access_point` in host_vars/{name}.yml"
 
 
 _KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe, ManagedLte)

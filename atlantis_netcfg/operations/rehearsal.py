@@ -56,6 +56,9 @@ _RADIO_NOT_REHEARSED = (
     "radio: aim, interference, rain, tide and the antenna's real gain; the level is that of free space",
     "radio: the other end of a new bridge is reached by a cable of its own until its radio is switched on",
 )
+_STATIONS_NOT_REHEARSED = (
+    "radio: stations of an access point: the emulated ones are near it, and join at once with its name and key",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +122,10 @@ def rehearsal(
             )
             for name, ready in twins.ready.items()
         }
-        radio = _RADIO_NOT_REHEARSED if any(managed(declaration, host).hardware.radios for host in emulated) else ()
+        with_radio = [host for host in emulated if managed(declaration, host).hardware.radios]
+        radio: tuple[str, ...] = _RADIO_NOT_REHEARSED if with_radio else ()
+        if any(isinstance(host.device, Router) for host in with_radio):
+            radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
         routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
         untold = (*routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import ceil
 from typing import TYPE_CHECKING
@@ -10,13 +10,20 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration.channels import lower_edge
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.render.view import Declared, DeclaredHost, ManagementView, Named, Prerequisite, RenderError
+from atlantis_netcfg.render.view import (
+    Declared,
+    DeclaredHost,
+    ManagementView,
+    Named,
+    Prerequisite,
+    RadioView,
+    RenderError,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, ServedLink
+    from atlantis_netcfg.declaration.model import Bearer, Cpe, Ptp, RouterAccessPoint, ServedLink, WifiRadio
 
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}
@@ -37,38 +44,6 @@ _WEATHER_MHZ = (5600, 5650)
 
 
 @dataclass(frozen=True, slots=True)
-class RadioView:
-    """One radio, in the words of its family of menus."""
-
-    name: str
-    """Factory name."""
-    is_ap: bool
-    ssid: str
-    protocol: str
-    """RouterOS' word for `wireless-protocol`."""
-    band: str
-    frequency_mhz: int
-    width: str
-    country: str
-    installation: str
-    skip_dfs: str
-    """Which channels an access point keeps off when it has to choose another one."""
-    key: Secret
-    authentication: str
-    tx_power_dbm: int | None
-    antenna_gain_dbi: int | None
-    cell_radius_km: int
-    """Of nv2."""
-    distance_km: int | None
-    """Only where the distance needs it."""
-
-    @property
-    def is_nv2(self) -> bool:
-        """Whether the key is nv2's own; the security profile is for 802.11."""
-        return self.protocol == "nv2"
-
-
-@dataclass(frozen=True, slots=True)
 class CpeView:
     """One end of the bridge, whole."""
 
@@ -80,8 +55,6 @@ class CpeView:
     bridge: str
     port: str
     """The one Ethernet port; power and the router's cable come in by it."""
-    family: str
-    """`wireless` or `wifi`."""
     radio: RadioView
     management: ManagementView
     network: str
@@ -119,7 +92,6 @@ def cpe_view(declaration: Declared, host: DeclaredHost, family: str) -> CpeView:
         time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
         bridge=_BRIDGE,
         port=device.port,
-        family=family,
         radio=_radio(host.name, device.ptp, family),
         management=ManagementView(
             port=device.port,
@@ -177,43 +149,59 @@ def _radio(name: str, ptp: Ptp, family: str) -> RadioView:
     legacy = family == "wireless"
     if (ptp.standard == "802.11ax") if legacy else (ptp.protocol != "802.11"):
         raise RenderError(f"{name}: the `{family}` menus cannot do {ptp.protocol} with {ptp.standard}")
-    low = ptp.frequency_mhz - ptp.width_mhz // 2
-    weather = low < _WEATHER_MHZ[1] and ptp.frequency_mhz + ptp.width_mhz // 2 > _WEATHER_MHZ[0]
     distance_m = ptp.distance_m or 0
-    return RadioView(
-        name=radio_name(family),
+    return replace(
+        _plain(ptp, family),
         is_ap=ptp.mode == "access_point",
-        ssid=ptp.ssid,
         protocol=ptp.protocol.value,
-        band=_band(ptp, legacy=legacy),
-        frequency_mhz=ptp.frequency_mhz,
-        width=_width(ptp, legacy=legacy),
-        country=ptp.country if legacy else ptp.country.capitalize(),
-        installation="outdoor" if ptp.outdoor else "indoor",
-        skip_dfs="disabled" if weather else "10min-cac",
-        key=ptp.key,
-        authentication=f"{ptp.wpa}-psk",
-        tx_power_dbm=ptp.tx_power_dbm,
-        antenna_gain_dbi=ptp.antenna_gain_dbi,
         cell_radius_km=max(_SMALLEST_CELL_KM, ceil(distance_m / 1000)),
         distance_km=ceil(distance_m / 1000) if distance_m > _LONG_M else None,
     )
 
 
-def _band(ptp: Ptp, *, legacy: bool) -> str:
+def access_point(radio: RouterAccessPoint) -> RadioView:
+    """The radio of a router, which vehicles join."""
+    return replace(_plain(radio, radio.menus), isolated=radio.isolated)
+
+
+def _plain(radio: WifiRadio, family: str) -> RadioView:
+    """An access point of 802.11."""
+    legacy = family == "wireless"
+    low = radio.frequency_mhz - radio.width_mhz // 2
+    weather = low < _WEATHER_MHZ[1] and radio.frequency_mhz + radio.width_mhz // 2 > _WEATHER_MHZ[0]
+    return RadioView(
+        name=radio_name(family),
+        family=family,
+        is_ap=True,
+        ssid=radio.ssid,
+        protocol="802.11",
+        band=_band(radio, legacy=legacy),
+        frequency_mhz=radio.frequency_mhz,
+        width=_width(radio, legacy=legacy),
+        country=radio.country if legacy else radio.country.capitalize(),
+        installation="outdoor" if radio.outdoor else "indoor",
+        skip_dfs="disabled" if weather else "10min-cac",
+        key=radio.key,
+        authentication=f"{radio.wpa}-psk",
+        tx_power_dbm=radio.tx_power_dbm,
+        antenna_gain_dbi=radio.antenna_gain_dbi,
+    )
+
+
+def _band(radio: WifiRadio, *, legacy: bool) -> str:
     if not legacy:
-        return f"{ptp.band}-{ptp.standard.removeprefix('802.11')}"
-    return _LEGACY_BANDS[ptp.standard].format(_LEGACY_N[ptp.band])
+        return f"{radio.band}-{radio.standard.removeprefix('802.11')}"
+    return _LEGACY_BANDS[radio.standard].format(_LEGACY_N[radio.band])
 
 
-def _width(ptp: Ptp, *, legacy: bool) -> str:
+def _width(radio: WifiRadio, *, legacy: bool) -> str:
     """Write a width with the control channel's place in it: `C` is the control channel, each `e` 20 MHz beside it."""
-    if ptp.width_mhz == _STEP_MHZ:
+    if radio.width_mhz == _STEP_MHZ:
         return "20mhz"
-    sizes = "/".join(str(size) for size in (20, 40, 80) if size <= ptp.width_mhz) + "mhz"
-    if not legacy and ptp.width_mhz > 2 * _STEP_MHZ:
+    sizes = "/".join(str(size) for size in (20, 40, 80) if size <= radio.width_mhz) + "mhz"
+    if not legacy and radio.width_mhz > 2 * _STEP_MHZ:
         return sizes  # the newer menus have no words for the place in wider channels
-    low = lower_edge(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor)
-    letters = ["e"] * (ptp.width_mhz // _STEP_MHZ)
-    letters[round(ptp.frequency_mhz - _STEP_MHZ // 2 - low) // _STEP_MHZ] = "C"
+    low = lower_edge(radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor)
+    letters = ["e"] * (radio.width_mhz // _STEP_MHZ)
+    letters[round(radio.frequency_mhz - _STEP_MHZ // 2 - low) // _STEP_MHZ] = "C"
     return f"{sizes}-{''.join(letters)}"

@@ -9,6 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, TrafficClass
+from atlantis_netcfg.render._cpe import access_point, radio_name
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
 from atlantis_netcfg.render.view import (
@@ -176,6 +177,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         dds_ports=_dds_ports(declaration.pilot),
         names=tuple(_names(declaration, host.site)),
         forwards=forwards(declaration, host, device),
+        access_point=None if device.access_point is None else access_point(device.access_point),
     )
 
 
@@ -193,7 +195,14 @@ def prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisi
             Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
             for port in ports(device)
         ),
+        *_radio_of(device),
     )
+
+
+def _radio_of(device: Router) -> Iterator[Prerequisite]:
+    if device.access_point is not None:
+        menus = device.access_point.menus
+        yield Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point for vehicles")
 
 
 def _dds_ports(pilot: Pilot) -> str | None:

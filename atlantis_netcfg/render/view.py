@@ -242,6 +242,42 @@ class Forwarded:
 
 
 @dataclass(frozen=True, slots=True)
+class RadioView:
+    """One radio, in the words of its family of menus."""
+
+    name: str
+    """Factory name."""
+    family: str
+    """`wireless` or `wifi`."""
+    is_ap: bool
+    ssid: str
+    protocol: str
+    """RouterOS' word for `wireless-protocol`."""
+    band: str
+    frequency_mhz: int
+    width: str
+    country: str
+    installation: str
+    skip_dfs: str
+    """Which channels an access point keeps off when it has to choose another one."""
+    key: Secret
+    authentication: str
+    tx_power_dbm: int | None
+    antenna_gain_dbi: int | None
+    cell_radius_km: int = 10
+    """Of nv2; below 10 km RouterOS refuses it (Manual, Nv2)."""
+    distance_km: int | None = None
+    """Only where the distance needs it."""
+    isolated: bool = False
+    """Stations do not reach one another through it."""
+
+    @property
+    def is_nv2(self) -> bool:
+        """Whether the key is nv2's own; the security profile is for 802.11."""
+        return self.protocol == "nv2"
+
+
+@dataclass(frozen=True, slots=True)
 class RouterView:
     """One router, whole."""
 
@@ -268,6 +304,8 @@ class RouterView:
     """Unicast ports of the pilot's DDS, like 7410-7429."""
     names: tuple[Named, ...]
     forwards: tuple[Forwarded, ...]
+    access_point: RadioView | None = None
+    """Its own radio, where vehicles join it."""
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:

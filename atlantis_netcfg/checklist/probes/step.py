@@ -17,7 +17,16 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Endpoints, EvidenceKind, Gateway, Router, SeenFrom, Site
+from atlantis_netcfg.declaration.model import (
+    Endpoints,
+    EvidenceKind,
+    Gateway,
+    Router,
+    SeenFrom,
+    Site,
+    WifiEndpoint,
+    WifiRole,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -441,6 +450,17 @@ class Cell:
     def router(self) -> Host | None:
         """The site's router."""
         return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Router)), None)
+
+    @property
+    def wifi(self) -> WifiEndpoint | None:
+        """The row's own Wi-Fi; a station of which nothing else is declared is seen by the router's access point."""
+        wifi, router = self.endpoints.wifi, self.router
+        if wifi is None or router is None or self.vehicle is None or wifi.seen_by is not None:
+            return wifi
+        if wifi.role is WifiRole.ACCESS_POINT:
+            return wifi
+        opens = isinstance(router.device, Router) and router.device.access_point is not None
+        return wifi.model_copy(update={"seen_by": router.name}) if opens else wifi
 
     def place(self, seen_from: SeenFrom) -> Place:
         """Where a probe of this cell stands: a site without a gateway is looked at from the laptop."""

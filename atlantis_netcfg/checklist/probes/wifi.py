@@ -195,8 +195,6 @@ def _plain(ssid: str) -> str:
     return raw.encode("latin-1", "replace").decode("utf-8", "replace")
 
 
-COUNTRIES = {"portugal": "PT", "belgium": "BE"}
-"""RouterOS' word of a country to that of ISO 3166-1, which Linux has."""
 _NO_COUNTRY = frozenset({"00", "98", "99"})
 """Of the whole world, the common part of several countries' rules, those of a driver's own (Linux, regulatory.c)."""
 _BANDS = {"2ghz": (2400, 2500), "5ghz": (5150, 5900)}
@@ -224,7 +222,7 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
 
 def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFinding]:
     """Compare the country that the computer's radios obey with the pilot's; who does not say is not judged."""
-    expected = COUNTRIES[country]
+    expected = channels.COUNTRY_CODES[country]
     others = [item for item in rules.countries if item not in {expected, *_NO_COUNTRY}]
     hint = f"on it: sudo iw reg set {expected}, and `REGDOMAIN={expected}` in /etc/default/crda so that it stays"
     if others:
@@ -592,7 +590,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
         Column.WIFI,
         lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
-    endpoint = cell.endpoints.wifi
+    endpoint = cell.wifi
     if endpoint is not None:
         return (*bridges, _radio_step(cell, endpoint, "own" if bridges else ""))
     return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))

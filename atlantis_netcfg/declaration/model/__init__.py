@@ -21,6 +21,7 @@ from atlantis_netcfg.declaration.model._base import (
     Ssid,
     Text,
     Transport,
+    WifiRadio,
 )
 from atlantis_netcfg.declaration.model.checklist import (
     CheckItem,
@@ -60,6 +61,7 @@ from atlantis_netcfg.declaration.model.device import (
     PtpProtocol,
     RadioMenus,
     Router,
+    RouterAccessPoint,
     SatelliteTerminal,
     SignalBounds,
     Sim,
@@ -77,12 +79,14 @@ from atlantis_netcfg.declaration.model.endpoints import (
     RcRfEndpoint,
     SeenFrom,
     UsblEndpoint,
+    WifiClient,
     WifiEndpoint,
     WifiRole,
 )
 from atlantis_netcfg.declaration.model.gateway import (
     AddressBy,
     Gateway,
+    GatewayAccessPoint,
     GatewayNetwork,
     GpsSource,
     GpsTime,
@@ -170,6 +174,7 @@ __all__ = [
     "Failover",
     "Forward",
     "Gateway",
+    "GatewayAccessPoint",
     "GatewayNetwork",
     "Gateways",
     "Geofence",
@@ -224,6 +229,7 @@ __all__ = [
     "RosMiddleware",
     "RosOrigin",
     "Router",
+    "RouterAccessPoint",
     "SatelliteTerminal",
     "SecretText",
     "SeenFrom",
@@ -250,6 +256,8 @@ __all__ = [
     "VpnClient",
     "VpnServer",
     "VpnService",
+    "WifiClient",
     "WifiEndpoint",
+    "WifiRadio",
     "WifiRole",
 ]

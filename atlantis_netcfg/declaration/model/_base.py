@@ -11,9 +11,18 @@ import re
 from datetime import date
 from enum import StrEnum
 from ipaddress import IPv4Address, IPv4Network
-from typing import Annotated
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, StrictInt, WithJsonSchema
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    StrictBool,
+    StrictInt,
+    WithJsonSchema,
+)
 from pydantic_core import PydanticCustomError
 
 from atlantis_netcfg.core.secret import MASK, Secret
@@ -288,3 +297,33 @@ class Transport(StrEnum):
 
     UDP = "udp"
     TCP = "tcp"
+
+
+class WifiRadio(Model):
+    """What every radio of ours is set to that others join."""
+
+    ssid: Ssid
+    """Name of the radio network, the same at every end."""
+    standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
+    """Of the radio cards; every end has it."""
+    band: Literal["2ghz", "5ghz"]
+    """2.4 or 5 GHz."""
+    frequency_mhz: StrictInt
+    """Centre of the channel, in MHz; it must be one that the country allows."""
+    width_mhz: Literal[20, 40, 80] = 20
+    """Of the channel, in MHz."""
+    country: Literal["portugal", "belgium"]
+    """Regulatory domain, the one of the pilot."""
+    outdoor: StrictBool = True
+    """Whether the antennas stand outdoors: some channels are for indoors only."""
+    key: SecretText
+    """Passphrase of the network, the same at every end. Vaulted, or EXAMPLE-…."""
+    wpa: Literal["wpa2", "wpa3"] = "wpa2"
+    """With protocol 802.11; wpa3 exists in the `wifi` menus only."""
+    tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
+    """At the antenna's socket; None leaves it to the country's limit, which is too much for a short link."""
+    antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
+    """From the antenna's data sheet; with it the radiated power is held below the country's limit.
+
+    RouterOS' `wifi` menus take 30 at most.
+    """

@@ -30,9 +30,9 @@ from atlantis_netcfg.declaration.model._base import (
     PortName,
     SecretText,
     Sha256,
-    Ssid,
     Text,
     Transport,
+    WifiRadio,
 )
 from atlantis_netcfg.declaration.model.gateway import Gateway, Ssh
 
@@ -141,47 +141,31 @@ class SignalBounds(Model):
     """Stronger than this overdrives the receiver, in dBm."""
 
 
-class Ptp(Model):
+class Ptp(WifiRadio):
     """Radio settings of one end; both ends must agree."""
 
     peer: HostName
     """The CPE at the other end."""
     mode: PtpMode
     """Which end it is: one of each."""
-    ssid: Ssid
-    """Name of the radio network, the same at both ends."""
     protocol: PtpProtocol
     """What the radios speak: RouterOS' `wireless-protocol`."""
-    standard: Literal["802.11a", "802.11g", "802.11n", "802.11ac", "802.11ax"]
-    """Of the radio cards; both ends have it."""
-    band: Literal["2ghz", "5ghz"]
-    """2.4 or 5 GHz."""
-    frequency_mhz: StrictInt
-    """Centre of the channel, in MHz; it must be one that the country allows."""
-    width_mhz: Literal[20, 40, 80] = 20
-    """Of the channel, in MHz."""
-    country: Literal["portugal", "belgium"]
-    """Regulatory domain, the one of the pilot."""
-    outdoor: StrictBool = True
-    """Whether the antennas stand outdoors: some channels are for indoors only."""
-    key: SecretText
-    """Passphrase of the radio link, the same at both ends. Vaulted, or EXAMPLE-…."""
-    wpa: Literal["wpa2", "wpa3"] = "wpa2"
-    """With protocol 802.11; wpa3 exists in the `wifi` menus only."""
     menus: RadioMenus = RadioMenus.AUTO
     """RouterOS' family of radio menus; it is read from the device if left out."""
-    tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
-    """At the antenna's socket; None leaves it to the country's limit, which is too much for a short link."""
-    antenna_gain_dbi: Annotated[StrictInt, Field(ge=0, le=30)] | None = None
-    """From the antenna's data sheet; with it the radiated power is held below the country's limit.
-
-    RouterOS' `wifi` menus take 30 at most.
-    """
     distance_m: Annotated[StrictInt, Field(ge=1, le=50_000)] | None = None
     """Between the ends."""
     signal: SignalBounds = SignalBounds()
     link_timeout_s: Annotated[StrictInt, Field(ge=60, le=1800)] = 300
     """When both ends change: if the link is not back after so long they return to what they were."""
+
+
+class RouterAccessPoint(WifiRadio):
+    """The router's own radio, by which vehicles that are stations get into the site's LAN."""
+
+    menus: Literal["wifi", "wireless"] = "wifi"
+    """RouterOS' family of radio menus that it has: `wifi` with a package `wifi-qcom`, or the older `wireless`."""
+    isolated: StrictBool = True
+    """Stations do not reach one another through it; what they say to the rest of the LAN is not filtered."""
 
 
 class Cpe(Box):
@@ -268,6 +252,8 @@ class Router(Box):
     """Every port of the box, also those that are off."""
     vpn_client: VpnClient | None = None
     """None where another host is the site's end of the VPN."""
+    access_point: RouterAccessPoint | None = None
+    """None: it has no radio, or one that nobody uses."""
     forwards: tuple[Forward, ...] = ()
     """What the public address lets in."""
 

@@ -7,11 +7,22 @@ see. Satellite and 4G have no key: they are the bearers of a site. What a vehicl
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, model_validator
 
-from atlantis_netcfg.declaration.model._base import Address, HostName, MacAddress, Model, Ssid, Text, wrong
+from atlantis_netcfg.declaration.model._base import (
+    Address,
+    HostName,
+    MacAddress,
+    Model,
+    Network,
+    SecretText,
+    Ssid,
+    Text,
+    wrong,
+)
+from atlantis_netcfg.declaration.model.gateway import Interface
 
 Port = Annotated[StrictInt, Field(ge=1, le=65535)]
 
@@ -41,19 +52,34 @@ class WifiRole(StrEnum):
     """The vehicle is associated with an access point of the site."""
 
 
+class WifiClient(Model):
+    """The address of the gateway's radio in the network of a vehicle's access point."""
+
+    network: Network
+    """Of the access point: no other network of the pilot."""
+    address: Address
+    """Of the gateway in it."""
+
+
 class WifiEndpoint(_EndpointModel):
     """The vehicle's own Wi-Fi."""
 
     role: WifiRole
     """Which side of the association the vehicle is."""
-    interface: Text = "wlan0"
+    interface: Interface = "wlan0"
     """Of the gateway, where the vehicle is the access point: each of its radios hears one of them at a time."""
     ssid: Ssid | None = None
     """Name of the network; None: any."""
+    key: SecretText | None = None
+    """Passphrase of the vehicle's access point: the gateway's radio joins it. None: a person configures the radio."""
+    wpa: Literal["wpa2", "wpa3"] = "wpa2"
+    """How the access point of `key` protects its network."""
+    client: WifiClient | None = None
+    """With `key`: the address of the gateway's radio; None: the vehicle's DHCP server gives it one."""
     mac: MacAddress | None = None
     """Of the vehicle's radio; None: whoever has the address is believed."""
     seen_by: HostName | None = None
-    """Vehicle as station: RouterOS device whose registration table lists it; None: its access point is not ours."""
+    """Vehicle as station: RouterOS device whose registration table lists it; None: the site's router, if it has one."""
     low_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -75.0
     """Weaker is poor."""
     high_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -35.0

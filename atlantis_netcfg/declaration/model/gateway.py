@@ -7,9 +7,19 @@ import re
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StrictInt
+from pydantic import BeforeValidator, Field, StrictBool, StrictInt
 
-from atlantis_netcfg.declaration.model._base import LanBox, Model, Text, plain, text_like, wrong
+from atlantis_netcfg.declaration.model._base import (
+    Address,
+    LanBox,
+    Model,
+    Network,
+    Text,
+    WifiRadio,
+    plain,
+    text_like,
+    wrong,
+)
 
 _KINDS = (
     "ssh-ed25519",
@@ -162,6 +172,19 @@ class GpsTime(Model):
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
+class GatewayAccessPoint(WifiRadio):
+    """A radio of the gateway that opens a network for vehicles that are stations; it is no part of the LAN."""
+
+    interface: Interface
+    """The radio: `iw dev` on the gateway lists them, like wlan3."""
+    network: Network
+    """Of the stations, by DHCP: no other network of the pilot. Nothing is forwarded from it or to it."""
+    address: Address
+    """Of the gateway in it."""
+    isolated: StrictBool = True
+    """Stations do not reach one another through it."""
+
+
 class Gateway(LanBox):
     """The data gateway computer."""
 
@@ -172,6 +195,8 @@ class Gateway(LanBox):
     ssh: Ssh = Ssh()
     network: GatewayNetwork | None = None
     """None: the network stays as the image has it."""
+    access_point: GatewayAccessPoint | None = None
+    """None: no radio of the gateway opens a network."""
     gps: GpsTime | None = None
     """None: time comes over the network."""
     watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None

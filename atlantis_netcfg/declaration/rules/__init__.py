@@ -25,6 +25,7 @@ from atlantis_netcfg.declaration.rules import (
     secrets,
     vehicles,
     vpn,
+    wifi,
 )
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ RULES: tuple[Rule, ...] = (
     *vehicles.RULES,
     *endpoints.RULES,
     *checklist.RULES,
+    *wifi.RULES,
     *management.CLOCK_RULES,
     *secrets.RULES,
 )

@@ -11,6 +11,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration.model import Gateway
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -53,6 +54,15 @@ def claims(draft: Draft) -> Iterator[Claim]:
         for index, link in enumerate(site.served_links):
             what = f"link `{link.name}` of `{name}`"
             yield Claim(link.network, what, part, ("served_links", index, "network"), "serving")
+    for host, _, gateway in draft.boxes(Gateway):
+        if gateway.access_point is not None:
+            network, what = gateway.access_point.network, f"the access point of `{host}`"
+            yield Claim(network, what, Part("device", host), ("access_point", "network"))
+    for name, vehicle in draft.vehicles.items():
+        wifi = vehicle.endpoints.wifi
+        if wifi is not None and wifi.client is not None:
+            network, what = wifi.client.network, f"the access point of `{name}`"
+            yield Claim(network, what, Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
     if draft.pilot is not None:
         yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
 

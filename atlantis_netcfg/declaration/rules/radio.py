@@ -17,11 +17,12 @@ from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import Cpe, Ptp, PtpMode, PtpProtocol, RadioMenus
+from atlantis_netcfg.declaration.model import Cpe, Gateway, Ptp, PtpMode, PtpProtocol, RadioMenus, Router, WifiRadio
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.core.secret import Secret
 
 _SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""
@@ -35,24 +36,33 @@ def _radios(draft: Draft) -> Iterator[tuple[str, Part, Ptp]]:
         yield host, Part("device", host), cpe.ptp
 
 
+def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, WifiRadio]]:
+    """Every radio that the law and the cards bind alike, with the block in which it is declared."""
+    for _, part, ptp in _radios(draft):
+        yield part, "ptp", ptp
+    for host, device in draft.devices.items():
+        if isinstance(device, Router | Gateway) and device.access_point is not None:
+            yield Part("device", host), "access_point", device.access_point
+
+
 def standard_and_band(draft: Draft) -> Iterator[Finding]:
     """The standard exists in the band."""
-    for _, part, ptp in _radios(draft):
-        bands = channels.BANDS[ptp.standard]
-        if ptp.band not in bands:
-            message = f"{ptp.standard} is a standard of {' and '.join(bands)}, not of {ptp.band}"
-            fitting = [standard for standard, its in channels.BANDS.items() if ptp.band in its]
+    for part, block, radio in _transmitters(draft):
+        bands = channels.BANDS[radio.standard]
+        if radio.band not in bands:
+            message = f"{radio.standard} is a standard of {' and '.join(bands)}, not of {radio.band}"
+            fitting = [standard for standard, its in channels.BANDS.items() if radio.band in its]
             hint = f"write `band: {bands[0]}`, or one of {', '.join(fitting)}"
-            yield draft.wrong(part, ("ptp", "standard"), message, hint)
+            yield draft.wrong(part, (block, "standard"), message, hint)
 
 
 def width(draft: Draft) -> Iterator[Finding]:
     """The standard and the band know the width."""
-    for _, part, ptp in _radios(draft):
-        widths = [item for item in channels.WIDTHS[ptp.standard] if item <= _WIDEST[ptp.band]]
-        if ptp.width_mhz not in widths:
-            message = f"{ptp.standard} at {ptp.band} has no channels of {ptp.width_mhz} MHz"
-            yield draft.wrong(part, ("ptp", "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
+    for part, block, radio in _transmitters(draft):
+        widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
+        if radio.width_mhz not in widths:
+            message = f"{radio.standard} at {radio.band} has no channels of {radio.width_mhz} MHz"
+            yield draft.wrong(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
 
 
 def protocol_and_standard(draft: Draft) -> Iterator[Finding]:
@@ -85,6 +95,18 @@ def menus(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(part, ("ptp", "menus"), message, hint)
 
 
+def menus_of_an_access_point(draft: Draft) -> Iterator[Finding]:
+    """The older menus know neither 802.11ax nor WPA3."""
+    for host, _, router in draft.boxes(Router):
+        radio, part = router.access_point, Part("device", host)
+        if radio is None or radio.menus != "wireless":
+            continue
+        for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):
+            if getattr(radio, name) == value:
+                hint = "write `menus: wifi` if the router has them, or choose an older one"
+                yield draft.wrong(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
+
+
 def same_menus(draft: Draft) -> Iterator[Finding]:
     """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
     for host, part, ptp in _radios(draft):
@@ -110,40 +132,55 @@ def wpa(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
 
 
+def _channel(radio: WifiRadio) -> tuple[str, str, int, int]:
+    return radio.country, radio.band, radio.frequency_mhz, radio.width_mhz
+
+
 def channel(draft: Draft) -> Iterator[Finding]:
     """The channel exists in the band and is legal in the radio's country."""
-    for _, part, ptp in _radios(draft):
-        known = channels.legal(ptp.country, ptp.band, ptp.width_mhz, outdoors=ptp.outdoor)
-        where = "outdoors" if ptp.outdoor else "indoors"
-        hint = f"channels {where} in {ptp.country}: {choices(map(str, known))}" if known else "choose a smaller width"
-        if not channels.is_channel(ptp.band, ptp.frequency_mhz):
-            message = f"{ptp.frequency_mhz} MHz is no channel of {ptp.band}"
-            yield draft.wrong(part, ("ptp", "frequency_mhz"), message, hint)
-        elif why := channels.why_illegal(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor):
-            message = f"{ptp.frequency_mhz} MHz with {ptp.width_mhz} MHz width is not legal {where} in {ptp.country}"
-            yield draft.wrong(part, ("ptp", "frequency_mhz"), f"{message}: {why}", hint)
+    for part, block, radio in _transmitters(draft):
+        known = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
+        where = "outdoors" if radio.outdoor else "indoors"
+        hint = f"channels {where} in {radio.country}: {choices(map(str, known))}" if known else "choose a smaller width"
+        if not channels.is_channel(radio.band, radio.frequency_mhz):
+            message = f"{radio.frequency_mhz} MHz is no channel of {radio.band}"
+            yield draft.wrong(part, (block, "frequency_mhz"), message, hint)
+        elif why := channels.why_illegal(
+            radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
+        ):
+            message = (
+                f"{radio.frequency_mhz} MHz with {radio.width_mhz} MHz width is not legal {where} in {radio.country}"
+            )
+            yield draft.wrong(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
 
 
 def country(draft: Draft) -> Iterator[Finding]:
     """A radio obeys the law of the pilot's country."""
     if draft.pilot is None:
         return
-    for _, part, ptp in _radios(draft):
-        if ptp.country != draft.pilot.country:
+    for part, block, radio in _transmitters(draft):
+        if radio.country != draft.pilot.country:
             where = draft.where(Part("pilot"), "country")
-            message = f"the radio's country is {ptp.country}, the pilot's is {draft.pilot.country} ({where})"
-            yield draft.wrong(part, ("ptp", "country"), message, "make both the same")
+            message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
+            yield draft.wrong(part, (block, "country"), message, "make both the same")
 
 
 def key(draft: Draft) -> Iterator[Finding]:
     """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
-    for _, part, ptp in _radios(draft):
-        if isinstance(ptp.key, SealedSecret):
-            continue
-        text = ptp.key.reveal()
-        if len(text) not in _KEY_CHARACTERS or not (text.isascii() and text.isprintable()):
+    for part, block, radio in _transmitters(draft):
+        if not is_passphrase(radio.key):
             message = "the bridge's key must have 8 to 63 printable ASCII characters"
-            yield draft.wrong(part, ("ptp", "key"), message, "make another key")
+            if block != "ptp":
+                message = "the access point's key must have 8 to 63 printable ASCII characters"
+            yield draft.wrong(part, (block, "key"), message, "make another key")
+
+
+def is_passphrase(key: Secret) -> bool:
+    """Whether radios take it; one that is still sealed cannot be looked at, and counts as taken."""
+    if isinstance(key, SealedSecret):
+        return True
+    text = key.reveal()
+    return len(text) in _KEY_CHARACTERS and text.isascii() and text.isprintable()
 
 
 def peers(draft: Draft) -> Iterator[Finding]:
@@ -230,6 +267,7 @@ RULES: tuple[Rule, ...] = (
     protocol_and_standard,
     protocol_that_is_set_up,
     menus,
+    menus_of_an_access_point,
     same_menus,
     wpa,
     channel,
@@ -261,17 +299,19 @@ def bounds(draft: Draft) -> Iterator[Finding]:
 
 def eirp(draft: Draft) -> Iterator[Finding]:
     """What is radiated (EIRP: power and antenna gain together) is within the country's limit for the channel."""
-    for _, part, ptp in _radios(draft):
-        if ptp.tx_power_dbm is None or ptp.antenna_gain_dbi is None:
+    for part, block, radio in _transmitters(draft):
+        if radio.tx_power_dbm is None or radio.antenna_gain_dbi is None:
             continue
-        limit = channels.eirp_dbm(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor)
-        if limit is not None and ptp.tx_power_dbm + ptp.antenna_gain_dbi > limit:
-            message = f"{ptp.tx_power_dbm} dBm with an antenna of {ptp.antenna_gain_dbi} dBi radiates"
-            message += f" {ptp.tx_power_dbm + ptp.antenna_gain_dbi} dBm; {ptp.country} allows {limit:g} dBm"
-            message += f" at {ptp.frequency_mhz} MHz"
-            most = int(limit) - ptp.antenna_gain_dbi
+        limit = channels.eirp_dbm(
+            radio.country, radio.band, radio.frequency_mhz, radio.width_mhz, outdoors=radio.outdoor
+        )
+        if limit is not None and radio.tx_power_dbm + radio.antenna_gain_dbi > limit:
+            message = f"{radio.tx_power_dbm} dBm with an antenna of {radio.antenna_gain_dbi} dBi radiates"
+            message += f" {radio.tx_power_dbm + radio.antenna_gain_dbi} dBm; {radio.country} allows {limit:g} dBm"
+            message += f" at {radio.frequency_mhz} MHz"
+            most = int(limit) - radio.antenna_gain_dbi
             hint = f"write `tx_power_dbm: {most}` or less" if most >= 0 else "take an antenna with less gain"
-            yield draft.wrong(part, ("ptp", "tx_power_dbm"), message, hint)
+            yield draft.wrong(part, (block, "tx_power_dbm"), message, hint)
 
 
 def short_link(draft: Draft) -> Iterator[Finding]:
@@ -289,7 +329,7 @@ def _power(ptp: Ptp, distance_m: int) -> str:
     if gain is None:
         return "write the antenna's gain as `antenna_gain_dbi`, and `tx_power_dbm`: start low, like 5"
     between = 2 * gain - _lost_db(ptp, distance_m)
-    limit = channels.eirp_dbm(ptp.country, ptp.band, ptp.frequency_mhz, ptp.width_mhz, outdoors=ptp.outdoor)
+    limit = channels.eirp_dbm(*_channel(ptp), outdoors=ptp.outdoor)
     power = max(0, round(_AIM_DBM - between))
     if limit is not None and power + gain > limit:
         most = max(0, int(limit) - gain)

@@ -42,6 +42,8 @@ def _holders(draft: Draft) -> Iterator[tuple[Part, BaseModel]]:
         yield Part("pilot"), draft.pilot
     for host, device in draft.devices.items():
         yield Part("device", host), device
+    for name, vehicle in draft.vehicles.items():
+        yield Part("vehicle", name), vehicle
 
 
 def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Secret]]:

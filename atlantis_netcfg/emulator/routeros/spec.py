@@ -228,6 +228,16 @@ class Validity(_Spec):
     until: datetime
 
 
+class NearbyStation(_Spec):
+    """A client of 802.11 near the router: it joins the network with its name and passphrase, if there is one."""
+
+    mac: str
+    ssid: str
+    passphrase: str
+    signal_dbm: float = -58.0
+    """What the router hears of it, however strong its own radio is set."""
+
+
 class Environment(_Spec):
     """Everything around a router; by default nothing is."""
 
@@ -244,6 +254,8 @@ class Environment(_Spec):
     """Address to the `status` of its lease; others are `waiting`."""
     tunnels: dict[str, str] = Field(default_factory=dict)
     """OpenVPN client to the address (with prefix length) that its server gives it: it is connected."""
+    stations: tuple[NearbyStation, ...] = ()
+    """Clients near its radio: those whose network it opens are in its registration table."""
     time_server: str | None = None
     """The time server that answers; None: none does."""
     validity: dict[str, Validity] = Field(default_factory=dict)

@@ -52,8 +52,7 @@ def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[
 
 def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
-    desired = gateway_base(declaration, host).as_dict()
-    return {name: result for name, result in desired.items() if name != "network" or not request.rehearsed}
+    return gateway_base(declaration, host, rehearsed=request.rehearsed).as_dict()
 
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:

@@ -85,6 +85,8 @@ def wrong_about(name: str, items: dict[str, Item], well: Seen) -> Iterator[str]:
 def test_exactly_the_items_concerned_turn_and_say_what_mends_them(coastal: CommandSession) -> None:
     well = told(looked(coastal, ()))
     assert {seen[0] for seen in well.values()} == {Verdict.PASS, Verdict.WARN}
+    # By the registration table of the emulated router's access point.
+    assert [well[f"{name}/wifi"][0] for name in ("zarco", "stork")] == [Verdict.PASS, Verdict.PASS]
     found = {name: looked(coastal, (name,)) for name in OF_ROUTERS}
     # What is not done to a router, which all share, can be looked at side by side.
     beside = [name for name in FAULTS if name not in OF_ROUTERS]

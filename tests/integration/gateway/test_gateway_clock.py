@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 pytestmark = [pytest.mark.campaign, pytest.mark.timeout(3600)]
 
-SPEC = TreeSpec(packages=("chrony", "fake-hwclock", "linux-image-cloud-amd64", "locales", "nftables"))
+SPEC = TreeSpec(packages=("chrony", "fake-hwclock", "linux-image-cloud-amd64", "locales", "nftables", "wpasupplicant"))
 LAN = "[Match]\nName=en* eth*\n[Network]\nAddress=10.64.1.10/24\nGateway=10.64.1.1\n"
 WANTS = "etc/systemd/system/multi-user.target.wants"
 OPTIONS = ("-accel", "tcg", "-m", "768", "-smp", "2", "-nographic", "-no-reboot")
@@ -54,10 +54,10 @@ class Guest:
         return subprocess.run([*to, command], check=check, capture_output=True, text=True)
 
 
-def card(folder: Path, key: Key) -> tuple[Path, str]:
+def card(folder: Path, key: Key, spec: TreeSpec = SPEC) -> tuple[Path, str]:
     """The disk of a board, and its host key."""
     root = folder / "root"
-    subprocess.run(["cp", "-a", build_rootfs(SPEC), root], check=True)
+    subprocess.run(["cp", "-a", build_rootfs(spec), root], check=True)
     subprocess.run(
         ["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", root / "etc/ssh/ssh_host_ed25519_key"], check=True
     )
@@ -112,7 +112,8 @@ def test_a_clock_that_is_ten_years_off_is_set_and_kept(technician: Key, tmp_path
         assert guest.run("date +%Y").stdout == "2016\n"
         done = stand.run()
         assert done["hint"] is None, done["message"]
-        assert (planned["changes"][1:], done["notes"]) == (done["changes"][1:], [])
+        notes = [note for note in done["notes"] if "this machine has no radio" not in note]
+        assert (planned["changes"][1:], notes) == (done["changes"][1:], [])
         assert done["changes"][0].startswith("clock set: it was 36")
         assert abs(int(guest.run("date +%s").stdout) - time.time()) < 300
         assert guest.run("cat /proc/sys/net/core/rmem_max /proc/sys/net/ipv4/ipfrag_time").stdout == "8388608\n3\n"

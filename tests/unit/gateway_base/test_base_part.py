@@ -41,7 +41,7 @@ def text(base: GatewayBase, path: str) -> str:
 def test_it_is_final_data(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     assert json.loads(json.dumps(told)) == told
-    assert told.keys() == {"packages", "configure"}
+    assert told.keys() == {"packages", "configure", "secrets", "own_secret"}
     assert {"name": "chrony", "version": None} in told["packages"]["packages"]
     assert "{{" not in json.dumps(told)
     assert "{%" not in json.dumps(told)
@@ -117,7 +117,7 @@ def test_cloud_init_takes_nothing_back(tmp_path: Path) -> None:
     made = part(tmp_path).configuration
     assert "/etc/cloud/cloud-init.disabled" in [file.path for file in made.files]
     assert "/etc/cloud/cloud-init.enabled" in made.absent
-    (check,) = made.checks
+    check, *_ = made.checks
     words = tmp_path / "cmdline"
     for cmdline, code in (("quiet", 0), ("quiet cloud-init=enabled ro", 1), ("cloud-init=disabled", 0)):
         words.write_text(cmdline)

@@ -66,7 +66,7 @@ def test_who_replaces_the_texts_alone_keeps_no_number_silently(inventory: Path) 
         ("group_vars/coastal.yml:51", "price_per_mb"),
         ("host_vars/coastal-4g.yml:14", "bands"),
         ("host_vars/coastal-cpe.yml:16", "frequency_mhz"),
-        ("group_vars/all/vehicles.yml:20", "acoustic_address"),
+        ("group_vars/all/vehicles.yml:26", "acoustic_address"),
     ):
         assert [line for line in told if line.startswith(f"inventory/{place} ") and f"`{key}`" in line], place
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.rsc import Statement
 
 BUILT_IN = {
-    "interface": {f"ether{number}" for number in range(1, 9)},
+    "interface": {*(f"ether{number}" for number in range(1, 9)), "wifi1"},
     "list": {"all", "none", "dynamic", "static"},
     "table": {"main"},
     "log action": {"memory", "disk", "echo", "remote"},

@@ -12,6 +12,7 @@ from test_render_text import parsed
 from atlantis_netcfg import rsc
 from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
+from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.render import prerequisites
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def adopted(site: str, version: str) -> tuple[Device, Caller]:
     spec = RouterSpec(
         name=host.name,
         version=version,
+        packages=("routeros", "wifi-qcom"),
+        radios=(Radio(name="wifi1"),),
         ports=tuple(row.name for row in prerequisites(DECLARED, host) if row.menu == "/interface/ethernet"),
         certificates=tuple(row.name for row in prerequisites(DECLARED, host) if row.menu == "/certificate"),
         management=ManagementSpec(address=str(address), port="ether8", technician=str(management.technician)),

@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.emulator.routeros.radio import Driver, RadioSettings, why_not
-from atlantis_netcfg.emulator.routeros.radio._link import free_space_loss_db, signal_dbm, span, within
+from atlantis_netcfg.emulator.routeros.radio._law import free_space_loss_db, signal_dbm, span, within
 
 AP = RadioSettings(
     driver=Driver.WIRELESS,

@@ -13,8 +13,9 @@ from trees import ROOT, TREES
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint
 from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
+from atlantis_netcfg.render._cpe import access_point
 from atlantis_netcfg.render.view import ClassView, Named
 
 if TYPE_CHECKING:
@@ -26,6 +27,14 @@ if TYPE_CHECKING:
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
+_ACCESS_POINT = {
+    "ssid": "EXAMPLE",
+    "standard": "802.11ac",
+    "band": "5ghz",
+    "frequency_mhz": 5580,
+    "country": "portugal",
+    "key": "EXAMPLE-key",
+}
 _INCLUDE = re.compile(r"\{% include \"([^\"]+)\" %\}")
 _STATEMENT = re.compile(r"\{%-?.*?-?%\}", re.DOTALL)
 _COMMENT = re.compile(r"\{#.*?#\}", re.DOTALL)
@@ -48,6 +57,18 @@ def _variants(view: RouterView) -> Iterator[RouterView]:
     yield replace(view, tunnel=None)
     yield replace(view, remotes=(), forwards=(), served=(), uplinks=view.uplinks[:1])
     yield replace(view, uplinks=tuple(replace(link, canaries=(), targets=()) for link in view.uplinks))
+    for menus in ("wifi", "wireless"):
+        for isolated, power in ((True, 10), (False, None)):
+            radio = RouterAccessPoint.model_validate(
+                {
+                    **_ACCESS_POINT,
+                    "menus": menus,
+                    "isolated": isolated,
+                    "tx_power_dbm": power,
+                    "antenna_gain_dbi": power,
+                }
+            )
+            yield replace(view, access_point=access_point(radio))
     yield replace(view, server_in_lan=not view.server_in_lan)
     yield replace(view, classes=(ClassView("images", 5, 10, (Named("zarco", "10.64.1.23"),)),))
     yield replace(view, ports=tuple(replace(port, poe_out=None, poe_priority=None) for port in view.ports))

@@ -232,6 +232,14 @@ def _around(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields
     return spoil
 
 
+def _station(mac: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of the router twin's `NearbyStation`
+    def spoil(world: World) -> None:
+        stations = world.routers[_ROUTER]["stations"]
+        world.routers[_ROUTER]["stations"] = [each | changes if each["mac"] == mac else each for each in stations]
+
+    return spoil
+
+
 def _unit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Callable[[World], None]:
     return _done(refitted(_UNIT, before, after))
 
@@ -251,6 +259,24 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
         "something stands between the two ends of the Wi-Fi bridge",
         ("SITE/wifi",),
         _done(apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
+    ),
+    "station-key": RehearsedFault(
+        "Stork has another key than the site's access point",
+        ("stork/wifi",),
+        _station("02:00:5E:00:01:24", passphrase="EXAMPLE-another-key"),  # noqa: S106 - an example
+    ),
+    "station-other-network": RehearsedFault(
+        "Zarco looks for a network of another name", ("zarco/wifi",), _station("02:00:5E:00:01:23", ssid="EXAMPLE-OLD")
+    ),
+    "station-weak": RehearsedFault(
+        "the site's access point hardly hears Zarco",
+        ("zarco/wifi",),
+        _station("02:00:5E:00:01:23", signal_dbm=-88.0),
+    ),
+    "access-point-off": RehearsedFault(
+        "somebody has switched the site's access point off",
+        ("zarco/wifi", "stork/wifi"),
+        _done(changed(_ROUTER, "/interface/wifi", {"default-name": "wifi1"}, disabled="yes")),
     ),
     "lte-no-card": RehearsedFault("there is no SIM in the 4G unit", ("SITE/4g",), _unit({"sim": {}}, {"sim": None})),
     "lte-roaming": RehearsedFault(

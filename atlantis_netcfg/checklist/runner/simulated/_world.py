@@ -14,8 +14,9 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Cell
+from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
-from atlantis_netcfg.declaration.model import AcousticDriver, Gateway, GpsDriver, Router, VpnServer, WifiRole
+from atlantis_netcfg.declaration.model import AcousticDriver, Column, Gateway, GpsDriver, Router, VpnServer, WifiRole
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
 from atlantis_netcfg.emulator.linux import (
@@ -261,6 +262,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
         "loads": {port: {} for port in _fed(declaration, host.name)},
         "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
         "tunnels": tunnels,
+        "stations": list(_stations(declaration, host.site, host.device)),
         "time_server": str(declaration.pilot.time_servers[0].address),
         "called": [],
         "validity": {},
@@ -273,6 +275,19 @@ def _cards(declaration: Declaration, site: str) -> dict[str, str]:
         if isinstance(host.device, Gateway) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac
     return cards
+
+
+def _stations(declaration: Declaration, site: str, router: Router) -> Iterator[dict[str, str]]:
+    """The vehicles that are stations, near the router's access point with its name and key."""
+    radio, here = router.access_point, declaration.sites[site].checklist.vehicles
+    for key in declaration.vehicles if here is None else here:
+        cell = Cell(declaration, site, key, Column.WIFI)
+        wifi = cell.endpoints.wifi
+        if radio is None or wifi is None or wifi.role is not WifiRole.STATION:
+            continue
+        mac = reserved_mac(cell, wifi.mac)
+        if mac is not None:
+            yield {"mac": mac, "ssid": radio.ssid, "passphrase": radio.key.reveal()}
 
 
 def _fed(declaration: Declaration, router: str) -> list[str]:

@@ -6,18 +6,21 @@ those of a link that is well; only the levels are computed (radio/_link.py).
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
+from atlantis_netcfg.emulator.routeros.radio._law import why_silent
 from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Peer, RadioSettings, RadioState
+from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Air, Driver, Peer, RadioSettings, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.emulator.routeros.spec import NearbyStation
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _Row = dict[str, str]
@@ -68,7 +71,7 @@ def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
         row["wireless-protocol"] = mine.speaks if peer is None or mine.is_ap else peer.settings.speaks
         row["noise-floor"] = str(NOISE_DBM)
     if mine.is_ap and state.status == "running-ap":
-        clients = "0" if peer is None else "1"
+        clients = str(len(_stations(core, mine)) + (peer is not None))
         return row | {"registered-clients": clients, "authenticated-clients": clients, "overall-tx-ccq": "90"}
     if peer is None:
         return row
@@ -96,7 +99,7 @@ def _wifi(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
         row["channel"] = f"{channel}/{mine.band.partition('-')[2] or 'ax'}"
         row["tx-power"] = f"{mine.power_dbm:.0f}"
     if mine.is_ap:
-        number = "0" if state.peer is None else "1"
+        number = str(len(_stations(core, mine)) + (state.peer is not None))
         row |= {"registered-peers": number, "authorized-peers": number}
     return row
 
@@ -107,11 +110,47 @@ _MONITORS = {LEGACY: _legacy, WIFI: _wifi}
 def registrations(core: Core, call: Call) -> list[_Row]:
     """The rows of `registration-table`: whom each radio is connected to."""
     menu = call.menu.removesuffix("/registration-table")
+    rows: list[_Row] = []
+    for item, mine in _radios(core, menu):
+        if (peer := _state(core, item, mine).peer) is not None:
+            rows.append(_REGISTRATIONS[menu](core, menu, item, mine, peer))
+        rows += [_of_station(menu, _names(core, menu, item)[1], mine, station) for station in _stations(core, mine)]
+    return [{".id": id_text(number), **row} for number, row in enumerate(rows, start=1)]
+
+
+def _stations(core: Core, mine: RadioSettings) -> list[NearbyStation]:
+    """Clients around the router that a radio serves. How long it listens for radar before is not emulated for them."""
+    if not (mine.enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, Air()):
+        return []
+    keys = {part.partition("=")[2] if mine.driver is Driver.WIRELESS else part for part in _passphrases(mine)}
     return [
-        {".id": id_text(number), **_REGISTRATIONS[menu](core, menu, item, mine, peer)}
-        for number, (item, mine) in enumerate(_radios(core, menu), start=1)
-        if (peer := _state(core, item, mine).peer) is not None
+        station
+        for station in core.spec.around.stations
+        if station.ssid == mine.ssid
+        and station.passphrase in keys
+        and (station.mac.upper() in mine.admits or not mine.refuses & {station.mac.upper(), "*"})
     ]
+
+
+def _passphrases(mine: RadioSettings) -> list[str]:
+    """By the older driver one for each way of authentication; a passphrase may have a comma in it."""
+    if mine.driver is Driver.WIFI or not mine.authentication:
+        return [mine.passphrase] if mine.authentication else [""]
+    kinds = "|".join(map(re.escape, sorted(mine.authentication)))
+    return re.split(rf",(?=(?:{kinds})=)", mine.passphrase)
+
+
+def _of_station(menu: str, interface: str, mine: RadioSettings, station: NearbyStation) -> _Row:
+    kind = min(mine.authentication, default="none")
+    row = {"interface": interface, "mac-address": station.mac.upper(), "uptime": "10m", "last-activity": "0ms"}
+    if menu == WIFI:
+        rate = {"tx-rate": "286.8Mbps-20MHz/2S", "rx-rate": "286.8Mbps-20MHz/2S"}
+        shown = {"ssid": mine.ssid, "signal": f"{station.signal_dbm:.0f}", "auth-type": kind}
+        return {**row, **shown, "band": mine.band or "5ghz-ax", **rate, "authorized": "true"}
+    level = {"signal-strength": f"{station.signal_dbm:.0f}dBm@6Mbps"}
+    level |= {"signal-to-noise": f"{station.signal_dbm - NOISE_DBM:.0f}", "authentication-type": kind}
+    rate = {"rx-rate": "130Mbps-20MHz/2S", "tx-rate": "130Mbps-20MHz/2S", "802.1x-port-enabled": "true"}
+    return {**row, "ap": "false", "wds": "false", "bridge": "false", **rate, **level}
 
 
 def _legacy_registration(core: Core, menu: str, item: StoredItem, mine: RadioSettings, peer: Peer) -> _Row:

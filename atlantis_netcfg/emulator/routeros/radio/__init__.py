@@ -7,7 +7,8 @@ the distance. Antennas that point elsewhere, rain, tide, interference and throug
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.radio._link import RadioLink, why_not
+from atlantis_netcfg.emulator.routeros.radio._law import why_not
+from atlantis_netcfg.emulator.routeros.radio._link import RadioLink
 from atlantis_netcfg.emulator.routeros.radio._read import settings_of
 from atlantis_netcfg.emulator.routeros.radio._settings import Air, Driver, RadioPair, RadioSettings
 

@@ -4,226 +4,22 @@ A radio whose settings change starts anew: an access point listens for radar fir
 to find it again. What the technician sends to the far end goes through the near end's cable, bridge and radio; while
 the link is down it vanishes, and nobody is told. A far end whose management port is a socket is reached there by a
 cable of its own while its radio is off, as a box is that has only been adopted.
-
-Which channels a country allows, how strong, and whether an access point has to listen for radar first.
-
-Europe: `/interface/wifi/radio/reg-info country=Latvia` as the manual prints it (Configuring outdoor CPE to AP links);
-the countries of the CEPT share these rules (ERC/REC 70-03; EN 301 893). `no_country_set` of the older driver is "an FCC
-compliant set of channels" (Manual, Wireless Interface). Of other countries the twin knows nothing, and its radios stay
-silent there, where real ones would not.
 """
 
 from __future__ import annotations
 
 import asyncio
-import math
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.radio._law import signal_dbm, why_not, why_silent, within
 from atlantis_netcfg.emulator.routeros.radio._read import radio_item, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import (
-    Driver,
-    Peer,
-    RadioSettings,
-    RadioState,
-    ghz_of,
-    standards_of,
-)
+from atlantis_netcfg.emulator.routeros.radio._settings import Peer, RadioSettings, RadioState
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from atlantis_netcfg.emulator.routeros.core import Core
     from atlantis_netcfg.emulator.routeros.radio._settings import Air, RadioPair
     from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
-
-
-_CEPT = frozenset(
-    (
-        *("austria", "belgium", "bulgaria", "croatia", "cyprus", "denmark", "estonia", "etsi", "finland"),
-        *("france", "germany", "greece", "hungary", "iceland", "ireland", "italy", "latvia", "lithuania"),
-        *("luxembourg", "malta", "netherlands", "norway", "poland", "portugal", "romania", "slovakia", "slovenia"),
-        *("spain", "sweden", "switzerland"),
-    )
-)
-
-
-@dataclass(frozen=True, slots=True)
-class RadioRange:
-    """Frequencies with one rule; the power is EIRP."""
-
-    low_mhz: int
-    high_mhz: int
-    eirp_dbm: float
-    indoor: bool = False
-    dfs: bool = False
-
-
-_EUROPE = (
-    RadioRange(2402, 2482, 20.0),
-    RadioRange(5170, 5250, 23.0, indoor=True),
-    RadioRange(5250, 5330, 23.0, indoor=True, dfs=True),
-    RadioRange(5490, 5730, 30.0, dfs=True),
-    RadioRange(5735, 5875, 14.0),
-)
-_AMERICA = (
-    RadioRange(2402, 2472, 30.0),
-    RadioRange(5170, 5250, 30.0),
-    RadioRange(5250, 5330, 24.0, dfs=True),
-    RadioRange(5490, 5730, 24.0, dfs=True),
-    RadioRange(5735, 5835, 30.0),
-)
-_UNLAWFUL = (RadioRange(2192, 2732, 40.0), RadioRange(4790, 6110, 40.0))
-"""Everything that cards of 2 and 5 GHz can."""
-
-
-def span(frequency_mhz: int, width: str) -> tuple[int, int]:
-    """Return the lowest and highest frequency of a channel whose control channel is `frequency_mhz`.
-
-    `C` is the control channel, each `e` 20 MHz more on its side; without letters, or with `X`, they lie above.
-    """
-    narrow = re.fullmatch(r"(5|10|20)mhz", width)
-    if narrow is not None:
-        half = int(narrow[1]) // 2
-        return frequency_mhz - half, frequency_mhz + half
-    sizes, _, letters = width.partition("mhz-")
-    below = letters.index("C") if "C" in letters else 0
-    number = int(sizes.removesuffix("mhz").split("/")[-1].split("+")[0]) // 20
-    low = frequency_mhz - 10 - 20 * below
-    return low, low + 20 * number
-
-
-def within(country: str, frequency_mhz: int, width: str, *, outdoor: bool, lawless: bool = False) -> RadioRange | None:
-    """Return the rule under which a channel may be used; None: it may not."""
-    if lawless:
-        rules: tuple[RadioRange, ...] = _UNLAWFUL
-    elif country.lower() in _CEPT:
-        rules = _EUROPE
-    else:
-        rules = _AMERICA if country == "no_country_set" else ()
-    low, high = span(frequency_mhz, width)
-    # A channel of 80 or 160 MHz may lie over two ranges that touch; the stricter rule holds, which is the one below.
-    return next(
-        (
-            rule
-            for rule in rules
-            if rule.low_mhz <= low
-            and _end(rules, rule) >= high
-            and low < rule.high_mhz
-            and not (outdoor and rule.indoor)
-        ),
-        None,
-    )
-
-
-def _end(rules: tuple[RadioRange, ...], rule: RadioRange) -> int:
-    """Return where the ranges that touch this one end."""
-    following = next((other for other in rules if other.low_mhz == rule.high_mhz), None)
-    return rule.high_mhz if following is None else _end(rules, following)
-
-
-_LIGHT_M_S = 299_792_458.0
-
-
-def free_space_loss_db(distance_m: float, frequency_mhz: float) -> float:
-    """Return the loss between two isotropic antennas, never below none."""
-    return max(0.0, 20 * math.log10(4 * math.pi * distance_m * frequency_mhz * 1e6 / _LIGHT_M_S))
-
-
-def signal_dbm(sender: RadioSettings, receiver: RadioSettings, frequency_mhz: int, air: Air) -> float:
-    """Return what `receiver` hears of `sender`."""
-    rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
-    eirp = sender.power_dbm + sender.gain_dbi
-    if rule is not None:
-        eirp = min(eirp, rule.eirp_dbm)
-    return eirp - free_space_loss_db(air.distance_m, frequency_mhz) - air.loss_db + receiver.gain_dbi
-
-
-def why_not(settings: RadioSettings, other: RadioSettings, air: Air) -> str:
-    """Return why the two are not connected; empty: they agree."""
-    return next(_reasons(settings, other, air), "")
-
-
-def _reasons(settings: RadioSettings, other: RadioSettings, air: Air) -> Iterator[str]:
-    if not (settings.enabled and other.enabled):
-        yield "a radio is disabled"
-    if settings.is_ap == other.is_ap:
-        yield "both ends are access points" if settings.is_ap else "no end is an access point"
-        return
-    ap, station = (settings, other) if settings.is_ap else (other, settings)
-    yield from _roles(ap, station)
-    if silent := why_silent(ap, air):
-        yield silent
-    yield from _channel(ap, station)
-    if station.ssid not in ("", ap.ssid):
-        yield "the network names differ"
-    if _key(ap, ap.speaks) != _key(station, ap.speaks) and not _same_secret(ap, station):
-        yield "the keys differ"
-    yield from _lists(ap, station)
-    yield from _distance(ap, station, air)
-
-
-def _roles(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
-    if ap.driver is not station.driver:
-        yield "station-bridge does not work between the two drivers"
-    if station.mode != "station-bridge" or not ap.bridges_stations:
-        yield "the station does not bridge"
-    if ap.speaks not in station.understands:
-        yield "the protocols differ"
-
-
-def why_silent(ap: RadioSettings, air: Air) -> str:
-    """Return why an access point does not speak on its channel; empty: it does."""
-    low, high = span(ap.channel_mhz, ap.width or "20mhz")
-    if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != ghz_of(ap.band):
-        return "the radio does not have this channel"
-    if within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless) is None:
-        return "the country does not allow this channel"
-    return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
-
-
-def _channel(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
-    bands = standards_of(ap.band, ap.driver) & standards_of(station.band, station.driver)
-    if ghz_of(ap.band) != ghz_of(station.band) or not bands:
-        yield "the bands differ"
-    if ap.width != station.width:
-        yield "the channel widths differ"
-    rule = within(
-        station.country, ap.channel_mhz, ap.width or "20mhz", outdoor=station.outdoor, lawless=station.lawless
-    )
-    if rule is None:
-        yield "the station's country does not allow this channel"
-    if station.scans is not None and not any(low <= ap.channel_mhz <= high for low, high in station.scans):
-        yield "the station does not look on this channel"
-
-
-def _key(radio: RadioSettings, protocol: str) -> tuple[object, ...]:
-    """With nv2 the security profile is not used, but `nv2-security` (Manual, Nv2)."""
-    return (radio.nv2_key,) if protocol == "nv2" else (radio.authentication, radio.passphrase)
-
-
-def _same_secret(ap: RadioSettings, station: RadioSettings) -> bool:
-    """One way of authentication in common is enough, with the same passphrase."""
-    if ap.speaks == "nv2":
-        return False
-    return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase
-
-
-def _lists(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
-    for here, there in ((ap, station), (station, ap)):
-        if there.mac not in here.admits and here.refuses & {there.mac, "*"}:
-            yield "a list turns the other end away"
-
-
-def _distance(ap: RadioSettings, station: RadioSettings, air: Air) -> Iterator[str]:
-    limits = [each.reach_km for each in (ap, station) if each.reach_km is not None]
-    counts = ap.speaks == "nv2" or ap.driver is Driver.WIFI
-    if counts and limits and air.distance_m > min(limits) * 1000:
-        yield "ranging timeout: the ends are set to a shorter distance"
-    weakest = min(signal_dbm(ap, station, ap.channel_mhz, air), signal_dbm(station, ap, ap.channel_mhz, air))
-    if weakest < air.sensitivity_dbm:
-        yield "the ends are too far apart"
 
 
 _WEATHER = range(5590, 5661)

@@ -38,7 +38,15 @@ from atlantis_netcfg.emulator.linux import (
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
-from atlantis_netcfg.emulator.routeros.spec import Environment, Load, ManagementSpec, RouterSpec, User, Validity
+from atlantis_netcfg.emulator.routeros.spec import (
+    Environment,
+    Load,
+    ManagementSpec,
+    Radio,
+    RouterSpec,
+    User,
+    Validity,
+)
 from atlantis_netcfg.render import router
 
 if TYPE_CHECKING:
@@ -200,6 +208,8 @@ def device(clock: datetime, neighbours: tuple[str, ...]) -> Device:
         name=host.name,
         users=(User(name="provision"),),
         management=ManagementSpec(),
+        packages=("routeros", "wifi-qcom"),
+        radios=(Radio(name="wifi1"),),
         certificates=("atlantis-api", "atlantis-vpn"),
         neighbours=neighbours,
         clock=clock,

@@ -121,7 +121,7 @@ class DesiredState:
                 Directory(row["path"], _mode(row, "0755"), row.get("owner") or "root", row.get("group") or "root")
                 for row in values.get("directories") or ()
             ),
-            files=tuple(_file(row) for row in values.get("files") or ()),
+            files=tuple(_file(row, values.get("secrets") or {}) for row in values.get("files") or ()),
             links=tuple(Link(row["path"], row["target"]) for row in values.get("links") or ()),
             absent=tuple(values.get("absent") or ()),
             only=tuple(values.get("only") or ()),
@@ -142,9 +142,12 @@ class DesiredState:
         return wishes
 
 
-def _file(row: Mapping[str, Any]) -> File:
+def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
     secret = row.get("secret_content")
     content = secret if secret is not None else row.get("content")
+    for word, value in secrets.items():
+        if content is not None and word in content:
+            content = secret = content.replace(word, value)
     if content is None:
         raise ModuleError(
             f"file {row['path']} has no content", "give `content`, or `secret_content`, or list it in `absent`"

@@ -47,6 +47,12 @@ options:
             are then, and everything else is done; without it nothing is changed at all.
         type: str
         default: ""
+  secrets:
+    description:
+      - Words that stand in C(content) in the place of secrets, each with its secret. A file with such a word is
+        shown nowhere.
+    type: dict
+    default: {}
   links:
     description: Symbolic links.
     type: list
@@ -199,6 +205,7 @@ ARGUMENTS: dict[str, Any] = {
         "mutually_exclusive": [("content", "secret_content")],
         "required_one_of": [("content", "secret_content")],
     },
+    "secrets": {"type": "dict", "default": {}, "no_log": True},
     "links": _rows(path=_TEXT, target=_TEXT),
     "absent": _strings(),
     "only": _strings(),

@@ -1,0 +1,329 @@
+"""The radios of a gateway computer: they join access points of vehicles, which an AUV has on the surface.
+
+One more may be an access point itself, for vehicles that are stations. A unit of systemd for each radio runs
+wpa_supplicant or hostapd as long as the radio is there; systemd-networkd gives it its address, and takes no route,
+name server or time from a robot. The firewall forwards nothing from or to a radio: robots
+of different partners meet in the VPN alone, where its policy says who may reach whom. The keys are no part of this: a
+file has a word in the place of each, and the role puts the key there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration import channels
+from atlantis_netcfg.declaration.model import Gateway, SeenFrom, WifiRole
+from atlantis_netcfg.gateway.parts import Brought, Check, ConvergeStep, File, Package, Unit
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import GatewayAccessPoint, WifiEndpoint
+
+FOLDER = "/etc/atlantis/radios"
+"""Ours alone: whatever else stands in it goes."""
+UNIT = "/etc/systemd/system/atlantis-radio@.service"
+ACCESS_POINT_UNIT = "/etc/systemd/system/atlantis-access-point@.service"
+NETWORKS = "/etc/systemd/network"
+PREFIX = "04-atlantis-radio-"
+"""Of our files in there: before all others, for the first that names an interface holds."""
+NO_RADIO = "atlantis-none"
+"""A name that no interface has: a program that reads a file for it ends when it looks for the radio."""
+
+ACCEPT_HOSTAPD = (
+    "sh",
+    "-c",
+    f'! hostapd -i {NO_RADIO} "$1" 2>&1 | grep -e "^Line" -e "errors found in configuration"',
+    "sh",
+    "%s",
+)
+ACCEPT_SUPPLICANT = (
+    "sh",
+    "-c",
+    f'! wpa_supplicant -D nl80211 -i {NO_RADIO} -c "$1" 2>&1 | grep -e "^Line" -e "Failed to read or parse"',
+    "sh",
+    "%s",
+)
+"""wpa_supplicant cannot only check a file: here it reads it, tells what it does not understand, and finds no radio."""
+
+
+def quoted(ssid: str) -> str:
+    """The name of a network in quotes where it is plain, else as hexadecimal digits (wpa_supplicant.conf)."""
+    return f'"{ssid}"' if ssid.isascii() and ssid.isprintable() else ssid.encode().hex()
+
+
+@dataclass(frozen=True, slots=True)
+class AccessPoint:
+    """One that a radio may join."""
+
+    vehicle: str
+    """Its key in the declaration."""
+    wifi: WifiEndpoint
+
+    @property
+    def ssid(self) -> str:
+        """As wpa_supplicant takes it."""
+        return quoted(self.wifi.ssid or "")
+
+    @property
+    def pattern(self) -> str:
+        """As systemd-networkd takes it: in quotes, with nothing that stands for something else (systemd.network)."""
+        name = self.wifi.ssid or ""
+        return '"' + "".join(f"\\{letter}" if letter in '*?[]\\"' else letter for letter in name) + '"'
+
+    @property
+    def placeholder(self) -> str:
+        """The word in the place of its key."""
+        return f"@wifi-key-of-{self.vehicle}@"
+
+    @property
+    def address(self) -> str | None:
+        """Of the radio in its network, with the prefix length; None: by DHCP."""
+        client = self.wifi.client
+        return None if client is None else f"{client.address}/{client.network.prefixlen}"
+
+
+@dataclass(frozen=True, slots=True)
+class JoiningRadio:
+    """One radio of a gateway."""
+
+    interface: str
+    access_points: tuple[AccessPoint, ...]
+
+    @property
+    def file(self) -> str:
+        """What wpa_supplicant reads."""
+        return f"{FOLDER}/{self.interface}.conf"
+
+    @property
+    def unit(self) -> str:
+        """What runs it."""
+        return f"atlantis-radio@{self.interface}.service"
+
+    @property
+    def networks(self) -> dict[str, AccessPoint]:
+        """What systemd-networkd reads, a file for each access point."""
+        return {f"{NETWORKS}/{PREFIX}{self.interface}-{item.vehicle}.network": item for item in self.access_points}
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedNetwork:
+    """The radio that is an access point itself."""
+
+    radio: GatewayAccessPoint
+
+    placeholder: str = "@key-of-the-access-point@"
+
+    @property
+    def interface(self) -> str:
+        """Its name."""
+        return self.radio.interface
+
+    @property
+    def file(self) -> str:
+        """What hostapd reads."""
+        return f"{FOLDER}/{self.interface}.conf"
+
+    @property
+    def unit(self) -> str:
+        """What runs it."""
+        return f"atlantis-access-point@{self.interface}.service"
+
+    @property
+    def network(self) -> str:
+        """What systemd-networkd reads."""
+        return f"{NETWORKS}/{PREFIX}{self.interface}.network"
+
+    @property
+    def ssid(self) -> str:
+        """As hostapd takes it in `ssid2` (hostapd.conf)."""
+        return quoted(self.radio.ssid)
+
+    @property
+    def channel(self) -> int:
+        """Number of the channel (IEEE 802.11, annex E)."""
+        return (self.radio.frequency_mhz - (2407 if self.radio.band == "2ghz" else 5000)) // 5
+
+    @property
+    def address(self) -> str:
+        """Of the gateway in it, with the prefix length."""
+        return f"{self.radio.address}/{self.radio.network.prefixlen}"
+
+
+def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
+    """Every radio in a network of robots."""
+    opened = host.device.access_point if isinstance(host.device, Gateway) else None
+    names = [radio.interface for radio in radios(declaration, host)]
+    return tuple(names if opened is None else [*names, opened.interface])
+
+
+def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
+    """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
+    tested = declaration.sites[host.site].checklist.vehicles
+    found: dict[str, list[AccessPoint]] = {}
+    for key in declaration.vehicles if tested is None else tested:
+        wifi = declaration.vehicles[key].endpoints.wifi
+        joined = wifi is not None and wifi.role is WifiRole.ACCESS_POINT and wifi.seen_from is SeenFrom.GATEWAY
+        if wifi is not None and joined and wifi.key is not None:
+            found.setdefault(wifi.interface, []).append(AccessPoint(key, wifi))
+    return tuple(JoiningRadio(interface, tuple(found[interface])) for interface in sorted(found))
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayRadios:
+    """What a gateway gets for its radios; without one: what is taken away."""
+
+    radios: tuple[JoiningRadio, ...]
+    country: str
+    """ISO 3166-1: its law holds for the radios."""
+    opened: OpenedNetwork | None = None
+    """The one that is an access point."""
+    rehearsed: bool = False
+    """A machine of a rehearsal has no radio, and says so."""
+
+    @property
+    def packages(self) -> tuple[Package, ...]:
+        """What runs a radio."""
+        joining = (Package("wpasupplicant"),) if self.radios else ()
+        return joining if self.opened is None else (*joining, Package("hostapd"))
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Units that nothing needs."""
+        needed = {UNIT: bool(self.radios), ACCESS_POINT_UNIT: self.opened is not None}
+        return tuple(path for path, there in needed.items() if not there)
+
+    @property
+    def files(self) -> Iterator[File]:
+        """Unit, networks and keys."""
+        for radio in self.radios:
+            text = _render("radio.conf.j2", radio=radio, country=self.country)
+            yield File(radio.file, text, mode="0600", validate=ACCEPT_SUPPLICANT)
+            for path, item in radio.networks.items():
+                yield File(path, _render("radio.network.j2", radio=radio, item=item))
+        if self.radios:
+            yield File(UNIT, _render("radio.service.j2", folder=FOLDER))
+        if self.opened is not None:
+            text = _render("access-point.conf.j2", opened=self.opened, country=self.country)
+            yield File(self.opened.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
+            yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER))
+            yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
+
+    @property
+    def _running(self) -> list[tuple[str, str, str, str]]:
+        """Interface, unit, the unit's file, and the file that its program reads."""
+        joining = [(radio.interface, radio.unit, UNIT, radio.file) for radio in self.radios]
+        if self.opened is None:
+            return joining
+        return [*joining, (self.opened.interface, self.opened.unit, ACCESS_POINT_UNIT, self.opened.file)]
+
+    @property
+    def _networks(self) -> tuple[str, ...]:
+        joined = [path for radio in self.radios for path in radio.networks]
+        return tuple(joined if self.opened is None else [*joined, self.opened.network])
+
+    @property
+    def steps(self) -> tuple[ConvergeStep, ...]:
+        """What is declared no more is taken away before what is declared is started."""
+        names = " ".join(unit for _, unit, _, _ in self._running)
+        remove = ConvergeStep(
+            "take away the radios that are declared no more",
+            ("sh", "-c", _TAKE_AWAY, "sh", f" {' '.join(self._networks)} ", f" {names} "),
+            (UNIT, ACCESS_POINT_UNIT),
+        )
+        start = (
+            ConvergeStep(f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read))
+            for name, unit, file, read in self._running
+        )
+        if not self._networks:
+            return (remove,)
+        reload = ConvergeStep("let systemd-networkd read the networks of radios", ("sh", "-c", _RELOAD), self._networks)
+        return (remove, reload, *start)
+
+    @property
+    def units(self) -> Iterator[Unit]:
+        """A radio that is not plugged in is not waited for; with one that is, systemd-networkd starts."""
+        for _, unit, file, read in self._running:
+            yield Unit(unit, enabled=True, after=(file, read), wait=False)
+        if self.opened is not None:
+            # Debian's own, which reads another file; it would take every radio of that file.
+            yield Unit("hostapd.service", enabled=False, active=False)
+
+    @property
+    def brought(self) -> tuple[Brought, ...]:
+        """A radio is a thing that a person plugs in."""
+        notes = {radio.interface: self._joins(radio) for radio in self.radios}
+        if self.opened is not None:
+            notes[self.opened.interface] = self._opens(self.opened)
+        return tuple(Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
+
+    def _joins(self, radio: JoiningRadio) -> str:
+        name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
+        if self.rehearsed:
+            return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
+        return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
+
+    def _opens(self, opened: OpenedNetwork) -> str:
+        name, ssid = opened.interface, opened.radio.ssid
+        if self.rehearsed:
+            return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"
+        return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Nobody else drives the radios."""
+        names = [name for name, _, _, _ in self._running]
+        if not names:
+            return ()
+        hint = "on the computer: `nmcli device set NAME managed no`, and so in a file of /etc/NetworkManager/conf.d"
+        finding = f"NetworkManager drives a radio of {', '.join(names)} as well, and may take it away"
+        return (Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
+
+    @property
+    def secrets(self) -> dict[str, str]:
+        """Word in a file to the vehicle whose key stands there."""
+        return {item.placeholder: item.vehicle for radio in self.radios for item in radio.access_points}
+
+
+def gateway_radios(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayRadios:
+    """Pure."""
+    country = channels.COUNTRY_CODES[declaration.pilot.country]
+    assert isinstance(host.device, Gateway)  # noqa: S101 - callers choose gateways
+    opened = None if host.device.access_point is None else OpenedNetwork(host.device.access_point)
+    return GatewayRadios(radios(declaration, host), country, opened, rehearsed)
+
+
+_TAKE_AWAY = f"""\
+gone=
+for file in {NETWORKS}/{PREFIX}*.network; do
+    case "$1" in *" $file "*) ;; *) [ ! -e "$file" ] || {{ rm -f "$file"; gone=yes; }} ;; esac
+done
+[ -z "$gone" ] || networkctl reload 2>/dev/null || :
+for link in /etc/systemd/system/*.wants/atlantis-*@*.service; do
+    [ -L "$link" ] || continue
+    unit="${{link##*/}}"
+    case "$unit" in atlantis-radio@*|atlantis-access-point@*) ;; *) continue ;; esac
+    case "$2" in *" $unit "*) ;; *) systemctl --quiet disable --now "$unit" 2>/dev/null; rm -f "$link" ;; esac
+done
+systemctl daemon-reload
+"""
+_RELOAD = "! systemctl --quiet is-active systemd-networkd.service || exec networkctl reload"
+_START = """\
+systemctl daemon-reload
+[ ! -e "/sys/class/net/$2" ] || exec systemctl --no-block start "$1"
+"""
+"""systemd starts it with the radio; where that is there already, this does."""
+_ALONE = """\
+command -v nmcli >/dev/null && systemctl --quiet is-active NetworkManager.service || exit 0
+for radio; do
+    case "$(nmcli --get-values GENERAL.STATE device show "$radio" 2>/dev/null)" in ''|10*) ;; *) exit 1 ;; esac
+done
+"""
+"""10 is `unmanaged` (NMDeviceState)."""
+
+
+def _render(template: str, **values: object) -> str:
+    return environment().get_template(f"gateway/{template}").render(**values)
