@@ -1,4 +1,4 @@
-"""Part `gateway_base`: what every gateway computer has, whatever runs on it.
+"""Part `gateway_base`: what every gateway and control centre has, whatever runs on it.
 
 Locale, name, time that does not need the VPN, SSH by key only, a firewall that never locks out who loads it, a journal
 that does not fill the card, the watchdog. Chapters 3, 9 and 11 of the facts; Debian 12, Ubuntu 20.04 to 24.04.
@@ -13,7 +13,15 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import DdsPath, Gateway, GpsTime, TimeServer
+from atlantis_netcfg.declaration.model import (
+    Computer,
+    DdsPath,
+    GpsTime,
+    ServerComputer,
+    ServiceNetwork,
+    TimeServer,
+    Transport,
+)
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
@@ -24,8 +32,9 @@ from atlantis_netcfg.gateway.parts import (
     Package,
     Unit,
     WayIn,
-    gateway_network,
+    computer_network,
 )
+from atlantis_netcfg.gateway.services import services
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -95,19 +104,20 @@ class DdsPorts:
     """The UDP ports of the pilot's domain, by the formula of DDSI-RTPS 9.6.2.3 with its default numbers."""
 
     domain: int
-    participants: int
+    ports: range
     admitted: tuple[str, ...]
     """From where."""
 
-    @property
-    def first_port(self) -> int:
-        """Multicast discovery."""
-        return 7400 + 250 * self.domain
 
-    @property
-    def last_port(self) -> int:
-        """Unicast data of the last participant: two ports for each, from the tenth on."""
-        return self.first_port + 10 + 2 * self.participants - 1
+@dataclass(frozen=True, slots=True)
+class OpenPort:
+    """The port of a declared service, and from where it is reached."""
+
+    name: str
+    """Of the service."""
+    transport: Transport
+    port: int
+    admitted: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +132,7 @@ class DeclaredNeighbour:
 
 @dataclass(frozen=True, slots=True)
 class BaseView:
-    """One gateway."""
+    """One computer."""
 
     name: str
     site: str
@@ -135,6 +145,7 @@ class BaseView:
     ssh_from: tuple[str, ...]
     ssh_port: int
     dds: DdsPorts | None
+    services: tuple[OpenPort, ...]
     metered: tuple[str, ...]
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
@@ -142,9 +153,9 @@ class BaseView:
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
-    """Of a host that is a gateway."""
+    """Of a host whose base system is ours."""
     device = host.device
-    assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
+    assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
     return BaseView(
@@ -159,6 +170,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         ssh_from=_collapsed((*site.management.admit, lan, vpn)),
         ssh_port=device.ssh.port,
         dds=_dds(declaration, (lan, vpn)),
+        services=tuple(_open_ports(declaration, host.name, device, lan)),
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
@@ -170,7 +182,22 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
     if dds is None:
         return None
     far = [site.lan.network for site in declaration.sites.values()] if dds.over is DdsPath.LAN else []
-    return DdsPorts(dds.domain, dds.participants, _collapsed((*near, *far)))
+    return DdsPorts(dds.domain, dds.all_ports, _collapsed((*near, *far)))
+
+
+def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
+    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far."""
+    vpn = declaration.pilot.vpn
+    ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
+    for service in device.services:
+        pools = (declaration.partners[partner].vpn_pool for partner in service.partners)
+        admitted = _collapsed((*(ours[network] for network in service.open_to), *pools))
+        if service.port is not None and admitted:
+            yield OpenPort(service.name, service.transport, service.port, admitted)
+    everybody = _collapsed((vpn.network, *(site.lan.network for site in declaration.sites.values())))
+    for offered in vpn.services:
+        if offered.host == host:
+            yield OpenPort(offered.name, offered.transport, offered.port, everybody)
 
 
 def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
@@ -215,19 +242,26 @@ class GatewayBase:
     """What the role installs and configures."""
 
     packages: tuple[Package, ...]
-    configuration: Configuration
+    configuration: Configuration | None
+    """None: nothing but its network is ours."""
     network: NetworkPart | None
     """None: it stays as the image has it."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        values = {"packages": {"packages": packages}, "configure": self.configuration.as_dict()}
-        return values if self.network is None else {**values, "network": self.network.as_dict()}
+        parts = {"configure": self.configuration, "network": self.network}
+        return {
+            "packages": {"packages": packages},
+            **{name: part.as_dict() for name, part in parts.items() if part is not None},
+        }
 
 
 def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
     """Pure."""
+    assert isinstance(host.device, Computer)  # noqa: S101 - callers choose computers that are no server of the VPN
+    if not isinstance(host.device, ServerComputer):
+        return GatewayBase((), None, computer_network(declaration, host))
     view = base_view(declaration, host)
     return GatewayBase(
         packages=tuple(Package(name) for name in (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))),
@@ -239,8 +273,8 @@ def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
             units=tuple(_units(view)),
             checks=CHECKS,
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
-        ),
-        network=gateway_network(declaration, host),
+        ).joined(services(host.device.services)),
+        network=computer_network(declaration, host),
     )
 
 

@@ -18,7 +18,15 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import BearerKind, ControlCentre, Dds, DdsPath, Gateway, Pace, RosDistribution
+from atlantis_netcfg.declaration.model import (
+    BearerKind,
+    ControlCentre,
+    Dds,
+    DdsPath,
+    Pace,
+    RosDistribution,
+    ServerComputer,
+)
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.render import compiled, environment, template_folder
 
@@ -136,7 +144,6 @@ TUNING: Mapping[Pace, Tuning] = {Pace.FAST: _FAST, Pace.MOBILE: _MOBILE, Pace.SA
 """1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
 
 _DAY_S = 24 * 3600
-_SPEAKERS = (Gateway, ControlCentre)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +189,8 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
     """
     dds = _declared(declaration)
-    if not isinstance(host.device, Gateway | ControlCentre):
-        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, _SPEAKERS))
+    if not isinstance(host.device, ServerComputer):
+        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, ServerComputer))
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
@@ -268,7 +275,7 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     found = [
         _DdsHost(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
         for name, host in declaration.hosts.items()
-        if isinstance(host.device, _SPEAKERS)
+        if isinstance(host.device, ServerComputer)
     ]
     found += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:

@@ -1,16 +1,16 @@
-"""The words in which the parts of a gateway are told to the modules `configure` and `packages` of the collection.
+"""The words in which the parts of a computer are told to the modules `configure` and `packages` of the collection.
 
-Part `network` of a gateway computer: the interface of the LAN, in the language of the tool that configures it.
+Part `network` of a computer: the interface of the LAN, in the language of the tool that configures it.
 
 The files have the names and say the words that `provision image` gives a card, so that a fresh computer is as declared.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, NetworkTool
+from atlantis_netcfg.declaration.model import AddressBy, Computer, NetworkTool
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -131,6 +131,11 @@ class Configuration:
     checks: tuple[Check, ...] = ()
     way_in: WayIn | None = None
 
+    def joined(self, more: Configuration) -> Configuration:
+        """Both in one round of the link; the way in stays this one's."""
+        lists = (item.name for item in fields(self) if item.name != "way_in")
+        return replace(self, **{name: (*getattr(self, name), *getattr(more, name)) for name in lists})
+
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data; what is left out is the module's default."""
         return {key: _plain(value) for key, value in asdict(self).items() if value}
@@ -194,10 +199,10 @@ class NetworkPart:
         return {key: value for key, value in values.items() if value is not None}
 
 
-def gateway_network(declaration: Declaration, host: Host) -> NetworkPart | None:
+def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
     """Pure. None where no network is declared: it then stays as the image has it."""
     device = host.device
-    assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
+    assert isinstance(device, Computer)  # noqa: S101 - callers choose computers
     if device.network is None:
         return None
     site = declaration.sites[host.site].lan

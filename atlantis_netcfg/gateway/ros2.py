@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin
+from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin, ServerComputer
 from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
 from atlantis_netcfg.render import environment
@@ -227,8 +227,9 @@ def gateway_ros2(
     declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
 ) -> GatewayRos2:
     """Reads the key of the archive, and is pure beside that. Raises UsageError. `now`: by this computer's clock."""
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
-    if ros2 is None:
+    if ros2 is None or not host.device.has_ros2:
         return GatewayRos2()
     if dds is None:
         raise UsageError(

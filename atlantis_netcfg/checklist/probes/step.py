@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.declaration.model import Endpoints, Gateway, Router, SeenFrom, Site
+from atlantis_netcfg.declaration.model import Endpoints, Router, SeenFrom, Site
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -398,8 +398,8 @@ class Cell:
 
     @property
     def gateway(self) -> Host | None:
-        """The site's gateway computer."""
-        return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)), None)
+        """The computer that probes of the site look from: its gateway, else its control centre."""
+        return self.declaration.computer_of(self.site)
 
     @property
     def router(self) -> Host | None:

@@ -22,6 +22,7 @@ from atlantis_netcfg.declaration.rules import (
     radio,
     satellite,
     secrets,
+    services,
     vehicles,
     vpn,
 )
@@ -50,6 +51,7 @@ RULES: tuple[Rule, ...] = (
     *lte.RULES,
     *gateways.GATEWAY_RULES,
     *gateways.RULES,
+    *services.RULES,
     *vpn.RULES,
     *vpn.PARTNERS_RULES,
     *dds.RULES,

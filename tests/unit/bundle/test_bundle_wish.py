@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of
+from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 
@@ -83,7 +83,7 @@ def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: 
     # The one needs the archive's key, the other is no part of a gateway.
     others = {name: each for name, each in PARTS.items() if name not in {"gateway_ros2", "openvpn_server"}}
     request = Request(state=tmp_path)
-    for host in gateways_of(declaration, "all"):
+    for host in bundle_hosts(declaration, "all"):
         wish = wish_of(declaration, host, request, parts=others)
         told = [each(declaration, host, request).get("packages") or {} for each in others.values()]
         assert {one.name for one in wish.packages} == {row["name"] for one in told for row in one.get("packages", ())}
@@ -91,4 +91,4 @@ def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: 
 
 def test_a_site_without_gateways_has_no_bundle(declaration: Declaration) -> None:
     with pytest.raises(NothingMatched, match="site `scc`: bundles are for gateways only, and no gateway is selected"):
-        gateways_of(declaration, "scc")
+        bundle_hosts(declaration, "scc")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
-from atlantis_netcfg.declaration.model import AcousticDriver, Gateway, GpsDriver, Router, VpnServer, WifiRole
+from atlantis_netcfg.declaration.model import AcousticDriver, GpsDriver, Router, ServerComputer, VpnServer, WifiRole
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
 from atlantis_netcfg.emulator.linux import (
@@ -30,7 +30,7 @@ from atlantis_netcfg.emulator.linux import (
     lan_computer,
 )
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
@@ -49,7 +49,7 @@ ROUTER_MAC = "02:00:5E:00:FF:01"
 def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> ComputerSpec:
     """Describe the gateway `host` with these vehicles around it."""
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(device, ServerComputer)  # noqa: S101 - the caller has looked
     reserved = {reservation.name: reservation for reservation in lan.reservations}
     server = declaration.hosts[declaration.pilot.vpn.server].device
     computer = lan_computer(
@@ -76,10 +76,10 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
 
 def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     """Give the file from which the computer gets its address at the next start: that of the role, or of its image."""
-    promised = gateway_network(declaration, host)
+    promised = computer_network(declaration, host)
     if promised is not None:
         return {promised.path: promised.content}
-    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
     prefix = declaration.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
     return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
@@ -92,7 +92,7 @@ def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
         yield from (UdpSpec(port=first + offset) for offset in (10, 11))
 
 
-def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
+def _answering(declaration: Declaration, device: ServerComputer) -> Iterator[DdsSpec]:
     """The same process, which says that it is reached where the others of the pilot look for it."""
     dds = declaration.pilot.dds
     if dds is not None:
@@ -100,7 +100,7 @@ def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
 
 
 def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
-    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
     if host.device.vpn_address is None:
         return {}
     certificate = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
@@ -270,7 +270,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
 def _cards(declaration: Declaration, site: str) -> dict[str, str]:
     cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
     for host in declaration.site_hosts(site):
-        if isinstance(host.device, Gateway) and host.device.mac is not None:
+        if isinstance(host.device, ServerComputer) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac
     return cards
 

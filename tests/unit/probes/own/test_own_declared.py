@@ -10,14 +10,14 @@ from own_world import NETPLAN, SITE, World, computer, declaration
 
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
+from atlantis_netcfg.declaration.model import AddressBy, Gateway, ComputerNetwork, NetworkTool, Poe, PoeMode, Router
 from atlantis_netcfg.gateway.parts import gateway_network
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.declaration import Declaration
 
-NETWORK = GatewayNetwork(by=NetworkTool.NETPLAN, interface="eth7")
+NETWORK = ComputerNetwork(by=NetworkTool.NETPLAN, interface="eth7")
 
 
 def with_gateway(**changes: Any) -> Declaration:  # noqa: ANN401 - fields of Gateway

@@ -1,4 +1,9 @@
-"""The data gateway computer of a site. `host_vars/<host>.yml`, key `device`."""
+"""The Linux computers of a site: gateway, control centre, operator station, VPN server.
+
+A service of a computer is data: who may reach its port, and what is started for it. The software is its partner's.
+
+`host_vars/<host>.yml`, key `device`.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +12,9 @@ import re
 from enum import StrEnum
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StrictInt
+from pydantic import BeforeValidator, Field, StrictBool, StrictInt
 
-from atlantis_netcfg.declaration.model._base import LanBox, Model, Text, plain, text_like, wrong
+from atlantis_netcfg.declaration.model._base import LanBox, Model, Name, Text, Transport, plain, text_like, wrong
 
 _KINDS = (
     "ssh-ed25519",
@@ -77,6 +82,22 @@ def _network_file(value: object) -> str:
     return text
 
 
+def _command(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
+        raise wrong(
+            f"`{text}` is no command", "the program's whole path and its arguments, like /opt/backend/run --port 8443"
+        )
+    return text
+
+
+def _folder(value: object) -> str:
+    text = plain(value)
+    if ".." in text or not re.fullmatch(r"/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+", text):
+        raise wrong(f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt")
+    return text
+
+
 _NETWORK_FILE = r"^/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+$"
 Interface = Annotated[str, BeforeValidator(_interface), text_like("^[a-z][a-z0-9]{0,14}$")]
 NetworkFile = Annotated[str, BeforeValidator(_network_file), text_like(_NETWORK_FILE)]
@@ -133,7 +154,7 @@ class NetworkTool(StrEnum):
     NETWORKD = "networkd"
 
 
-class GatewayNetwork(Model):
+class ComputerNetwork(Model):
     """The interface of the LAN, changed under a timer that takes the change back."""
 
     by: NetworkTool
@@ -162,22 +183,155 @@ class GpsTime(Model):
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
-class Gateway(LanBox):
-    """The data gateway computer."""
+class ServiceNetwork(StrEnum):
+    """From which of our own networks a service is reached."""
 
-    kind: Literal["gateway"]
+    LAN = "lan"
+    """The LAN of its site."""
+    VPN = "vpn"
+    """Our own computers in the VPN: the infrastructure's pool."""
+
+
+class ServiceRestart(StrEnum):
+    """systemd's words for `Restart=`."""
+
+    ALWAYS = "always"
+    ON_FAILURE = "on-failure"
+
+
+class ServiceProgram(Model):
+    """What the computer starts for a service, and within which bounds."""
+
+    command: Annotated[str, BeforeValidator(_command), text_like("^/[!-~ ]+$")]
+    """With its arguments, from the root; a partner brings the program."""
+    user: Account | None = None
+    """None: an account of its own, `svc-` and the service's name."""
+    data: (
+        Annotated[str, BeforeValidator(_folder), text_like(r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$")]
+        | None
+    ) = None
+    """Its folder, the only one that it may write to; None: `/var/lib/svc-` and the service's name."""
+    memory_mb: Annotated[StrictInt, Field(ge=16)] = 1024
+    """It is ended and started anew when it takes more."""
+    restart: ServiceRestart = ServiceRestart.ALWAYS
+    """When it is started anew after it has ended."""
+
+    @property
+    def path(self) -> str:
+        """The program itself, without its arguments."""
+        return self.command.split(" ", 1)[0]
+
+
+class Service(Model):
+    """A service on a computer of ours: the port that is opened for it, for whom, and what runs."""
+
+    name: Annotated[Name, Field(max_length=20)]
+    """Small letters, digits and hyphens, 20 characters at most: its unit and its account bear it."""
+    transport: Transport = Transport.TCP
+    """What the service speaks: web, REST, OGC, WebSocket and socket.IO are all `tcp`."""
+    port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
+    """At which it listens; None: at none."""
+    open_to: tuple[ServiceNetwork, ...] = ()
+    """Which of our own networks reach its port; none: the computer itself alone."""
+    partners: tuple[Name, ...] = ()
+    """Keys of `partners` whose devices reach its port through the VPN."""
+    program: ServiceProgram | None = None
+    """None: whoever brings the service also starts it, and only its port is opened here."""
+
+
+class SshHost(LanBox):
+    """A computer that the toolkit logs in to by SSH."""
+
+    ssh: Ssh = Ssh()
+
+    @property
+    def account(self) -> str:
+        """The account by which the toolkit logs in."""
+        return self.ssh.user or "root"
+
+
+class VpnServer(SshHost):
+    """Runs the OpenVPN server."""
+
+    kind: Literal["vpn_server"]
     """What the device is: it decides which keys the block has."""
+
+
+class Computer(SshHost):
+    """A computer whose network and membership of the VPN are brought to what is declared."""
+
     image: Image | None = None
     """None: no card is made for it here."""
-    ssh: Ssh = Ssh()
-    network: GatewayNetwork | None = None
+    network: ComputerNetwork | None = None
     """None: the network stays as the image has it."""
-    gps: GpsTime | None = None
-    """None: time comes over the network."""
-    watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None
-    """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
 
     @property
     def account(self) -> str:
         """The account by which the toolkit logs in."""
         return self.ssh.user or (self.image.user if self.image is not None else "root")
+
+
+class OperatorStation(Computer):
+    """The computer of an operator's place: its network and its membership of the VPN, and nothing else, are ours."""
+
+    kind: Literal["operator_station"]
+    """What the device is: it decides which keys the block has."""
+
+
+class ServerComputer(Computer):
+    """A computer whose whole base system is ours: name, time, SSH, firewall, journal, watchdog."""
+
+    gps: GpsTime | None = None
+    """None: time comes over the network."""
+    watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None
+    """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
+    services: tuple[Service, ...] = ()
+    """What partners run here: web pages, interfaces, a back end, a database."""
+
+    @property
+    def has_ros2(self) -> bool:
+        """Whether the pilot's ROS 2 is installed on it."""
+        raise NotImplementedError
+
+    @property
+    def has_interop(self) -> bool:
+        """Whether the pilot's library is built on it."""
+        raise NotImplementedError
+
+
+class Gateway(ServerComputer):
+    """The data gateway computer."""
+
+    kind: Literal["gateway"]
+    """What the device is: it decides which keys the block has."""
+
+    @property
+    def has_ros2(self) -> bool:
+        """Whatever `gateways` declares."""
+        return True
+
+    @property
+    def has_interop(self) -> bool:
+        """Whatever `gateways` declares."""
+        return True
+
+
+class ControlCentre(ServerComputer):
+    """Runs the control centre's services."""
+
+    kind: Literal["control_centre"]
+    """What the device is: it decides which keys the block has."""
+    ros2: StrictBool = False
+    """Whether ROS 2 is installed, as `gateways.ros2` of the pilot declares it; the DDS profile is there in any case."""
+    interop: StrictBool = False
+    """Whether the library is built, as `gateways.interop` of the pilot declares it."""
+
+    @property
+    def has_ros2(self) -> bool:
+        """By choice."""
+        return self.ros2
+
+    @property
+    def has_interop(self) -> bool:
+        """By choice."""
+        return self.interop
