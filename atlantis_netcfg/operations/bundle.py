@@ -31,7 +31,7 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.declaration import Declaration, Host, choose
-from atlantis_netcfg.declaration.model import Computer, ImageLayout, Repository
+from atlantis_netcfg.declaration.model import Computer, ImageLayout, Repository, ServerComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
 from atlantis_netcfg.image.source import checksum, expand
@@ -139,10 +139,14 @@ def wish_of(
             )
         ),
         pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
-        libraries=_libraries(declaration, tokens=tokens),
+        libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
         distribution=expected.get("distribution"),
         codename=expected.get("codename"),
     )
+
+
+def _builds(host: Host) -> bool:
+    return isinstance(host.device, ServerComputer) and host.device.has_interop
 
 
 def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:

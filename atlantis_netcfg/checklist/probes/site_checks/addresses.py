@@ -366,7 +366,7 @@ def rogue_dhcp_check(site: OwnSite) -> Step:
             "rogue-dhcp",
             title,
             f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
-            " computer in it: the site has no gateway computer that a program could ask from.",
+            " computer in it: the site has no gateway computer and no control centre that a program could ask from.",
             f"Only the router offers an address: {site.declared.lan.gateway}.",
             site.hosts,
         )
