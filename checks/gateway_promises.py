@@ -1,4 +1,4 @@
-"""What the roles promise of a gateway or a control centre, read from the same parts of the declaration that the roles themselves get."""
+"""What the roles promise of a computer, read from the same parts of the declaration that the roles get."""
 
 from __future__ import annotations
 
