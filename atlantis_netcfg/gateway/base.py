@@ -242,26 +242,24 @@ class GatewayBase:
     """What the role installs and configures."""
 
     packages: tuple[Package, ...]
-    configuration: Configuration | None
-    """None: nothing but its network is ours."""
+    configuration: Configuration
+    """Empty: nothing but its network is ours."""
     network: NetworkPart | None
     """None: it stays as the image has it."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        parts = {"configure": self.configuration, "network": self.network}
-        return {
-            "packages": {"packages": packages},
-            **{name: part.as_dict() for name, part in parts.items() if part is not None},
-        }
+        network = None if self.network is None else self.network.as_dict()
+        parts = {"configure": self.configuration.as_dict(), "network": network}
+        return {"packages": {"packages": packages}, **{name: part for name, part in parts.items() if part}}
 
 
 def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
     """Pure."""
     assert isinstance(host.device, Computer)  # noqa: S101 - callers choose computers that are no server of the VPN
     if not isinstance(host.device, ServerComputer):
-        return GatewayBase((), None, computer_network(declaration, host))
+        return GatewayBase((), Configuration(), computer_network(declaration, host))
     view = base_view(declaration, host)
     return GatewayBase(
         packages=tuple(Package(name) for name in (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))),

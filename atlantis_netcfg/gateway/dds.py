@@ -28,6 +28,7 @@ from atlantis_netcfg.declaration.model import (
     ServerComputer,
 )
 from atlantis_netcfg.gateway.interop import SERVICE
+from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
 from atlantis_netcfg.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
@@ -296,7 +297,7 @@ LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = (SERVICE,)
+_READERS = (SERVICE, RECORDING)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """

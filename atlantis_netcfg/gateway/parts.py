@@ -76,6 +76,11 @@ class ConvergeStep:
     after: tuple[str, ...] = ()
 
 
+def run_on(file: str, *program: str) -> tuple[str, ...]:
+    """What a step runs with a file as its last argument: nothing where the file has been taken away."""
+    return ("sh", "-c", '[ ! -e "$1" ] || { file="$1"; shift; exec "$@" "$file"; }', "sh", file, *program)
+
+
 @dataclass(frozen=True, slots=True)
 class Unit:
     """A unit of systemd; None leaves that as it is. It is restarted when the files in `after` are others."""
@@ -134,7 +139,8 @@ class Configuration:
     def joined(self, more: Configuration) -> Configuration:
         """Both in one round of the link; the way in stays this one's."""
         lists = (item.name for item in fields(self) if item.name != "way_in")
-        return replace(self, **{name: (*getattr(self, name), *getattr(more, name)) for name in lists})
+        both: dict[str, Any] = {name: (*getattr(self, name), *getattr(more, name)) for name in lists}
+        return replace(self, **both)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data; what is left out is the module's default."""

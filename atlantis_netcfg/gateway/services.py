@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, File, Unit
+from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, File, Unit, run_on
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -92,12 +92,10 @@ def services(declared: Iterable[Service]) -> Configuration:
         files=files,
         absent=tuple(path for path in (LIST, _ACCOUNTS, _FOLDERS) if path not in laid),
         steps=(
-            ConvergeStep(
-                "make the accounts of services", ("sh", "-c", _if_there("systemd-sysusers", _ACCOUNTS)), (_ACCOUNTS,)
-            ),
+            ConvergeStep("make the accounts of services", run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)),
             ConvergeStep(
                 "make the folders of services",
-                ("sh", "-c", _if_there("systemd-tmpfiles --create", _FOLDERS)),
+                run_on(_FOLDERS, "systemd-tmpfiles", "--create"),
                 (_FOLDERS,),
             ),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
@@ -109,10 +107,6 @@ def services(declared: Iterable[Service]) -> Configuration:
         brought=tuple(Brought(each.program.path, _not_brought(each)) for each in hosted.values()),
         checks=tuple(_check(hosted[service.name], service) for service, _ in started),
     )
-
-
-def _if_there(program: str, file: str) -> str:
-    return f"[ ! -e {file} ] || exec {program} {file}"
 
 
 def _files(hosted: Iterable[_Hosted]) -> Iterator[File]:

@@ -98,9 +98,19 @@ def _folder(value: object) -> str:
     return text
 
 
+def _topic(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(_TOPIC[1:-1], text):
+        raise wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")
+    return text
+
+
+_TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
+_FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 _NETWORK_FILE = r"^/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+$"
 Interface = Annotated[str, BeforeValidator(_interface), text_like("^[a-z][a-z0-9]{0,14}$")]
 NetworkFile = Annotated[str, BeforeValidator(_network_file), text_like(_NETWORK_FILE)]
+Topic = Annotated[str, BeforeValidator(_topic), text_like(_TOPIC)]
 Account = Annotated[str, BeforeValidator(_account), text_like("^[a-z_][a-z0-9_-]{0,31}$")]
 
 
@@ -239,6 +249,17 @@ class Service(Model):
     """None: whoever brings the service also starts it, and only its port is opened here."""
 
 
+class Recording(Model):
+    """Topics of ROS 2 that are written to the disk, as bags of rosbag2."""
+
+    topics: Annotated[tuple[Topic, ...], Field(min_length=1)]
+    """By their whole names."""
+    folder: Annotated[str, BeforeValidator(_folder), text_like(_FOLDER)] = "/var/lib/svc-recording"
+    """Nothing else stands in it."""
+    budget_mb: Annotated[StrictInt, Field(ge=80)]
+    """The oldest file goes before the folder holds more, in 10^6 bytes; it must fit on the disk beside all else."""
+
+
 class SshHost(LanBox):
     """A computer that the toolkit logs in to by SSH."""
 
@@ -304,6 +325,8 @@ class Gateway(ServerComputer):
 
     kind: Literal["gateway"]
     """What the device is: it decides which keys the block has."""
+    recording: Recording | None = None
+    """None: nothing is recorded."""
 
     @property
     def has_ros2(self) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import ControlCentre, ServerComputer, Service, ServiceNetwork, Transport
+from atlantis_netcfg.declaration.model import ControlCentre, Gateway, ServerComputer, Service, ServiceNetwork, Transport
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +50,8 @@ def ports_once(draft: Draft) -> Iterator[Finding]:
         if key in seen:
             message = f"{service.transport} port {service.port} of `{host}` is already {seen[key]}"
             yield draft.wrong(part, path, message, "choose a port that is free")
-        seen.setdefault(key, f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}")
+        why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
+        seen.setdefault(key, why)
 
 
 def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, str]:
@@ -135,4 +136,27 @@ def choices_declared(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("interop",), message, "write `ros2: true` beside it")
 
 
-RULES: tuple[Rule, ...] = (names_once, ports_once, open_ports, partners_known, programs_apart, choices_declared)
+def recorder_declared(draft: Draft) -> Iterator[Finding]:
+    """A recording is made by a program of ROS 2, of which each topic is named once."""
+    for host, _, device in draft.boxes(Gateway):
+        if device.recording is None:
+            continue
+        part, topics = Part("device", host), device.recording.topics
+        if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
+            message = f"`{host}` is to record topics of ROS 2, and the pilot declares none"
+            yield draft.wrong(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
+        for index, topic in enumerate(topics):
+            if topic in topics[:index]:
+                path = ("recording", "topics", index)
+                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
+
+
+RULES: tuple[Rule, ...] = (
+    names_once,
+    ports_once,
+    open_ports,
+    partners_known,
+    programs_apart,
+    choices_declared,
+    recorder_declared,
+)

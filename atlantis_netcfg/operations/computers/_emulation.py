@@ -25,6 +25,7 @@ from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRA
 from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
@@ -144,7 +145,8 @@ def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder:
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
-    packages = stubs.ros_packages(pilot.dds.distribution.value, more=pilot.gateways.ros2.packages)
+    release = pilot.dds.distribution.value
+    packages = stubs.ros_packages(release, more=(*pilot.gateways.ros2.packages, *recorder(release)))
     archive = stubs.publish(folder / "archive", packages, codename=_CODENAME)
     repositories = ""
     if (interop := pilot.gateways.interop) is not None:

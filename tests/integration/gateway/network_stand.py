@@ -15,7 +15,7 @@ import pytest
 from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Gateway, ComputerNetwork, NetworkTool
+from atlantis_netcfg.declaration.model import ComputerNetwork, Gateway, NetworkTool
 from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
 from atlantis_netcfg.gateway.parts import computer_network
 

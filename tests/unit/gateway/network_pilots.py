@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, ComputerNetwork, NetworkTool
+from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host

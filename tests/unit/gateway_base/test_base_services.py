@@ -42,7 +42,6 @@ def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Declaration:
 def opened(declaration: Declaration, host: str = CENTRE) -> dict[str, tuple[str, int, list[str]]]:
     """Name -> transport, port and sources of every rule of the firewall that opens a port to networks by a set."""
     configuration = gateway_base(declaration, declaration.hosts[host]).configuration
-    assert configuration is not None
     (text,) = (file.content for file in configuration.files if file.path == "/etc/nftables.conf")
     rows = (match.groups() for match in _OPEN.finditer(text))
     found = {name: (transport, int(port), sources.split(", ")) for sources, transport, port, name in rows}

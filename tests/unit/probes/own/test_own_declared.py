@@ -10,8 +10,8 @@ from own_world import NETPLAN, SITE, World, computer, declaration
 
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, ComputerNetwork, NetworkTool, Poe, PoeMode, Router
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool, Poe, PoeMode, Router
+from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Step
@@ -43,7 +43,7 @@ def with_file(text: str | None) -> World:
 
 def test_the_promised_file_is_compared_word_by_word() -> None:
     whole = with_gateway(network=NETWORK)
-    promised = gateway_network(whole, whole.hosts[f"{SITE}-gateway"])
+    promised = computer_network(whole, whole.hosts[f"{SITE}-gateway"])
     assert promised is not None
     assert promised.path == NETPLAN
     router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"
