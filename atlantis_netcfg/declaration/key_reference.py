@@ -82,6 +82,7 @@ _FORMS: Mapping[str, str] = {
     "backup_sha256": "64 hex digits",
     "by": "Ana Silva",
     "command": "bin/data-gateway config/gateway.yml",
+    "data": "/srv/backend",
     "device": "/dev/ttyUSB0",
     "dns_name": "weather.example.org",
     "fingerprint": "64 hex digits",
@@ -109,6 +110,7 @@ _FORMS: Mapping[str, str] = {
     "source": "https://images.example.org/board.img.xz",
     "table3_deviation": "the partner has added a modem",
     "token": "EXAMPLE-token",
+    "topics": "[/girona500/pose]",
     "user": "provision",
     "version": '"0.9.2-1*"',
 }
