@@ -14,11 +14,11 @@ from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import (
-    Computer,
     DdsPath,
     GpsTime,
     ServerComputer,
     ServiceNetwork,
+    SiteComputer,
     TimeServer,
     Transport,
 )
@@ -257,7 +257,7 @@ class GatewayBase:
 
 def gateway_base(declaration: Declaration, host: Host) -> GatewayBase:
     """Pure."""
-    assert isinstance(host.device, Computer)  # noqa: S101 - callers choose computers that are no server of the VPN
+    assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
     if not isinstance(host.device, ServerComputer):
         return GatewayBase((), Configuration(), computer_network(declaration, host))
     view = base_view(declaration, host)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.declaration.model import AddressBy, Computer, NetworkTool
+from atlantis_netcfg.declaration.model import AddressBy, NetworkTool, SiteComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ class NetworkPart:
 def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
     """Pure. None where no network is declared: it then stays as the image has it."""
     device = host.device
-    assert isinstance(device, Computer)  # noqa: S101 - callers choose computers
+    assert isinstance(device, SiteComputer)  # noqa: S101 - callers choose computers
     if device.network is None:
         return None
     site = declaration.sites[host.site].lan

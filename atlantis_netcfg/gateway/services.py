@@ -16,7 +16,7 @@ from atlantis_netcfg.render import environment
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from atlantis_netcfg.declaration.model import Service, ServiceProgram
+    from atlantis_netcfg.declaration.model import HostedService, ServiceProgram
 
 LIST = "/etc/atlantis/services"
 """The units that are declared, one a line: whatever else of that name stands on the computer is taken away."""
@@ -79,7 +79,7 @@ class _Hosted:
         return self.program.data or f"/var/lib/svc-{self.name}"
 
 
-def services(declared: Iterable[Service]) -> Configuration:
+def services(declared: Iterable[HostedService]) -> Configuration:
     """Pure. Without a service that is started here: what is taken away."""
     started = [(service, service.program) for service in declared if service.program is not None]
     hosted = {
@@ -126,7 +126,7 @@ def _not_brought(hosted: _Hosted) -> str:
     )
 
 
-def _check(hosted: _Hosted, service: Service) -> Check:
+def _check(hosted: _Hosted, service: HostedService) -> Check:
     hint = f"on the computer: `systemctl status {hosted.unit}` and `journalctl -eu {hosted.unit}` tell why"
     if service.port is None:
         return Check(("sh", "-c", _RUNS, "sh", hosted.unit), f"the service `{service.name}` does not stay up", hint)

@@ -31,7 +31,7 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.declaration import Declaration, Host, choose
-from atlantis_netcfg.declaration.model import Computer, ImageLayout, Repository, ServerComputer
+from atlantis_netcfg.declaration.model import ImageLayout, Repository, ServerComputer, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
 from atlantis_netcfg.image.source import checksum, expand
@@ -65,7 +65,9 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Bun
         raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
     require_tools("e2fsck", "debugfs")
     device = host.device
-    declared = device.image.layout if isinstance(device, Computer) and device.image is not None else ImageLayout.PLAIN
+    declared = (
+        device.image.layout if isinstance(device, SiteComputer) and device.image is not None else ImageLayout.PLAIN
+    )
     with temporary.folder("bundle", temporary.roomy()) as folder:
         copy = folder / "image"
         expand(image, copy, checksum(image), tell)
@@ -99,7 +101,7 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Bundle
 
 def bundle_hosts(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
-    hosts = tuple(host for host in choose(declaration, site, only) if isinstance(host.device, Computer))
+    hosts = tuple(host for host in choose(declaration, site, only) if isinstance(host.device, SiteComputer))
     if not hosts:
         named = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
         raise NothingMatched(

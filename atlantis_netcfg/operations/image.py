@@ -20,7 +20,7 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.declaration.model import AddressBy, Computer, Image
+from atlantis_netcfg.declaration.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
 from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
@@ -84,9 +84,9 @@ def image_told(name: str, expanded: Expanded) -> dict[str, str]:
     return {"name": name, "sha256": expanded.sha256, "confirmed_by": expanded.told_by or "nobody"}
 
 
-def _image_of(host: Host) -> tuple[Computer, Image]:
+def _image_of(host: Host) -> tuple[SiteComputer, Image]:
     device = host.device
-    if not isinstance(device, Computer):
+    if not isinstance(device, SiteComputer):
         raise UsageError(
             f"`{host.name}` is a {device.kind.replace('_', ' ')}: "
             "cards are made for gateways, control centres and operator stations",

@@ -232,7 +232,7 @@ class ServiceProgram(Model):
         return self.command.split(" ", 1)[0]
 
 
-class Service(Model):
+class HostedService(Model):
     """A service on a computer of ours: the port that is opened for it, for whom, and what runs."""
 
     name: Annotated[Name, Field(max_length=20)]
@@ -278,7 +278,7 @@ class VpnServer(SshHost):
     """What the device is: it decides which keys the block has."""
 
 
-class Computer(SshHost):
+class SiteComputer(SshHost):
     """A computer whose network and membership of the VPN are brought to what is declared."""
 
     image: Image | None = None
@@ -292,21 +292,21 @@ class Computer(SshHost):
         return self.ssh.user or (self.image.user if self.image is not None else "root")
 
 
-class OperatorStation(Computer):
+class OperatorStation(SiteComputer):
     """The computer of an operator's place: its network and its membership of the VPN, and nothing else, are ours."""
 
     kind: Literal["operator_station"]
     """What the device is: it decides which keys the block has."""
 
 
-class ServerComputer(Computer):
+class ServerComputer(SiteComputer):
     """A computer whose whole base system is ours: name, time, SSH, firewall, journal, watchdog."""
 
     gps: GpsTime | None = None
     """None: time comes over the network."""
     watchdog_s: Annotated[StrictInt, Field(ge=5, le=900)] | None = None
     """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
-    services: tuple[Service, ...] = ()
+    services: tuple[HostedService, ...] = ()
     """What partners run here: web pages, interfaces, a back end, a database."""
 
     @property

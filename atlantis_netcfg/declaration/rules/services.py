@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import ControlCentre, Gateway, ServerComputer, Service, ServiceNetwork, Transport
+from atlantis_netcfg.declaration.model import (
+    ControlCentre,
+    Gateway,
+    HostedService,
+    ServerComputer,
+    ServiceNetwork,
+    Transport,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,7 +26,7 @@ _NTP_PORT = 123
 _PortKey = tuple[Transport, int]
 
 
-def _services(draft: Draft) -> Iterator[tuple[str, ServerComputer, int, Service]]:
+def _services(draft: Draft) -> Iterator[tuple[str, ServerComputer, int, HostedService]]:
     """Host, device, place in its list, and the service."""
     for host, _, device in draft.boxes(ServerComputer):
         for index, service in enumerate(device.services):

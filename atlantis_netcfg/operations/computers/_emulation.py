@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import ServerComputer, Service, ServiceProgram, SshHost
+from atlantis_netcfg.declaration.model import HostedService, ServerComputer, ServiceProgram, SshHost
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
@@ -186,7 +186,7 @@ def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, 
     return started
 
 
-def _hosted(device: ServerComputer) -> list[tuple[Service, ServiceProgram]]:
+def _hosted(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:
     """What is started for the services of a computer."""
     return [(service, service.program) for service in device.services if service.program is not None]
 

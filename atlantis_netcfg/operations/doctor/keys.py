@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import InventoryInvalid, load
-from atlantis_netcfg.declaration.model import Computer, LteRouter, SshHost
+from atlantis_netcfg.declaration.model import LteRouter, SiteComputer, SshHost
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.trust import has_identity
@@ -251,7 +251,7 @@ def key_items(
         yield password_file_item(file, declaration.root)
     keys = laptop_keys(home, agent_keys())
     for host in hosts:
-        if isinstance(host.device, Computer) and host.device.image is not None and host.device.image.ssh_keys:
+        if isinstance(host.device, SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
             if declaration.pilot.example_values:
                 yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
             else:

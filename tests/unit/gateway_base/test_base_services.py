@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import ServerComputer, Service, VpnService
+from atlantis_netcfg.declaration.model import HostedService, ServerComputer, VpnService
 from atlantis_netcfg.emulator.lab.stubs import service_program
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.services import LIST, services
@@ -33,7 +33,7 @@ def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Declaration:
     """The shipped pilot, in which `host` has these services and no partner's page is offered."""
     box = SHIPPED.hosts[host]
     assert isinstance(box.device, ServerComputer)
-    device = box.device.model_copy(update={"services": tuple(Service.model_validate(each) for each in declared)})
+    device = box.device.model_copy(update={"services": tuple(HostedService.model_validate(each) for each in declared)})
     vpn = SHIPPED.pilot.vpn.model_copy(update={"services": ()})
     pilot = SHIPPED.pilot.model_copy(update={"vpn": vpn})
     return replace(SHIPPED, pilot=pilot, hosts={**SHIPPED.hosts, host: replace(box, device=device)})
@@ -82,12 +82,12 @@ def test_what_the_pilot_offers_all_partners_passes_the_computer_as_it_passes_the
     assert list(opened(declaration)) == ["a _page_"], "a quotation mark would end nftables' string"
 
 
-def service(**program: Any) -> Service:  # noqa: ANN401 - keys of the declaration
+def service(**program: Any) -> HostedService:  # noqa: ANN401 - keys of the declaration
     words = {"command": "/opt/backend --port 18082", **program}
-    return Service.model_validate({"name": "backend", "port": 18082, "open_to": ["vpn"], "program": words})
+    return HostedService.model_validate({"name": "backend", "port": 18082, "open_to": ["vpn"], "program": words})
 
 
-def unit_of(declared: Service) -> str:
+def unit_of(declared: HostedService) -> str:
     (text,) = (file.content for file in services([declared]).files if file.path.endswith("backend.service"))
     return text
 
@@ -130,7 +130,7 @@ def test_two_services_of_one_account_make_it_once() -> None:
 
 
 def test_without_a_program_nothing_is_laid_down_and_what_was_goes() -> None:
-    made = services([Service.model_validate({"name": "web", "port": 18080})])
+    made = services([HostedService.model_validate({"name": "web", "port": 18080})])
     assert (made.files, made.units, made.checks) == ((), (), ())
     assert LIST in made.absent
 
