@@ -17,7 +17,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.declaration import choose, load
-from atlantis_netcfg.operations.computers._access import is_gateway
+from atlantis_netcfg.declaration.model import ServerComputer
 from atlantis_netcfg.operations.kinds import handled
 from atlantis_netcfg.operations.request import refuse_examples
 from checks.checklist_asked import Asking, How, answer_lines, waits
@@ -65,8 +65,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("entry", list(entries.values()), ids=list(entries))
         return
     hosts = _hosts(metafunc.config)
-    if not any(handled(host) or is_gateway(host) for host in hosts):
-        raise pytest.UsageError("this site has neither a router nor a gateway: nothing would be checked")
+    if not any(handled(host) or isinstance(host.device, ServerComputer) for host in hosts):
+        raise pytest.UsageError(
+            "this site has neither a router nor a gateway nor a control centre: nothing would be checked"
+        )
     if "router" in metafunc.fixturenames:
         routers = [host for host in hosts if handled(host)]
         _repeat(metafunc, "router", {host.name: host for host in routers}, "router")
@@ -141,7 +143,9 @@ def _promises(config: pytest.Config, hosts: tuple[Host, ...]) -> list[Promises]:
     """Worked out once; the same objects for every check."""
     if PROMISES not in config.stash:
         declaration = _declaration(config)
-        config.stash[PROMISES] = [promises(declaration, host) for host in hosts if is_gateway(host)]
+        config.stash[PROMISES] = [
+            promises(declaration, host) for host in hosts if isinstance(host.device, ServerComputer)
+        ]
     return config.stash[PROMISES]
 
 

@@ -1,4 +1,4 @@
-"""What the roles promise of a gateway, read from the same parts of the declaration that the roles themselves get."""
+"""What the roles promise of a computer, read from the same parts of the declaration that the roles get."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
     OF_SYSTEMD,
 )
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Gateway
+from atlantis_netcfg.declaration.model import Gateway, ServerComputer
 from atlantis_netcfg.gateway.dds import ENVIRONMENT
 from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
@@ -63,7 +63,7 @@ class UnitThere:
 
 @dataclass(slots=True, repr=False)
 class Promises:
-    """Of one gateway."""
+    """Of one computer."""
 
     host: Host
     lacking: dict[str, str] = field(default_factory=dict)
@@ -108,7 +108,7 @@ class Promises:
 
     def questions(self) -> dict[str, Any]:
         """All that the computer is asked, for `gateway_probe`."""
-        account = self.host.device.account if isinstance(self.host.device, Gateway) else "root"
+        account = self.host.device.account if isinstance(self.host.device, ServerComputer) else "root"
         accounts = [f"{home}/{name}" for home in ("/root", "/home/*") for name in OF_AN_ACCOUNT]
         places = " ".join((*OF_ALL, *OF_SYSTEMD, *accounts))
         table = f"nft -s list table {self.table}"
@@ -139,7 +139,7 @@ class Promises:
 
 
 def promises(declaration: Declaration, host: Host) -> Promises:
-    """Put together what all parts say of a gateway."""
+    """Put together what all parts say of a computer."""
     made = Promises(host)
     for name, part in PARTS.items():
         if name == ACCESS or not concerns(name, host):
@@ -149,8 +149,8 @@ def promises(declaration: Declaration, host: Host) -> Promises:
             _take(made, values, _secrets(declaration, host, values))
         except NetcfgError as error:
             made.lacking[name] = f"{error}; {error.hint}" if error.hint else str(error)
-    if isinstance(host.device, Gateway) and host.device.vpn_address is not None:
-        # Whether or not its identity is on this computer: the gateway has one.
+    if isinstance(host.device, ServerComputer) and host.device.vpn_address is not None:
+        # Whether or not its identity is on this computer: the computer has one.
         made.tunnel = str(host.device.vpn_address)
         made.units[SERVICE] = UnitThere(SERVICE, enabled=True, active=True)
     return made

@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
 from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Gateway, Guest, Router, SeenFrom, WifiRole
+from atlantis_netcfg.declaration.model import ETHERNET, Column, Endpoints, Guest, Router, SeenFrom, WifiRole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -319,7 +319,7 @@ class _Drawn:
 
     @property
     def _gateway(self) -> Host | None:
-        return next((host for host in self._hosts if isinstance(host.device, Gateway)), None)
+        return self._declaration.computer_of(self._site)
 
     @property
     def _middle(self) -> str:

@@ -229,7 +229,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli._passphrase import vault_of
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.declaration import load
-    from atlantis_netcfg.operations.bundle import gateways_of, has_tokens
+    from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
     from atlantis_netcfg.operations.request import Request
 
     named, check = arguments.optional("inventory"), arguments.optional("check")
@@ -237,7 +237,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     declaration = load(inventory)
     if check is None and has_tokens(declaration):
         declaration = load(inventory, decrypt=vault_of(arguments).decrypt)
-    hosts = gateways_of(declaration, arguments.word("site"), arguments.many("only"))
+    hosts = bundle_hosts(declaration, arguments.word("site"), arguments.many("only"))
     request = Request()
     if check is not None:
         return _check(arguments, declaration, hosts, Path(check), request)

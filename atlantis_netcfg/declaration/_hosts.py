@@ -19,6 +19,7 @@ KIND_GROUPS = {
     "gateways": "gateway",
     "vpn_servers": "vpn_server",
     "control_centres": "control_centre",
+    "operator_stations": "operator_station",
 }
 """Group of the inventory -> `kind` of its devices."""
 _RESERVED = ("all", "ungrouped", "sites", *KIND_GROUPS)

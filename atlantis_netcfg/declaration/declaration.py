@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
 from atlantis_netcfg.declaration.findings import choices
+from atlantis_netcfg.declaration.model import Gateway, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -51,6 +52,12 @@ class Declaration:
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """The hosts of a site, in the order of hosts.yml."""
         return tuple(host for host in self.hosts.values() if host.site == site)
+
+    def computer_of(self, site: str) -> Host | None:
+        """The computer that programs look from: the site's gateway, else its control centre."""
+        here = self.site_hosts(site)
+        found = [host for kind in (Gateway, ServerComputer) for host in here if isinstance(host.device, kind)]
+        return found[0] if found else None
 
 
 def choose(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:

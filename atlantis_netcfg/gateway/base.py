@@ -1,4 +1,4 @@
-"""Part `gateway_base`: what every gateway computer has, whatever runs on it.
+"""Part `gateway_base`: what every gateway and control centre has, whatever runs on it.
 
 Locale, name, time that does not need the VPN, SSH by key only, a firewall that never locks out who loads it, a journal
 that does not fill the card, the watchdog. Chapters 3, 9 and 11 of the facts; Debian 12, Ubuntu 20.04 to 24.04.
@@ -13,7 +13,15 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import DdsPath, Gateway, GpsTime, TimeServer
+from atlantis_netcfg.declaration.model import (
+    DdsPath,
+    GpsTime,
+    ServerComputer,
+    ServiceNetwork,
+    SiteComputer,
+    TimeServer,
+    Transport,
+)
 from atlantis_netcfg.gateway import radios
 from atlantis_netcfg.gateway.parts import (
     Check,
@@ -26,8 +34,9 @@ from atlantis_netcfg.gateway.parts import (
     Package,
     Unit,
     WayIn,
-    gateway_network,
+    computer_network,
 )
+from atlantis_netcfg.gateway.services import services
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -97,19 +106,20 @@ class DdsPorts:
     """The UDP ports of the pilot's domain, by the formula of DDSI-RTPS 9.6.2.3 with its default numbers."""
 
     domain: int
-    participants: int
+    ports: range
     admitted: tuple[str, ...]
     """From where."""
 
-    @property
-    def first_port(self) -> int:
-        """Multicast discovery."""
-        return 7400 + 250 * self.domain
 
-    @property
-    def last_port(self) -> int:
-        """Unicast data of the last participant: two ports for each, from the tenth on."""
-        return self.first_port + 10 + 2 * self.participants - 1
+@dataclass(frozen=True, slots=True)
+class OpenPort:
+    """The port of a declared service, and from where it is reached."""
+
+    name: str
+    """Of the service."""
+    transport: Transport
+    port: int
+    admitted: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +134,7 @@ class DeclaredNeighbour:
 
 @dataclass(frozen=True, slots=True)
 class BaseView:
-    """One gateway."""
+    """One computer."""
 
     name: str
     site: str
@@ -137,6 +147,7 @@ class BaseView:
     ssh_from: tuple[str, ...]
     ssh_port: int
     dds: DdsPorts | None
+    services: tuple[OpenPort, ...]
     metered: tuple[str, ...]
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
@@ -148,9 +159,9 @@ class BaseView:
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
-    """Of a host that is a gateway."""
+    """Of a host whose base system is ours."""
     device = host.device
-    assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
+    assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
     return BaseView(
@@ -165,11 +176,12 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         ssh_from=_collapsed((*site.management.admit, lan, vpn)),
         ssh_port=device.ssh.port,
         dds=_dds(declaration, (lan, vpn)),
+        services=tuple(_open_ports(declaration, host.name, device, lan)),
         metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
         radios=radios.interfaces(declaration, host),
-        opened=None if device.access_point is None else device.access_point.interface,
+        opened=radios.opened_interface(host),
     )
 
 
@@ -178,7 +190,22 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
     if dds is None:
         return None
     far = [site.lan.network for site in declaration.sites.values()] if dds.over is DdsPath.LAN else []
-    return DdsPorts(dds.domain, dds.participants, _collapsed((*near, *far)))
+    return DdsPorts(dds.domain, dds.all_ports, _collapsed((*near, *far)))
+
+
+def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
+    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far."""
+    vpn = declaration.pilot.vpn
+    ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
+    for service in device.services:
+        pools = (declaration.partners[partner].vpn_pool for partner in service.partners)
+        admitted = _collapsed((*(ours[network] for network in service.open_to), *pools))
+        if service.port is not None and admitted:
+            yield OpenPort(service.name, service.transport, service.port, admitted)
+    everybody = _collapsed((vpn.network, *(site.lan.network for site in declaration.sites.values())))
+    for offered in vpn.services:
+        if offered.host == host:
+            yield OpenPort(offered.name, offered.transport, offered.port, everybody)
 
 
 def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
@@ -224,6 +251,7 @@ class GatewayBase:
 
     packages: tuple[Package, ...]
     configuration: Configuration
+    """Empty: nothing but its network is ours."""
     network: NetworkPart | None
     """None: it stays as the image has it."""
     secrets: Mapping[str, str]
@@ -234,17 +262,18 @@ class GatewayBase:
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
         packages = [{"name": package.name, "version": package.version} for package in self.packages]
-        values: dict[str, Any] = {
-            "packages": {"packages": packages},
-            "configure": self.configuration.as_dict(),
-            "secrets": dict(self.secrets),
-            "own_secret": self.own_secret,
-        }
-        return values if self.network is None else {**values, "network": self.network.as_dict()}
+        network = None if self.network is None else self.network.as_dict()
+        parts = {"configure": self.configuration.as_dict(), "network": network}
+        values = {"packages": {"packages": packages}, **{name: part for name, part in parts.items() if part}}
+        return {**values, "secrets": dict(self.secrets), "own_secret": self.own_secret}
 
 
 def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
     """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own."""
+    assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
+    network = None if rehearsed else computer_network(declaration, host)
+    if not isinstance(host.device, ServerComputer):
+        return GatewayBase((), Configuration(), network, secrets={}, own_secret=None)
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
     packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
@@ -261,8 +290,8 @@ def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = Fals
             brought=air.brought,
             checks=(*CHECKS, *air.checks),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
-        ),
-        network=None if rehearsed else gateway_network(declaration, host),
+        ).joined(services(host.device.services)),
+        network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,
     )

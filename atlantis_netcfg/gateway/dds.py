@@ -24,12 +24,13 @@ from atlantis_netcfg.declaration.model import (
     ControlCentre,
     Dds,
     DdsPath,
-    Gateway,
     Pace,
     RosDistribution,
     RosMiddleware,
+    ServerComputer,
 )
 from atlantis_netcfg.gateway.interop import SERVICE
+from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
 from atlantis_netcfg.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
@@ -150,8 +151,6 @@ _SATELLITE = Tuning(announce_s=20, message_bytes=1200, fragment_bytes=1100)
 TUNING: Mapping[Pace, Tuning] = {Pace.FAST: _FAST, Pace.MOBILE: _MOBILE, Pace.SATELLITE: _SATELLITE}
 """1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
 
-_SPEAKERS = (Gateway, ControlCentre)
-
 
 @dataclass(frozen=True, slots=True)
 class ProfileView:
@@ -209,8 +208,8 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
     """
     dds = _declared(declaration)
-    if not isinstance(host.device, Gateway | ControlCentre):
-        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, _SPEAKERS))
+    if not isinstance(host.device, ServerComputer):
+        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, ServerComputer))
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
     chosen = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
@@ -301,7 +300,7 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     found = [
         _DdsHost(name, dds.address_of(host.device), host.site, isinstance(host.device, ControlCentre))
         for name, host in declaration.hosts.items()
-        if isinstance(host.device, _SPEAKERS)
+        if isinstance(host.device, ServerComputer)
     ]
     found += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:
@@ -322,7 +321,7 @@ LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = (SERVICE,)
+_READERS = (SERVICE, RECORDING)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.declaration.model import ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
 from atlantis_netcfg.render import environment
 
@@ -68,11 +69,12 @@ class GatewayInterop:
         }
 
 
-def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:  # noqa: ARG001 - the same for every host
+def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
     """Pure. The declaration is valid: where a library is built, there is a release of ROS 2."""
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     interop = declaration.pilot.gateways.interop
     dds = declaration.pilot.dds
-    if interop is None or dds is None:
+    if interop is None or dds is None or not host.device.has_interop:
         return GatewayInterop(configuration=_configuration(None, ""))
     ros = f"/opt/ros/{dds.distribution.value}/setup.sh"
     names = dict.fromkeys((*_PACKAGES, *interop.packages))

@@ -1,16 +1,16 @@
-"""The words in which the parts of a gateway are told to the modules `configure` and `packages` of the collection.
+"""The words in which the parts of a computer are told to the modules `configure` and `packages` of the collection.
 
-Part `network` of a gateway computer: the interface of the LAN, in the language of the tool that configures it.
+Part `network` of a computer: the interface of the LAN, in the language of the tool that configures it.
 
 The files have the names and say the words that `provision image` gives a card, so that a fresh computer is as declared.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, NetworkTool
+from atlantis_netcfg.declaration.model import AddressBy, NetworkTool, SiteComputer
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -76,6 +76,11 @@ class ConvergeStep:
     after: tuple[str, ...] = ()
 
 
+def run_on(file: str, *program: str) -> tuple[str, ...]:
+    """What a step runs with a file as its last argument: nothing where the file has been taken away."""
+    return ("sh", "-c", '[ ! -e "$1" ] || { file="$1"; shift; exec "$@" "$file"; }', "sh", file, *program)
+
+
 @dataclass(frozen=True, slots=True)
 class Unit:
     """A unit of systemd; None leaves that as it is. It is restarted when the files in `after` are others."""
@@ -130,6 +135,12 @@ class Configuration:
     brought: tuple[Brought, ...] = ()
     checks: tuple[Check, ...] = ()
     way_in: WayIn | None = None
+
+    def joined(self, more: Configuration) -> Configuration:
+        """Both in one round of the link; the way in stays this one's."""
+        lists = (item.name for item in fields(self) if item.name != "way_in")
+        both: dict[str, Any] = {name: (*getattr(self, name), *getattr(more, name)) for name in lists}
+        return replace(self, **both)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data; what is left out is the module's default."""
@@ -194,10 +205,10 @@ class NetworkPart:
         return {key: value for key, value in values.items() if value is not None}
 
 
-def gateway_network(declaration: Declaration, host: Host) -> NetworkPart | None:
+def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
     """Pure. None where no network is declared: it then stays as the image has it."""
     device = host.device
-    assert isinstance(device, Gateway)  # noqa: S101 - callers choose gateways
+    assert isinstance(device, SiteComputer)  # noqa: S101 - callers choose computers
     if device.network is None:
         return None
     site = declaration.sites[host.site].lan

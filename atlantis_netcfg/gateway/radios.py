@@ -155,13 +155,21 @@ class OpenedNetwork:
 
 def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
     """Every radio in a network of robots."""
-    opened = host.device.access_point if isinstance(host.device, Gateway) else None
+    opened = opened_interface(host)
     names = [radio.interface for radio in radios(declaration, host)]
-    return tuple(names if opened is None else [*names, opened.interface])
+    return tuple(names if opened is None else [*names, opened])
+
+
+def opened_interface(host: Host) -> str | None:
+    """The radio that opens a network; None: no radio does. Only gateways have radios."""
+    opened = host.device.access_point if isinstance(host.device, Gateway) else None
+    return None if opened is None else opened.interface
 
 
 def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
     """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
+    if not isinstance(host.device, Gateway):
+        return ()
     tested = declaration.sites[host.site].checklist.vehicles
     found: dict[str, list[AccessPoint]] = {}
     for key in declaration.vehicles if tested is None else tested:

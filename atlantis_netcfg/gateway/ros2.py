@@ -22,9 +22,19 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import Dds, Ros2, RosDistribution, RosMiddleware, RosOrigin
+from atlantis_netcfg.declaration.model import (
+    Dds,
+    Gateway,
+    Ros2,
+    RosDistribution,
+    RosMiddleware,
+    RosOrigin,
+    ServerComputer,
+)
 from atlantis_netcfg.gateway.openpgp import NotAKey, binary, public_keys
 from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Package
+from atlantis_netcfg.gateway.recording import packages as recorder
+from atlantis_netcfg.gateway.recording import recording
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -227,8 +237,9 @@ def gateway_ros2(
     declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
 ) -> GatewayRos2:
     """Reads the key of the archive, and is pure beside that. Raises UsageError. `now`: by this computer's clock."""
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
-    if ros2 is None:
+    if ros2 is None or not host.device.has_ros2:
         return GatewayRos2()
     if dds is None:
         raise UsageError(
@@ -249,7 +260,8 @@ def gateway_ros2(
     else:
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
         notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
-    packages = tuple(_packages(release, ros2, dds))
+    declared = host.device.recording if isinstance(host.device, Gateway) else None
+    packages = tuple(_packages(release, ros2, dds, () if declared is None else recorder(release.name)))
     return GatewayRos2(
         packages=packages,
         source=_render("ros2.sources.j2", url=url, codename=codename, keyring=_KEYRING),
@@ -257,7 +269,7 @@ def gateway_ros2(
         key=key,
         codename=codename,
         distribution=system,
-        configuration=_configuration(release, dds, packages),
+        configuration=_configuration(release, dds, packages).joined(recording(declared, release.name)),
         notes=tuple(note for note in (*notes, key.note) if note is not None),
     )
 
@@ -282,13 +294,13 @@ def _ended(release: RosRelease, today: datetime) -> str | None:
     return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"
 
 
-def _packages(release: RosRelease, ros2: Ros2, dds: Dds) -> Iterator[Package]:
+def _packages(release: RosRelease, ros2: Ros2, dds: Dds, more: tuple[str, ...]) -> Iterator[Package]:
     ros = f"ros-{release.name}"
     names = [f"{ros}-ros-base", f"{ros}-demo-nodes-cpp", f"{ros}-demo-nodes-py", _COLCON]
     if dds.middleware is RosMiddleware.CYCLONE_DDS:
         names.append(f"{ros}-rmw-cyclonedds-cpp")
     versions = {pin.package: pin.version for pin in ros2.pins}
-    for name in dict.fromkeys((*names, *ros2.packages)):
+    for name in dict.fromkeys((*names, *more, *ros2.packages)):
         yield Package(name, versions.get(name))
 
 

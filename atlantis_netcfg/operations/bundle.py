@@ -1,6 +1,6 @@
 """Bundles for the hosts of a site: from the declaration to what each needs, and from there to a bundle.
 
-The parts of a gateway name what they take from elsewhere. A dpkg status says what a host has: from a file, out
+The parts of a computer name what they take from elsewhere. A dpkg status says what a host has: from a file, out
 of the vendor's image, or from the board itself.
 """
 
@@ -31,11 +31,11 @@ from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.declaration import Declaration, Host, choose
-from atlantis_netcfg.declaration.model import Gateway, ImageLayout, Repository
+from atlantis_netcfg.declaration.model import ImageLayout, Repository, ServerComputer, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, Ext4, find, require_tools
 from atlantis_netcfg.image.facts import ImageRefused
 from atlantis_netcfg.image.source import checksum, expand
-from atlantis_netcfg.operations.computers._access import is_gateway, key_trouble
+from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, Part, concerns
 from atlantis_netcfg.operations.request import Request, refuse_examples
 
@@ -65,7 +65,9 @@ def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> Bun
         raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
     require_tools("e2fsck", "debugfs")
     device = host.device
-    declared = device.image.layout if isinstance(device, Gateway) and device.image is not None else ImageLayout.PLAIN
+    declared = (
+        device.image.layout if isinstance(device, SiteComputer) and device.image is not None else ImageLayout.PLAIN
+    )
     with temporary.folder("bundle", temporary.roomy()) as folder:
         copy = folder / "image"
         expand(image, copy, checksum(image), tell)
@@ -97,14 +99,14 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Bundle
     return read_target(status, f"{host.name}:{_STATUS}")
 
 
-def gateways_of(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
+def bundle_hosts(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
-    hosts = tuple(host for host in choose(declaration, site, only) if is_gateway(host))
+    hosts = tuple(host for host in choose(declaration, site, only) if isinstance(host.device, SiteComputer))
     if not hosts:
         named = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
         raise NothingMatched(
-            f"{named}: bundles are for gateways only, and no gateway is selected",
-            hint="gateway computers are the hosts of group `gateways`",
+            f"{named}: bundles are for gateways, control centres and operator stations, and none is selected",
+            hint="they are the hosts of groups `gateways`, `control_centres` and `operator_stations`",
         )
     return hosts
 
@@ -139,10 +141,14 @@ def wish_of(
             )
         ),
         pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
-        libraries=_libraries(declaration, tokens=tokens),
+        libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
         distribution=expected.get("distribution"),
         codename=expected.get("codename"),
     )
+
+
+def _builds(host: Host) -> bool:
+    return isinstance(host.device, ServerComputer) and host.device.has_interop
 
 
 def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from atlantis_netcfg.bearers.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, Tariff, bill, preview, size
 from atlantis_netcfg.bearers.policy import BearerRoute, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.declaration.model import Bearer, Gateway, LteDriver, LteRouter, Router, VpnServer
+from atlantis_netcfg.declaration.model import Bearer, LteDriver, LteRouter, Router, SshHost
 from atlantis_netcfg.journal import CostCounted, Counters, Recorder, Store
 from atlantis_netcfg.operations import request as requests
 from atlantis_netcfg.operations.bearers import LAN, bearer_of
@@ -161,7 +161,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
     A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
     Of a computer nothing is backed up.
     """
-    if handled(host) or (isinstance(host.device, Gateway | VpnServer) and request.mode is not Mode.BACKUP):
+    if handled(host) or (isinstance(host.device, SshHost) and request.mode is not Mode.BACKUP):
         return bearer_of(declaration, host, request.via.get(host.name))
     if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
         return None
@@ -175,7 +175,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
 def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if handled(host):
         return _estimate(bearer, request, at_most=at_most)
-    if isinstance(host.device, Gateway | VpnServer):
+    if isinstance(host.device, SshHost):
         return _computer(bearer, writes=at_most and _writes(request))
     return _unit(bearer)
 

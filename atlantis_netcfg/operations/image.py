@@ -20,7 +20,7 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.core import paths, temporary
 from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, Image
+from atlantis_netcfg.declaration.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
 from atlantis_netcfg.image.facts import ImageRefused, ImageRequest, StaticNetwork
 from atlantis_netcfg.image.plan import customise
@@ -84,12 +84,13 @@ def image_told(name: str, expanded: Expanded) -> dict[str, str]:
     return {"name": name, "sha256": expanded.sha256, "confirmed_by": expanded.told_by or "nobody"}
 
 
-def _image_of(host: Host) -> tuple[Gateway, Image]:
+def _image_of(host: Host) -> tuple[SiteComputer, Image]:
     device = host.device
-    if not isinstance(device, Gateway):
+    if not isinstance(device, SiteComputer):
         raise UsageError(
-            f"`{host.name}` is a {device.kind.replace('_', ' ')}: cards are made for gateway computers",
-            hint="name a host of group `gateways`",
+            f"`{host.name}` is a {device.kind.replace('_', ' ')}: "
+            "cards are made for gateways, control centres and operator stations",
+            hint="name a host of group `gateways`, `control_centres` or `operator_stations`",
         )
     if device.image is None:
         raise UsageError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import re
 import time
 from contextlib import suppress
 from datetime import timedelta
@@ -94,13 +95,20 @@ def _made(folder: Path) -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters.update(quote=_quoted, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno)
+    made.filters.update(
+        quote=_quoted, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment
+    )
     return made
 
 
 def mark(what: str) -> str:
     """Write the comment that marks a row as ours and says what it is for."""
     return quote(MARK + what)
+
+
+def nft_comment(text: str) -> str:
+    """Write a comment of nftables: a name of the inventory may hold what ends a string, and 128 bytes are kept."""
+    return 'comment "' + re.sub(r"[^A-Za-z0-9 ,.:?-]", "_", text)[:60] + '"'
 
 
 def duration(seconds: float) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.declaration.model import Gateway, Pace, Transport, VpnServer
+from atlantis_netcfg.declaration.model import Pace, SiteComputer, Transport, VpnServer
 from atlantis_netcfg.gateway.parts import Brought, Configuration, File, Package, Unit
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
@@ -81,7 +81,7 @@ def site_link(declaration: Declaration, site: str) -> MemberLink:
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:
-    return host.device.vpn_address if isinstance(host.device, Gateway) else None
+    return host.device.vpn_address if isinstance(host.device, SiteComputer) else None
 
 
 def _nobody(host: Host) -> str:

@@ -12,15 +12,14 @@ connection that they belong to. What the policy permits no longer is therefore c
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, VpnService
-from atlantis_netcfg.render import environment
+from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, ServerComputer
+from atlantis_netcfg.render import environment, nft_comment
 from atlantis_netcfg.vpn.identity import Member, MemberKind, MembershipList
 
 if TYPE_CHECKING:
@@ -228,12 +227,13 @@ class _PolicyDraft:
         yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
         for service in self._pilot.vpn.services:
             traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
-            yield Permission(guests, self._serving(service), traffic, service.name)
+            yield Permission(guests, self._serving(service.host), traffic, service.name)
 
     def _of_partners(self) -> Iterator[Permission]:
         for name, partner in self._partners.items():
             zone = zone_of(f"p_{name}", (IPv4Network(item.address) for item in self._members if item.partner == name))
             yield Permission(zone, zone, ANYTHING, f"{name} among itself")
+            yield from self._services_for(name, zone)
             if partner.sees:
                 robots = [IPv4Network(member.address) for member in self._members if member.vehicle in partner.sees]
                 seen = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
@@ -242,6 +242,14 @@ class _PolicyDraft:
             theirs = self._vehicles([key for key, vehicle in self._all_vehicles.items() if vehicle.partner == name])
             if theirs:
                 yield from self._both_ways(zone, zone_of(f"p_{name}_lan", theirs), f"robots of {name} in LANs")
+
+    def _services_for(self, partner: str, zone: Zone) -> Iterator[Permission]:
+        """The services of our computers that are open to this partner."""
+        for host in self._hosts.values():
+            for service in host.device.services if isinstance(host.device, ServerComputer) else ():
+                if service.port is not None and partner in service.partners:
+                    traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
+                    yield Permission(zone, self._serving(host.name), traffic, service.name)
 
     def _of_server(self) -> Iterator[Permission]:
         """Into the server itself only technicians come: a site's LAN also has robots of partners in it.
@@ -289,11 +297,12 @@ class _PolicyDraft:
         found = (host for host in self._hosts.values() if isinstance(host.device, kind))
         return zone_of(name, (IPv4Network(address) for host in found for address in _addresses(host, lan=lan)))
 
-    def _serving(self, service: VpnService) -> Zone | None:
-        if service.host == self._pilot.vpn.server:
+    def _serving(self, host: str) -> Zone | None:
+        """Where a computer of ours is reached; None: it is the server itself."""
+        if host == self._pilot.vpn.server:
             return None
-        addresses = _addresses(self._hosts[service.host], lan=False)
-        return zone_of(f"p_host_{service.host}", (IPv4Network(address) for address in addresses))
+        addresses = _addresses(self._hosts[host], lan=False)
+        return zone_of(f"p_host_{host}", (IPv4Network(address) for address in addresses))
 
 
 def _ours(member: Member) -> bool:
@@ -348,12 +357,12 @@ def _forward(permission: Permission) -> Iterator[str]:
     if permission.source is None or permission.destination is None:
         return
     source, destination = permission.source.name, permission.destination.name
-    yield f"ip saddr @{source} ip daddr @{destination} {_match(permission.traffic)}accept {_comment(permission.why)}"
+    yield f"ip saddr @{source} ip daddr @{destination} {_match(permission.traffic)}accept {nft_comment(permission.why)}"
     if permission.traffic.ports is not None:
         answer = f"{permission.traffic.protocol} sport {_ports(permission.traffic.ports)} {_ANSWER}"
-        yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {_comment('its answers')}"
+        yield f"ip saddr @{destination} ip daddr @{source} {answer} accept {nft_comment('its answers')}"
     elif permission.traffic == ANYTHING and source != destination:
-        yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {_comment('its answers')}"
+        yield f"ip saddr @{destination} ip daddr @{source} {_ANSWER} accept {nft_comment('its answers')}"
 
 
 def _input(permission: Permission) -> Iterator[str]:
@@ -362,7 +371,7 @@ def _input(permission: Permission) -> Iterator[str]:
         match = (
             "icmp type echo-request " if permission.traffic.protocol is Protocol.ICMP else _match(permission.traffic)
         )
-        yield f"ip saddr @{permission.source.name} {match}accept {_comment(permission.why)}"
+        yield f"ip saddr @{permission.source.name} {match}accept {nft_comment(permission.why)}"
 
 
 def _match(traffic: PolicyTraffic) -> str:
@@ -376,8 +385,3 @@ def _match(traffic: PolicyTraffic) -> str:
 
 def _ports(ports: range) -> str:
     return str(ports[0]) if len(ports) == 1 else f"{ports[0]}-{ports[-1]}"
-
-
-def _comment(why: str) -> str:
-    """For people: a name of the inventory may hold what ends a string here, and nftables keeps 128 bytes."""
-    return f'comment "{re.sub(r"[^A-Za-z0-9 ,.:?-]", "_", why)[:60]}"'

@@ -20,7 +20,6 @@ from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.declaration.model import (
     Endpoints,
     EvidenceKind,
-    Gateway,
     Router,
     SeenFrom,
     Site,
@@ -443,8 +442,8 @@ class Cell:
 
     @property
     def gateway(self) -> Host | None:
-        """The site's gateway computer."""
-        return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)), None)
+        """The computer that probes of the site look from: its gateway, else its control centre."""
+        return self.declaration.computer_of(self.site)
 
     @property
     def router(self) -> Host | None:

@@ -40,7 +40,7 @@ from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import gate, unpaid
 from atlantis_netcfg.operations.links.look import look, session_to
 from atlantis_netcfg.operations.links.session import command, rows
@@ -309,7 +309,7 @@ class RealEars:
         if place is Place.LAPTOP:
             return await ask_here(questions, result)
         if place is Place.GATEWAY:
-            gateway = next(filter(is_gateway, self.declaration.site_hosts(self.site)), None)
+            gateway = self.declaration.computer_of(self.site)
             if gateway is None:
                 return all_unanswered(questions, f"{self.site} has no gateway computer")
             return await ask_gateway(self.declaration, gateway, self.request, questions, result, self.ssh_config)

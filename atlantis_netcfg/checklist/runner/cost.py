@@ -20,7 +20,7 @@ from atlantis_netcfg.checklist.probes.agent import batch, program
 from atlantis_netcfg.operations.allow_list_test.site import previews as proof_previews
 from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 from atlantis_netcfg.operations.bearers import bearer_of
-from atlantis_netcfg.operations.computers._access import is_computer, is_gateway
+from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.costs import beforehand, link_of, unpaid
 from atlantis_netcfg.operations.request import Mode, Request
 
@@ -75,7 +75,7 @@ def previews(
 def _of_gateway(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
-    host = next(filter(is_gateway, declaration.site_hosts(site)), None)
+    host = declaration.computer_of(site)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
     numbered = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
     if host is not None and numbered:

@@ -10,8 +10,7 @@ from pydantic import Field, StrictFloat, StrictInt
 from atlantis_netcfg.declaration.model._base import Address, Model, Name, Text
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.declaration.model.device import ControlCentre
-    from atlantis_netcfg.declaration.model.gateway import Gateway
+    from atlantis_netcfg.declaration.model.computer import ServerComputer
 
 
 class RosDistribution(StrEnum):
@@ -100,7 +99,12 @@ class Dds(Model):
         first = 7400 + 250 * self.domain + 10
         return range(first, first + 2 * self.participants)
 
-    def address_of(self, device: Gateway | ControlCentre) -> str:
+    @property
+    def all_ports(self) -> range:
+        """The same from multicast discovery on: what is opened for DDS on a computer."""
+        return range(7400 + 250 * self.domain, self.ports.stop)
+
+    def address_of(self, device: ServerComputer) -> str:
         """Where a computer is reached on the declared way; that there is one is a rule of the declaration."""
         if self.over is DdsPath.LAN:
             return str(device.address)

@@ -24,7 +24,6 @@ from atlantis_netcfg.declaration.model._base import (
     Fingerprint,
     HostKey,
     HostName,
-    LanBox,
     Model,
     Name,
     PortName,
@@ -34,7 +33,7 @@ from atlantis_netcfg.declaration.model._base import (
     Transport,
     WifiRadio,
 )
-from atlantis_netcfg.declaration.model.gateway import Gateway, Ssh
+from atlantis_netcfg.declaration.model.computer import ControlCentre, Gateway, OperatorStation, VpnServer
 
 
 class LteDriver(StrEnum):
@@ -290,27 +289,7 @@ class SatelliteTerminal(Box):
     """None: nobody has looked yet, which every report says."""
 
 
-class VpnServer(LanBox):
-    """Runs the OpenVPN server."""
-
-    kind: Literal["vpn_server"]
-    """What the device is: it decides which keys the block has."""
-    ssh: Ssh = Ssh()
-
-    @property
-    def account(self) -> str:
-        """The account by which the toolkit logs in."""
-        return self.ssh.user or "root"
-
-
-class ControlCentre(LanBox):
-    """Runs the control centre's services."""
-
-    kind: Literal["control_centre"]
-    """What the device is: it decides which keys the block has."""
-
-
 Device = Annotated[
-    Router | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre,
+    Router | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre | OperatorStation,
     Field(discriminator="kind"),
 ]

@@ -22,7 +22,7 @@ from atlantis_netcfg.declaration.model._base import (
     Text,
     wrong,
 )
-from atlantis_netcfg.declaration.model.gateway import Interface
+from atlantis_netcfg.declaration.model.computer import Interface
 
 Port = Annotated[StrictInt, Field(ge=1, le=65535)]
 

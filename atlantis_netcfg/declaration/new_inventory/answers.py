@@ -22,7 +22,7 @@ from atlantis_netcfg.declaration.model import (
     Text,
 )
 from atlantis_netcfg.declaration.model._base import Model, wrong
-from atlantis_netcfg.declaration.model.gateway import SshKey
+from atlantis_netcfg.declaration.model.computer import SshKey
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import ControlCentre, Dds, DdsPath, Gateway
+from atlantis_netcfg.declaration.model import Dds, DdsPath, ServerComputer
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def participants_have_addresses(draft: Draft) -> Iterator[Finding]:
     if dds is None or dds.over is not DdsPath.VPN:
         return
     for host, device in draft.devices.items():
-        if isinstance(device, Gateway | ControlCentre) and device.vpn_address is None:
+        if isinstance(device, ServerComputer) and device.vpn_address is None:
             where = draft.where(_PILOT, "dds")
             message = f"`{host}` talks DDS over the VPN ({where}) and has no address in it"
             yield draft.wrong(Part("device", host), (), message, "write its `vpn_address:`")
@@ -52,7 +52,7 @@ def peers_once(draft: Draft) -> Iterator[Finding]:
         return
     seen: dict[IPv4Address, str] = {}
     for host, device in draft.devices.items():
-        if isinstance(device, Gateway | ControlCentre):
+        if isinstance(device, ServerComputer):
             address = device.vpn_address if dds.over is DdsPath.VPN else device.address
             if address is not None:
                 seen[address] = f"`{host}`, a peer by itself"

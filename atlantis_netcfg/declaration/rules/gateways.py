@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, Repository
+from atlantis_netcfg.declaration.model import AddressBy, Repository, SiteComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -83,7 +83,7 @@ def _private(host: str) -> bool:
 
 def one_interface(draft: Draft) -> Iterator[Finding]:
     """The card and the run configure the same interface: otherwise the first run cuts what the card has made."""
-    for host, _, device in draft.boxes(Gateway):
+    for host, _, device in draft.boxes(SiteComputer):
         if device.network is None or device.image is None or device.image.interface is None:
             continue
         if device.network.interface != device.image.interface:
@@ -105,7 +105,7 @@ RULES: tuple[Rule, ...] = (
 
 def way_in(draft: Draft) -> Iterator[Finding]:
     """Every password is removed from an image, so that without a key nobody could log in."""
-    for host, _, device in draft.boxes(Gateway):
+    for host, _, device in draft.boxes(SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
             message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
             hint = "write the technicians' public keys, one a line"
@@ -114,7 +114,7 @@ def way_in(draft: Draft) -> Iterator[Finding]:
 
 def keys_once(draft: Draft) -> Iterator[Finding]:
     """A technician's key stands once: who takes it back must not overlook a second line."""
-    for host, _, device in draft.boxes(Gateway):
+    for host, _, device in draft.boxes(SiteComputer):
         seen: dict[str, int] = {}
         for index, key in enumerate(device.image.ssh_keys if device.image else ()):
             body = key.split(" ")[1]
@@ -127,7 +127,7 @@ def keys_once(draft: Draft) -> Iterator[Finding]:
 
 def reserved(draft: Draft) -> Iterator[Finding]:
     """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
-    for host, name, device in draft.boxes(Gateway):
+    for host, name, device in draft.boxes(SiteComputer):
         site = draft.sites.get(name)
         if device.image is None or device.image.address_by is not AddressBy.DHCP or site is None:
             continue

@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.model import (
     Bearer,
-    ControlCentre,
     Cpe,
     Device,
-    Gateway,
+    LanBox,
     LteRouter,
     Router,
     SatelliteTerminal,
     Site,
     TrafficClass,
-    VpnServer,
 )
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration.findings import Finding
 
-_LAN_HOSTS = (Gateway, VpnServer, ControlCentre)
 _MOST_PREFIX = 29
 
 
@@ -104,7 +101,7 @@ def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         for index, reservation in enumerate(site.lan.reservations):
             device = draft.devices.get(reservation.name)
-            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, _LAN_HOSTS):
+            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, LanBox):
                 continue
             part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", reservation.name)
             if device.address != reservation.address:
@@ -120,21 +117,20 @@ def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
 
 def hosts_in_network(draft: Draft) -> Iterator[Finding]:
     """A host of the LAN has an address of it that DHCP gives to nobody else."""
-    for model in _LAN_HOSTS:
-        for host, name, device in draft.boxes(model):
-            site = draft.sites.get(name)
-            if site is None:
-                continue
-            part, dhcp = Part("device", host), site.lan.dhcp
-            if why := why_unusable(device.address, site.lan.network):
-                message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
-                yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
-            elif dhcp.first <= device.address <= dhcp.last and all(
-                reservation.name != host for reservation in site.lan.reservations
-            ):
-                message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
-                hint = f"choose one outside {dhcp.first} to {dhcp.last}"
-                yield draft.wrong(part, ("address",), message, hint)
+    for host, name, device in draft.boxes(LanBox):
+        site = draft.sites.get(name)
+        if site is None:
+            continue
+        part, dhcp = Part("device", host), site.lan.dhcp
+        if why := why_unusable(device.address, site.lan.network):
+            message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
+            yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
+        elif dhcp.first <= device.address <= dhcp.last and all(
+            reservation.name != host for reservation in site.lan.reservations
+        ):
+            message = f"the address {device.address} of `{host}` is inside the DHCP range of `{name}`"
+            hint = f"choose one outside {dhcp.first} to {dhcp.last}"
+            yield draft.wrong(part, ("address",), message, hint)
 
 
 RULES: tuple[Rule, ...] = (
@@ -204,9 +200,7 @@ def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
         owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
         path = ("lan", "reservations", index, "address")
         device = draft.devices.get(reservation.name)
-        is_reported = (
-            here and isinstance(device, Gateway | VpnServer | ControlCentre) and device.address != reservation.address
-        )
+        is_reported = here and isinstance(device, LanBox) and device.address != reservation.address
         if not is_reported:  # what contradicts its own host is told by the rules of the LAN
             yield _AddressUse(str(reservation.address), owner, part, path)
 
@@ -242,7 +236,7 @@ def _of_device(device: Device) -> Iterator[tuple[object, tuple[str, ...]]]:
         yield device.address, ("address",)
     if isinstance(device, Router) and device.vpn_client is not None:
         yield device.vpn_client.address, ("vpn_client", "address")
-    if isinstance(device, Gateway | VpnServer | ControlCentre) and device.vpn_address is not None:
+    if isinstance(device, LanBox) and device.vpn_address is not None:
         yield device.vpn_address, ("vpn_address",)
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
+from atlantis_netcfg.declaration._schema import DEVICES
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import ControlCentre, Device, Gateway, Router, VpnServer
+from atlantis_netcfg.declaration.model import Device, LanBox, Router, VpnServer
 from atlantis_netcfg.declaration.rules.networks import claims, example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
 
-_LAN_KINDS = frozenset({"gateway", "vpn_server", "control_centre"})
+_LAN_KINDS = frozenset(kind for kind, model in DEVICES.items() if issubclass(model, LanBox))
 _PASSWORD_BYTES = 1000
 
 
@@ -108,7 +109,7 @@ def tunnel_addresses(draft: Draft) -> Iterator[Finding]:
     pool = draft.pilot.vpn.infrastructure
     for host, device in draft.devices.items():
         path: tuple[str, ...] = ("vpn_address",)
-        address = device.vpn_address if isinstance(device, Gateway | VpnServer | ControlCentre) else None
+        address = device.vpn_address if isinstance(device, LanBox) else None
         if isinstance(device, Router) and device.vpn_client is not None:
             path, address = ("vpn_client", "address"), device.vpn_client.address
         if address is not None and (why := why_unusable(address, pool)):
@@ -232,7 +233,7 @@ def services_once(draft: Draft) -> Iterator[Finding]:
 def _tunnel_address(device: Device) -> IPv4Address | None:
     if isinstance(device, Router):
         return device.vpn_client.address if device.vpn_client is not None else None
-    return device.vpn_address if isinstance(device, Gateway | VpnServer | ControlCentre) else None
+    return device.vpn_address if isinstance(device, LanBox) else None
 
 
 PARTNERS_RULES: tuple[Rule, ...] = (names, sees, server_inside, services, services_once)

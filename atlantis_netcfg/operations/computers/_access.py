@@ -6,7 +6,7 @@ import shlex
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.declaration.model import Gateway, VpnServer
+from atlantis_netcfg.declaration.model import SshHost, VpnServer
 from atlantis_netcfg.journal import make_private, os_errors_as, write_atomically
 from atlantis_netcfg.operations.bearers import bearer_of
 
@@ -17,19 +17,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.request import Request
 
 
-def is_gateway(host: Host) -> bool:
-    """Whether a host is a gateway computer."""
-    return isinstance(host.device, Gateway)
-
-
 def is_server(host: Host) -> bool:
     """Whether a host runs the server of the VPN."""
     return isinstance(host.device, VpnServer)
 
 
 def is_computer(host: Host) -> bool:
-    """Whether roles work on a host over SSH: a gateway computer, or the server of the VPN."""
-    return is_gateway(host) or is_server(host)
+    """Whether roles work on a host over SSH."""
+    return isinstance(host.device, SshHost)
 
 
 def computer_access(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
@@ -40,7 +35,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
     `via=` names.
     """
     device = host.device
-    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - callers ask `is_computer`
+    assert isinstance(device, SshHost)  # noqa: S101 - callers ask `is_computer`
     bearer = bearer_of(declaration, host, request.via.get(host.name))
     target = request.targets.get(host.name) if request.rehearsed else None
     alias = f"-o HostKeyAlias={host.name}"
@@ -68,7 +63,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
 def _declared_key(host: Host, request: Request) -> str:
     """The option that names the file with the declared host key, which alone counts then; empty without one."""
     device = host.device
-    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - the caller has asked
+    assert isinstance(device, SshHost)  # noqa: S101 - the caller has asked
     if device.ssh.host_key is None:
         return ""
     path = request.state / "known_hosts" / host.name

@@ -18,15 +18,16 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import Gateway, VpnServer
+from atlantis_netcfg.declaration.model import HostedService, ServerComputer, ServiceProgram, SshHost
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.interop import gateway_interop
+from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.journal import write_atomically
-from atlantis_netcfg.operations.computers._access import is_computer, is_gateway, is_server
+from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
 from atlantis_netcfg.operations.vpn.members import server_names
 from atlantis_netcfg.operations.vpn.requests import DeviceWords, computers, request_of
@@ -99,13 +100,15 @@ def rehearsed_computers(
         ground = stack.enter_context(lab.open_lab(folder))
         machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
-        gateways, servers = (any(takes(host) for host in computers) for takes in (is_gateway, is_server))
-        served = _served(stack, ground, declaration, folder) if gateways else None
+        serving = [host.device for host in computers if isinstance(host.device, ServerComputer)]
+        servers = any(map(is_server, computers))
+        served = _served(stack, ground, declaration, folder) if any(device.has_ros2 for device in serving) else None
         authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
         result = (
-            *((_CLOCK,) if gateways else ()),
+            *((_CLOCK,) if serving else ()),
             *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
             *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
+            *((_SERVICES,) if any(map(_hosted, serving)) else ()),
             *untold,
         )
         yield RehearsedComputers(machines, targets, stubs=served, authority=authority, not_rehearsed=result)
@@ -130,9 +133,10 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     the run.
     """
     requested = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN}
-    for host in filter(is_gateway, declaration.hosts.values()):
-        requested |= {item.name for item in gateway_base(declaration, host).packages}
-        requested |= {package.name for package in gateway_interop(declaration, host).packages}
+    for host in declaration.hosts.values():
+        if isinstance(host.device, ServerComputer):
+            requested |= {item.name for item in gateway_base(declaration, host).packages}
+            requested |= {package.name for package in gateway_interop(declaration, host).packages}
     return lab.TreeSpec(packages=tuple(sorted(requested)))
 
 
@@ -141,7 +145,8 @@ def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder:
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
         return None
-    packages = stubs.ros_packages(pilot.dds.distribution.value, more=pilot.gateways.ros2.packages)
+    release = pilot.dds.distribution.value
+    packages = stubs.ros_packages(release, more=(*pilot.gateways.ros2.packages, *recorder(release)))
     archive = stubs.publish(folder / "archive", packages, codename=_CODENAME)
     repositories = ""
     if (interop := pilot.gateways.interop) is not None:
@@ -161,21 +166,29 @@ def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder:
     )
 
 
-_NETWORK = "the declared network of the gateways: a machine keeps the one that it was started with"
+_NETWORK = "the declared network of the computers: a machine keeps the one that it was started with"
+_SERVICES = "services: the partners' programs; in their places stand-ins listen at the declared ports"
 _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 
 def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, Gateway | VpnServer)  # noqa: S101 - `is_computer` has said so
+    assert isinstance(device, SshHost)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
     started = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
-    if not is_gateway(host):
+    if not isinstance(device, ServerComputer):
         return started
     started.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
     started.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
     started.run("systemctl daemon-reload")
+    for service, program in _hosted(device):
+        started.put(program.path, stubs.service_program(service.transport.value, service.port or 0), mode="0755")
     return started
+
+
+def _hosted(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:
+    """What is started for the services of a computer."""
+    return [(service, service.program) for service in device.services if service.program is not None]
 
 
 def _target(machine: lab.Machine, folder: Path) -> Target:

@@ -1,5 +1,7 @@
 """What each role of a computer asks for, by the role's name. A new role is a function and its line here.
 
+`KINDS` says which kind of computer has which roles: a new kind is its row there, and its group in the playbook.
+
 `perform` answers a role: what each computer of a play should hold. It contacts nothing. It also says where a host may
 take packages and sources from, and how much of them: its site's link, or a bundle alone.
 """
@@ -12,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.declaration import Declaration, Host
+from atlantis_netcfg.declaration.model import ControlCentre, Gateway, Model, OperatorStation, VpnServer
 from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.dds import gateway_dds
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.ros2 import ArchiveKey, StandIn, gateway_ros2
 from atlantis_netcfg.operations.computers import _watch
-from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_gateway, is_server
+from atlantis_netcfg.operations.computers._access import computer_access, is_computer, is_server
 from atlantis_netcfg.operations.costs import gate, link_of
 from atlantis_netcfg.operations.request import Request, declaration_of, open_request, refuse_examples
 from atlantis_netcfg.vpn.client import openvpn_client
@@ -72,9 +75,20 @@ def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[s
     return openvpn_server(declaration, host, authority.membership(), authority.folder).as_dict()
 
 
+_SERVING = ("gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds")
+KINDS: Mapping[type[Model], tuple[str, ...]] = {
+    Gateway: _SERVING,
+    ControlCentre: _SERVING,
+    OperatorStation: ("gateway_base", "openvpn_client"),
+    VpnServer: (SERVER,),
+}
+"""Kind of a computer -> its roles. Of an operator station `gateway_base` has the network alone."""
+
+
 def concerns(part: str, host: Host) -> bool:
     """Whether a part is one of this host."""
-    return {ACCESS: is_computer, SERVER: is_server}.get(part, is_gateway)(host)
+    roles = KINDS.get(type(host.device), ())
+    return part in roles or (part == ACCESS and bool(roles))
 
 
 def refuse_unfounded(hosts: Iterable[Host], request: Request) -> None:
@@ -103,7 +117,7 @@ PARTS: Mapping[str, Part] = {
 }
 
 BUNDLES = "/var/lib/atlantis/bundle"
-"""On a gateway: where the action `carry` puts a bundle, below its id."""
+"""On a computer: where the action `carry` puts a bundle, below its id."""
 
 
 def fetching(declaration: Declaration, host: Host, request: Request, bundle: str | None) -> Mapping[str, Any]:
@@ -179,8 +193,8 @@ def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: R
         return
     if servers := [host.name for host in computers if is_server(host)]:
         raise UsageError(
-            f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle, which is made for gateways",
-            hint="name the gateways with `only=`; run the server without `--offline`",
+            f"{', '.join(servers)}: the server of the VPN takes nothing from a bundle: that is for the others",
+            hint="name the others with `only=`; run the server without `--offline`",
         )
     from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import InventoryInvalid, load
-from atlantis_netcfg.declaration.model import Gateway, LteRouter, VpnServer
+from atlantis_netcfg.declaration.model import LteRouter, SiteComputer, SshHost
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.operations.kinds import handled, managed
 from atlantis_netcfg.operations.trust import has_identity
@@ -223,7 +223,7 @@ def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callab
     if isinstance(host.device, LteRouter):
         declared = host.device.access.fingerprint if host.device.access is not None else None
         return bool(declared or pins.get(host.name))
-    assert isinstance(host.device, Gateway | VpnServer)  # noqa: S101 - `has_identity` has said so
+    assert isinstance(host.device, SshHost)  # noqa: S101 - `has_identity` has said so
     return host.device.ssh.host_key is not None or is_known(host.name)
 
 
@@ -251,7 +251,7 @@ def key_items(
         yield password_file_item(file, declaration.root)
     keys = laptop_keys(home, agent_keys())
     for host in hosts:
-        if isinstance(host.device, Gateway) and host.device.image is not None and host.device.image.ssh_keys:
+        if isinstance(host.device, SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
             if declaration.pilot.example_values:
                 yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
             else:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.declaration.model import Gateway, Router
+from atlantis_netcfg.declaration.model import Router, SiteComputer
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.client import site_link
@@ -25,7 +25,7 @@ _DAYS = 397
 
 
 def rehearsed_identity(declaration: Declaration, host: Host) -> Identity:
-    """Of a declared gateway or router. Raises UsageError if it is no member of the VPN."""
+    """Of a declared computer or router. Raises UsageError if it is no member of the VPN."""
     address = _address(host)
     if address is None:
         raise UsageError(f"{host.name} has no address in the VPN", hint=f"declare one in host_vars/{host.name}.yml")
@@ -72,4 +72,4 @@ def _address(host: Host) -> IPv4Address | None:
     device = host.device
     if isinstance(device, Router):
         return None if device.vpn_client is None else device.vpn_client.address
-    return device.vpn_address if isinstance(device, Gateway) else None
+    return device.vpn_address if isinstance(device, SiteComputer) else None

@@ -173,7 +173,10 @@ def test_what_the_mirror_lacks_is_told(mirror: str, tmp_path: Path, provision: C
         (["image=/none"], "/none is no file"),
         (["image=/none", "status=/none"], "`image=` and `status=` both say what is on the board"),
         (["key=0"], "`key=` goes with `check=`"),
-        (["only=coastal-router"], "`coastal-router`: bundles are for gateways only, and no gateway is selected"),
+        (
+            ["only=coastal-router"],
+            "`coastal-router`: bundles are for gateways, control centres and operator stations, and none is selected",
+        ),
         (["check=/none"], "/none is no bundle, or not a whole one"),
     ],
 )

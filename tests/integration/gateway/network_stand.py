@@ -15,9 +15,9 @@ import pytest
 from gateway_stand import ROUTER, Key
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Gateway, GatewayNetwork, NetworkTool
+from atlantis_netcfg.declaration.model import ComputerNetwork, Gateway, NetworkTool
 from atlantis_netcfg.emulator.lab import TreeSpec, build_rootfs, open_lab, why_not
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -38,8 +38,8 @@ def wanted(by: str, **changes: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
     declaration = load(ROOT / "inventory")
     host = declaration.hosts[NAME]
     assert isinstance(host.device, Gateway)
-    network = GatewayNetwork(by=NetworkTool(by), interface="eth0", rollback_s=changes.pop("rollback_s", 60))
-    part = gateway_network(declaration, replace(host, device=host.device.model_copy(update={"network": network})))
+    network = ComputerNetwork(by=NetworkTool(by), interface="eth0", rollback_s=changes.pop("rollback_s", 60))
+    part = computer_network(declaration, replace(host, device=host.device.model_copy(update={"network": network})))
     assert part is not None
     return {**part.as_dict(), **changes}
 

@@ -10,6 +10,7 @@ from gateway_role import Stand
 from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
 
 from atlantis_netcfg.emulator.lab.stubs import StubArchive, StubPackage, publish, ros_packages
+from atlantis_netcfg.gateway.recording import SERVICE, packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,8 +82,8 @@ def test_it_comes_talks_changes_its_version_and_stays(ros: Ros, tmp_path: Path) 
 def test_a_listener_that_hears_nothing_fails_the_gateway(ros: Ros, tmp_path: Path) -> None:
     listener = "/opt/ros/foxy/lib/demo_nodes_py/listener"
     deaf = StubPackage("ros-foxy-demo-nodes-py", "1.0", files={listener: "#!/bin/sh\necho no middleware\nexit 3\n"})
-    packages = [package for package in ros_packages("foxy") if package.name != deaf.name]
-    ros.declare(publish(tmp_path / "archive", [*packages, deaf], codename="focal"))
+    others = [package for package in ros_packages("foxy") if package.name != deaf.name]
+    ros.declare(publish(tmp_path / "archive", [*others, deaf], codename="focal"))
     told = ros.stand.run()
     assert told["status"] == "left-as-found", told
     assert "heard the talker 0 times" in told["message"]
@@ -100,3 +101,27 @@ def test_another_system_an_old_key_and_an_empty_archive_are_told_and_change_noth
     told = ros.stand.run()
     assert "the computer runs ubuntu jammy; what is declared is made for ubuntu focal" in told["message"]
     assert told["changes"] == []
+
+
+def test_a_recording_is_made_kept_and_taken_away(ros: Ros, tmp_path: Path) -> None:
+    """The unit waits for the VPN's interface, which is not there: its very program is started by hand."""
+    every = ros_packages("foxy", more=packages("foxy"))
+    ros.declare(publish(tmp_path / "archive", every, codename="focal"))
+    declared = {"topics": ["/girona500/pose"], "budget_mb": 80}
+    ros.stand.declare({"recording": declared}, "host_vars/coastal-gateway.yml", "device")
+    told = ros.stand.run()
+    assert (told["status"], told["exit"]) == ("changed", 0), told["message"]
+    assert "package ros-foxy-ros2bag 0.9.2-1stand.in" in told["changes"]
+    assert ros.stand.run()["changes"] == []
+    on = ros.stand.gateway.run
+    start = on(f"sed -n 's/^ExecStart=//p' /etc/systemd/system/{SERVICE}").stdout.strip()
+    bounds = "--property=User=svc-recording --property=ProtectSystem=strict --property=KillMode=mixed"
+    place = "--property=ReadWritePaths=/var/lib/svc-recording"
+    on(f"systemd-run --unit recorded {bounds} {place} {start}")
+    on("timeout 60 sh -c 'until [ -s /var/lib/svc-recording/bag-*/*_0.db3 ]; do sleep 0.2; done'")
+    on("systemctl stop recorded")
+    assert on("ls /var/lib/svc-recording/bag-*/metadata.yaml").stdout, "the bag was closed"
+    ros.stand.declare({"recording": None}, "host_vars/coastal-gateway.yml", "device")
+    assert f"absent /etc/systemd/system/{SERVICE}" in ros.stand.run()["changes"]
+    assert on(f"systemctl is-enabled {SERVICE}", check=False).returncode != 0
+    assert ros.stand.run()["changes"] == []

@@ -232,7 +232,7 @@ def test_other_hosts_have_no_card(desk: Desk) -> None:
     desk.words[2] = "host=coastal-router"
     code, _, err = desk.type("--image-only", "x")
     assert code == 3
-    assert "`coastal-router` is a router: cards are made for gateway computers" in err
+    assert "`coastal-router` is a router: cards are made for gateways, control centres and operator stations" in err
 
 
 def test_where_to_is_asked_for(desk: Desk) -> None:

@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
 from atlantis_netcfg.core.errors import NothingMatched
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.operations.bundle import gateways_of, has_tokens, wish_of
+from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 
@@ -41,8 +41,8 @@ KEY = {"path": "/usr/share/keyrings/ros.gpg", "content_base64": base64.b64encode
 def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> None:
     host = declaration.hosts["coastal-gateway"]
     parts = {
-        "base": part({"packages": {"packages": [{"name": "chrony", "version": None}, {"name": "locales"}]}}),
-        "ros": part(
+        "gateway_base": part({"packages": {"packages": [{"name": "chrony", "version": None}, {"name": "locales"}]}}),
+        "gateway_ros2": part(
             {
                 "packages": {
                     "packages": [{"name": "ros-base", "version": "1*"}, {"name": "locales"}],
@@ -53,7 +53,7 @@ def test_the_parts_are_added_up(declaration: Declaration, tmp_path: Path) -> Non
                 }
             }
         ),
-        "none": part({"packages": None, "build": None}),
+        "gateway_interop": part({"packages": None, "build": None}),
     }
     wish = wish_of(declaration, host, Request(state=tmp_path), parts=parts)
     assert wish.packages == (
@@ -83,12 +83,22 @@ def test_what_is_declared_can_be_wished_for(declaration: Declaration, tmp_path: 
     # The one needs the archive's key, the other is no part of a gateway.
     others = {name: each for name, each in PARTS.items() if name not in {"gateway_ros2", "openvpn_server"}}
     request = Request(state=tmp_path)
-    for host in gateways_of(declaration, "all"):
+    for host in bundle_hosts(declaration, "all"):
         wish = wish_of(declaration, host, request, parts=others)
         told = [each(declaration, host, request).get("packages") or {} for each in others.values()]
         assert {one.name for one in wish.packages} == {row["name"] for one in told for row in one.get("packages", ())}
 
 
-def test_a_site_without_gateways_has_no_bundle(declaration: Declaration) -> None:
-    with pytest.raises(NothingMatched, match="site `scc`: bundles are for gateways only, and no gateway is selected"):
-        gateways_of(declaration, "scc")
+def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(
+    declaration: Declaration, tmp_path: Path
+) -> None:
+    (host,) = bundle_hosts(declaration, "scc")
+    wish = wish_of(declaration, host, Request(state=tmp_path))
+    assert {"chrony", "nftables", "openvpn"} <= {package.name for package in wish.packages}
+    assert not any(package.name.startswith("ros-") for package in wish.packages)
+    assert (wish.libraries, wish.sources, wish.codename) == ((), (), None)
+
+
+def test_a_choice_without_computers_has_no_bundle(declaration: Declaration) -> None:
+    with pytest.raises(NothingMatched, match="`scc-router`: bundles are for gateways, control centres and operator"):
+        bundle_hosts(declaration, "scc", ["scc-router"])

@@ -21,7 +21,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.ne
     NetworkComputer,
     ProgramEnd,
 )
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -237,7 +237,7 @@ def box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Box:
 
 
 def wish(by: str, **changes: Any) -> DesiredNetwork:  # noqa: ANN401
-    part = gateway_network(*coast(by))
+    part = computer_network(*coast(by))
     assert part is not None
     return DesiredNetwork.of({"resolver": None, **part.as_dict(), **changes})
 

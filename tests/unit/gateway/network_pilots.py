@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool
+from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
@@ -29,7 +29,7 @@ def coast(by: str | None, address_by: str = "static", **network: object) -> tupl
     assert isinstance(host.device, Gateway)
     assert host.device.image is not None
     image = host.device.image.model_copy(update={"address_by": AddressBy(address_by), "interface": "eth0"})
-    wanted = None if by is None else GatewayNetwork(by=NetworkTool(by), interface="eth0", **network)
+    wanted = None if by is None else ComputerNetwork(by=NetworkTool(by), interface="eth0", **network)
     device = host.device.model_copy(update={"network": wanted, "image": image})
     changed = replace(host, device=device)
     return replace(declaration, hosts={**declaration.hosts, HOST: changed}), changed

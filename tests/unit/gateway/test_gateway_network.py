@@ -10,7 +10,7 @@ from network_pilots import coast
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.network_desired import OURS, same
 from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.image.facts import ImageFacts, ImageFile
 from atlantis_netcfg.image.plan import plan
 from atlantis_netcfg.operations.image import wish_of
@@ -38,7 +38,7 @@ BOTH = pytest.mark.parametrize("address_by", ["static", "dhcp"])
 @EVERY
 @BOTH
 def test_the_file_of_each_tool(by: str, address_by: str) -> None:
-    part = gateway_network(*coast(by, address_by))
+    part = computer_network(*coast(by, address_by))
     assert part is not None
     path, mode, kind = PLACES[by]
     assert (part.path, part.mode) == (path, mode)
@@ -51,7 +51,7 @@ def test_the_file_of_each_tool(by: str, address_by: str) -> None:
 def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
     """`provision image` has put the same files there: names, modes, and words but for the comment."""
     declaration, host = coast(by, address_by)
-    part = gateway_network(declaration, host)
+    part = computer_network(declaration, host)
     zone = f"/usr/share/zoneinfo/{declaration.pilot.time_zone}"
     edits = plan(ImageFacts(FILES, frozenset({PROGRAMS[by], zone})), wish_of(declaration, host, "x.img"))
     card = {edit.path: edit for edit in edits if isinstance(edit, ImageFile)}
@@ -63,7 +63,7 @@ def test_a_fresh_card_is_as_declared(by: str, address_by: str) -> None:
 
 
 def test_it_is_data_for_the_module() -> None:
-    part = gateway_network(*coast("networkd", rollback_s=90, replaces=("/etc/network/interfaces",)))
+    part = computer_network(*coast("networkd", rollback_s=90, replaces=("/etc/network/interfaces",)))
     assert part is not None
     told = part.as_dict()
     assert json.loads(json.dumps(told)) == told
@@ -73,18 +73,18 @@ def test_it_is_data_for_the_module() -> None:
 
 
 def test_with_dhcp_the_names_come_from_the_server() -> None:
-    part = gateway_network(*coast("ifupdown", "dhcp"))
+    part = computer_network(*coast("ifupdown", "dhcp"))
     assert part is not None
     assert "resolver" not in part.as_dict()
 
 
 def test_without_a_declared_network_nothing_is_touched() -> None:
-    assert gateway_network(*coast(None)) is None
+    assert computer_network(*coast(None)) is None
 
 
 def test_the_role_of_the_base_is_told_of_it() -> None:
     told = gateway_base(*coast("netplan")).as_dict()
-    part = gateway_network(*coast("netplan"))
+    part = computer_network(*coast("netplan"))
     assert part is not None
     assert told["network"] == part.as_dict()
     assert "network" not in gateway_base(*coast(None)).as_dict()

@@ -110,6 +110,16 @@ def test_our_own_hosts_meet_wherever_they_are(matrix: Policy) -> None:
         assert all(matrix.allows(one, other, flow) for flow in (*BEGUN, PING, *DDS))
 
 
+def test_a_service_of_a_computer_is_for_the_partners_that_it_names(matrix: Policy) -> None:
+    """The shipped control centre's `example-websocket` names iqua; the others of its services name nobody."""
+    named, ours = Flow(Protocol.TCP, 18081), Flow(Protocol.TCP, 18080)
+    assert [letter for letter in "AZIPMLEBU" if matrix.allows(party(letter), party("C"), named)] == ["I", "P"]
+    assert [letter for letter in "AZIPMLEBU" if matrix.allows(party(letter), party("C"), ours)] == []
+    assert all(matrix.allows(party("G"), party("C"), flow) for flow in (named, ours))
+    assert not matrix.allows(party("I"), party("C"), replace(named, protocol=Protocol.UDP))
+    assert not matrix.allows(party("I"), party("G"), named), "it is no service of the gateway"
+
+
 def test_the_server_is_itself_by_its_address_in_the_lan(matrix: Policy) -> None:
     lan = Party("server", IPv4Address("10.64.0.10"))
     assert [matrix.allows(party("G"), lan, flow) for flow in (PING, SSH)] == [True, False]

@@ -40,7 +40,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import CommandResult, DhcpDiscoverRequest, Judged, Place, Trouble
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -135,7 +135,7 @@ class _Static:
             path: answer.out for path, answer in texts.items() if isinstance(answer, CommandResult) and answer.rc == 0
         }
         host = self.site.declaration.hosts[gateway.name]
-        promised = gateway_network(self.site.declaration, host)
+        promised = computer_network(self.site.declaration, host)
         if promised is not None:
             return _promised(gateway.name, promised.path, files.get(promised.path), promised.content, interface)
         if gateway.leased or any(_says(text, interface) for text in files.values()):
@@ -366,7 +366,7 @@ def rogue_dhcp_check(site: OwnSite) -> Step:
             "rogue-dhcp",
             title,
             f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
-            " computer in it: the site has no gateway computer that a program could ask from.",
+            " computer in it: the site has no gateway computer and no control centre that a program could ask from.",
             f"Only the router offers an address: {site.declared.lan.gateway}.",
             site.hosts,
         )

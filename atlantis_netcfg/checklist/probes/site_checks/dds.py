@@ -41,12 +41,12 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Judged, Place, Trouble
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import ControlCentre, Dds
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
+    from atlantis_netcfg.declaration.model import Dds
 
 TABLE = "/proc/net/udp"
 _BASE, _DOMAIN, _UNICAST, _EACH = 7400, 250, 10, 2
@@ -129,23 +129,19 @@ class _BoundPorts:
 
 def dds_check(site: OwnSite) -> Step:
     """The gateway computer's participants; a person looks where no program can, for it applies at every site."""
-    title = "DDS answers on the gateway computer"
     dds = site.declaration.pilot.dds
     if dds is None:
         do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
         return by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
     if site.gateway is not None:
-        return step("dds", title, _SeenParticipant(site), site.hosts[1:])
-    hosts = site.declaration.site_hosts(site.name)
-    centres = tuple(host.name for host in hosts if isinstance(host.device, ControlCentre))
-    where = f"On {' and '.join(centres)}" if centres else f"On a computer at {site.name}"
+        return step("dds", f"DDS answers on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
     return by_hand(
         "dds",
         "DDS of another site is seen",
-        f"{where}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
-        " has no gateway computer that a program could ask.",
+        f"On a computer at {site.name}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
+        " has no gateway computer and no control centre that a program could ask.",
         "Topics of a robot or a gateway at another site are there.",
-        centres or site.hosts,
+        site.hosts,
     )
 
 

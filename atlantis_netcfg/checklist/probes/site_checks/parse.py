@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.probes.step import (
 )
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, Router, Site
+from atlantis_netcfg.declaration.model import AddressBy, ControlCentre, Router, ServerComputer, Site
 from atlantis_netcfg.render import RouterView, router_view
 
 if TYPE_CHECKING:
@@ -307,10 +307,15 @@ def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding
 
 @dataclass(frozen=True, slots=True)
 class ComputerReadings:
-    """The gateway computer as it is declared."""
+    """The gateway computer, or the control centre, as it is declared."""
 
     name: str
-    device: Gateway
+    device: ServerComputer
+
+    @property
+    def kind(self) -> str:
+        """What it is, in the words of a title."""
+        return "control centre" if isinstance(self.device, ControlCentre) else "gateway computer"
 
     @property
     def interface(self) -> str:
@@ -359,7 +364,7 @@ def own_site(cell: Cell) -> OwnSite:
         declared=cell.declared,
         router=router,
         view=None if router is None else router_view(cell.declaration, router),
-        gateway=None if gateway is None else ComputerReadings(gateway.name, cast("Gateway", gateway.device)),
+        gateway=None if gateway is None else ComputerReadings(gateway.name, cast("ServerComputer", gateway.device)),
     )
 
 

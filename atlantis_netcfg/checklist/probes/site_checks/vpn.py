@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     yes,
 )
 from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, LinkStatusResult, Question, Step
-from atlantis_netcfg.declaration.model import ControlCentre, VpnServer
+from atlantis_netcfg.declaration.model import SshHost
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -50,7 +50,7 @@ def vpn_check(site: OwnSite) -> Step:
     members = {
         host.name: str(host.device.vpn_address)
         for host in site.declaration.site_hosts(site.name)
-        if isinstance(host.device, VpnServer | ControlCentre) and host.device.vpn_address is not None
+        if isinstance(host.device, SshHost) and host.device.vpn_address is not None
     }
     if not members:
         do = f"No host of {site.name} is declared in the VPN: see by which way it reaches the other sites."
@@ -59,7 +59,7 @@ def vpn_check(site: OwnSite) -> Step:
         "vpn",
         title,
         f"On {' and '.join(members)}, look at the tunnel's address, and ping a member at another site through the"
-        " tunnel: neither router nor gateway computer of this site is in the VPN, so no program can.",
+        " tunnel: neither router, gateway computer nor control centre of this site is in the VPN, so no program can.",
         f"{' and '.join(f'{name} has {address}' for name, address in members.items())}, and the other site answers.",
         tuple(members),
     )

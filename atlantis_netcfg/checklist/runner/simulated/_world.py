@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
-from atlantis_netcfg.declaration.model import AcousticDriver, Column, Gateway, GpsDriver, Router, VpnServer, WifiRole
+from atlantis_netcfg.declaration.model import (
+    AcousticDriver,
+    Column,
+    GpsDriver,
+    Router,
+    ServerComputer,
+    VpnServer,
+    WifiRole,
+)
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
 from atlantis_netcfg.emulator.linux import (
@@ -31,7 +39,7 @@ from atlantis_netcfg.emulator.linux import (
     lan_computer,
 )
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.gateway.parts import computer_network
 from atlantis_netcfg.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
@@ -50,7 +58,7 @@ ROUTER_MAC = "02:00:5E:00:FF:01"
 def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> ComputerSpec:
     """Describe the gateway `host` with these vehicles around it."""
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(device, ServerComputer)  # noqa: S101 - the caller has looked
     reserved = {reservation.name: reservation for reservation in lan.reservations}
     server = declaration.hosts[declaration.pilot.vpn.server].device
     computer = lan_computer(
@@ -77,10 +85,10 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
 
 def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     """Give the file from which the computer gets its address at the next start: that of the role, or of its image."""
-    promised = gateway_network(declaration, host)
+    promised = computer_network(declaration, host)
     if promised is not None:
         return {promised.path: promised.content}
-    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
     prefix = declaration.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
     return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
@@ -93,7 +101,7 @@ def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
         yield from (UdpSpec(port=first + offset) for offset in (10, 11))
 
 
-def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
+def _answering(declaration: Declaration, device: ServerComputer) -> Iterator[DdsSpec]:
     """The same process, which says that it is reached where the others of the pilot look for it."""
     dds = declaration.pilot.dds
     if dds is not None:
@@ -101,7 +109,7 @@ def _answering(declaration: Declaration, device: Gateway) -> Iterator[DdsSpec]:
 
 
 def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
-    assert isinstance(host.device, Gateway)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
     if host.device.vpn_address is None:
         return {}
     certificate = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
@@ -272,7 +280,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
 def _cards(declaration: Declaration, site: str) -> dict[str, str]:
     cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
     for host in declaration.site_hosts(site):
-        if isinstance(host.device, Gateway) and host.device.mac is not None:
+        if isinstance(host.device, ServerComputer) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac
     return cards
 

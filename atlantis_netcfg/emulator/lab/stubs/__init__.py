@@ -7,7 +7,17 @@ from atlantis_netcfg.emulator.lab.stubs.archive import (
     StubPackage,
     publish,
     ros_packages,
+    service_program,
     why_no_archive,
 )
 
-__all__ = ["NOT_REHEARSED", "StandInFailed", "StubArchive", "StubPackage", "publish", "ros_packages", "why_no_archive"]
+__all__ = [
+    "NOT_REHEARSED",
+    "StandInFailed",
+    "StubArchive",
+    "StubPackage",
+    "publish",
+    "ros_packages",
+    "service_program",
+    "why_no_archive",
+]

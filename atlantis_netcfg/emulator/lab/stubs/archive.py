@@ -24,7 +24,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 
-__all__ = ["NOT_REHEARSED", "StandInFailed", "StubArchive", "publish", "ros_packages", "why_no_archive"]
+__all__ = [
+    "NOT_REHEARSED",
+    "StandInFailed",
+    "StubArchive",
+    "publish",
+    "ros_packages",
+    "service_program",
+    "why_no_archive",
+]
 
 
 class StandInFailed(MachineFailed):
@@ -206,17 +214,27 @@ def _run(*words: str) -> bytes:
 
 NOT_REHEARSED = (
     "ROS 2: packages of its names are installed that are not ROS; talker and listener talk UDP, not DDS",
+    "recordings of ROS 2: what is written is noise",
     "the archive of ROS: a signed archive of stand-ins with a key of its own takes its place",
 )
 """What a run against stand-ins says nothing about; the rehearsal's report prints it."""
 
-_ROS_PROGRAMS = Path(__file__).parent / "programs"
+_SOURCES = Path(__file__).parent / "programs"
 """They are files of packages, never modules of ours, and run on what Python a gateway has."""
 _SETUP = """\
 # stand-in, not ROS
 export ROS_DISTRO={distribution} ROS_VERSION=2 AMENT_PREFIX_PATH={home}
 PATH={home}/bin:$PATH
 """
+
+
+def _source(name: str) -> str:
+    return "#!/usr/bin/python3\n" + (_SOURCES / f"{name}.py").read_text(encoding="utf-8")
+
+
+def service_program(kind: str, port: int) -> str:
+    """A program for a declared service, which listens at its port; `kind` is tcp or udp, port 0 is none."""
+    return _source("service") + f"\n\nserve({kind!r}, {port})\n"
 
 
 def ros_packages(
@@ -227,8 +245,7 @@ def ros_packages(
     setup = _SETUP.format(home=home, distribution=distribution)
 
     def program(name: str) -> str:
-        text = (_ROS_PROGRAMS / f"{name}.py").read_text(encoding="utf-8")
-        return "#!/usr/bin/python3\n" + text.replace("@HOME@", home)
+        return _source(name).replace("@HOME@", home)
 
     ros = f"ros-{distribution}"
     known = (

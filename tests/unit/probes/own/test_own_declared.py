@@ -10,14 +10,14 @@ from own_world import NETPLAN, SITE, World, computer, declaration
 
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.declaration.model import AddressBy, Gateway, GatewayNetwork, NetworkTool, Poe, PoeMode, Router
-from atlantis_netcfg.gateway.parts import gateway_network
+from atlantis_netcfg.declaration.model import AddressBy, ComputerNetwork, Gateway, NetworkTool, Poe, PoeMode, Router
+from atlantis_netcfg.gateway.parts import computer_network
 
 if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes import Step
     from atlantis_netcfg.declaration import Declaration
 
-NETWORK = GatewayNetwork(by=NetworkTool.NETPLAN, interface="eth7")
+NETWORK = ComputerNetwork(by=NetworkTool.NETPLAN, interface="eth7")
 
 
 def with_gateway(**changes: Any) -> Declaration:  # noqa: ANN401 - fields of Gateway
@@ -43,7 +43,7 @@ def with_file(text: str | None) -> World:
 
 def test_the_promised_file_is_compared_word_by_word() -> None:
     whole = with_gateway(network=NETWORK)
-    promised = gateway_network(whole, whole.hosts[f"{SITE}-gateway"])
+    promised = computer_network(whole, whole.hosts[f"{SITE}-gateway"])
     assert promised is not None
     assert promised.path == NETPLAN
     router = "PASS router-as-declared: coastal-router has its 5 declared addresses, none of them leased"

@@ -1,14 +1,46 @@
-"""stand-in, not ROS: `ros2 run PACKAGE PROGRAM`."""
+"""stand-in, not ROS: `ros2 run PACKAGE PROGRAM`, and `ros2 bag record`, which writes noise in place of messages."""
 
 # ruff: noqa: INP001 - a file of a package, no module of ours
 
 import os
+import signal
 import sys
+import time
 from pathlib import Path
+from typing import NoReturn
 
-if len(sys.argv) < len(("ros2", "run", "PACKAGE", "PROGRAM")) or sys.argv[1] != "run":
-    sys.exit("stand-in, not ROS: only `ros2 run PACKAGE PROGRAM` is known")
-program = str(Path("@HOME@", "lib", sys.argv[2], sys.argv[3]))
-if not os.access(program, os.X_OK):
-    sys.exit(f"Package '{sys.argv[2]}' not found")
-os.execv(program, [program, *sys.argv[4:]])  # noqa: S606 - as the real one does
+NOISE_BYTES, PAUSE_S = 100_000, 0.05
+"""2 MB/s."""
+
+
+def run(package: str, program: str, *words: str) -> NoReturn:
+    """A program of a package."""
+    path = str(Path("@HOME@", "lib", package, program))
+    if not os.access(path, os.X_OK):
+        sys.exit(f"Package '{package}' not found")
+    os.execv(path, [path, *words])  # noqa: S606 - as the real one does
+
+
+def record(words: "list[str]") -> None:
+    """Files of one bag, each as large as it may be, until SIGINT."""
+    options = dict(zip(words[::2], words[1::2]))  # noqa: B905 - Python 3.8 of Ubuntu 20.04 has no `strict`
+    bag, size = Path(options["--output"]), int(options["--max-bag-size"])
+    bag.mkdir(parents=True)
+    ended: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: ended.append(number))
+    number = 0
+    while not ended:
+        with (bag / f"{bag.name}_{number}.db3").open("wb", buffering=0) as file:
+            while not ended and file.tell() < size:
+                file.write(os.urandom(NOISE_BYTES))
+                time.sleep(PAUSE_S)
+        number += 1
+    (bag / "metadata.yaml").write_text("stand-in: true\n", encoding="utf-8")
+
+
+if sys.argv[1:3] == ["bag", "record"] and len(sys.argv) > len(("ros2", "bag", "record", "--output", "FOLDER")):
+    record(sys.argv[3:])
+elif sys.argv[1:2] == ["run"] and len(sys.argv) >= len(("ros2", "run", "PACKAGE", "PROGRAM")):
+    run(*sys.argv[2:])
+else:
+    sys.exit("stand-in, not ROS: only `ros2 run PACKAGE PROGRAM` and `ros2 bag record` are known")

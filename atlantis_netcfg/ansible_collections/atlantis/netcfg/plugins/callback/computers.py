@@ -1,6 +1,6 @@
 """Callback `atlantis.netcfg.computers`: lock, journal and results of a play over computers.
 
-They are gateways and the server of the VPN. Ordinary roles tell Ansible how each task ended; this hands it to
+They are whatever is reached by SSH. Ordinary roles tell Ansible how each task ended; this hands it to
 `atlantis_netcfg.operations.computers`, which holds the lock of the site as long as the play lasts. It is enabled in
 ansible.cfg, so that plain `ansible-playbook` is guarded likewise.
 """
@@ -27,7 +27,7 @@ description:
 requirements:
   - enabled in C(callbacks_enabled) of ansible.cfg
 """
-GROUPS = ("vpn_servers", "gateways")
+GROUPS = ("vpn_servers", "gateways", "control_centres", "operator_stations")
 
 
 class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships no type information

@@ -58,6 +58,7 @@ def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use:
         round_trips={},
         asked=(),
         bills={},
+        standing={},
         uptime_s=uptime_s,
         use=use,
     )
