@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.declaration.model import (
     DdsPath,
     GpsTime,
+    SeenFrom,
     ServerComputer,
     ServiceNetwork,
     SiteComputer,
@@ -164,6 +165,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
     assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
+    opened = radios.opened_radio(host)
     return BaseView(
         name=host.name,
         site=host.site,
@@ -181,7 +183,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
         radios=radios.interfaces(declaration, host),
-        opened=radios.opened_interface(host),
+        opened=None if opened is None else opened.interface,
     )
 
 
@@ -206,6 +208,21 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
     for offered in vpn.services:
         if offered.host == host:
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
+    yield from _streams(declaration, host, lan)
+
+
+def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
+    """What vehicles send without being asked, and the checklist listens to: the autopilot's stream, by MAVLink."""
+    site = declaration.hosts[host].site
+    computer, tested = declaration.computer_of(site), declaration.sites[site].checklist.vehicles
+    if computer is None or computer.name != host:
+        return
+    for key in declaration.vehicles if tested is None else tested:
+        endpoints = declaration.vehicles[key].endpoints
+        wifi, stream = endpoints.wifi, endpoints.rc_rf
+        if stream is not None and stream.seen_from is SeenFrom.GATEWAY:
+            joined = () if wifi is None or wifi.client is None else (wifi.client.network,)
+            yield OpenPort(f"remote control of {key}", Transport.UDP, stream.port, _collapsed((lan, *joined)))
 
 
 def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:

@@ -155,15 +155,14 @@ class OpenedNetwork:
 
 def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
     """Every radio in a network of robots."""
-    opened = opened_interface(host)
+    opened = opened_radio(host)
     names = [radio.interface for radio in radios(declaration, host)]
-    return tuple(names if opened is None else [*names, opened])
+    return tuple(names if opened is None else [*names, opened.interface])
 
 
-def opened_interface(host: Host) -> str | None:
+def opened_radio(host: Host) -> GatewayAccessPoint | None:
     """The radio that opens a network; None: no radio does. Only gateways have radios."""
-    opened = host.device.access_point if isinstance(host.device, Gateway) else None
-    return None if opened is None else opened.interface
+    return host.device.access_point if isinstance(host.device, Gateway) else None
 
 
 def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
@@ -297,11 +296,12 @@ class GatewayRadios:
 
 
 def gateway_radios(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayRadios:
-    """Pure."""
+    """Pure. Of another computer: none, so that what stands there of ours is taken away."""
     country = channels.COUNTRY_CODES[declaration.pilot.country]
-    assert isinstance(host.device, Gateway)  # noqa: S101 - callers choose gateways
-    opened = None if host.device.access_point is None else OpenedNetwork(host.device.access_point)
-    return GatewayRadios(radios(declaration, host), country, opened, rehearsed)
+    opened = opened_radio(host)
+    return GatewayRadios(
+        radios(declaration, host), country, None if opened is None else OpenedNetwork(opened), rehearsed
+    )
 
 
 _TAKE_AWAY = f"""\

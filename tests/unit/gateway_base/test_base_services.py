@@ -69,7 +69,14 @@ def test_a_port_for_nobody_and_a_service_without_one_open_nothing() -> None:
 def test_a_gateway_has_services_too() -> None:
     declared = {"name": "map", "transport": "udp", "port": 18084, "open_to": ["lan"]}
     found = opened(with_services(declared, host="coastal-gateway"), "coastal-gateway")
-    assert found == {"map": ("udp", 18084, ["10.64.1.0/24"])}
+    assert found["map"] == ("udp", 18084, ["10.64.1.0/24"])
+
+
+def test_the_stream_of_a_remote_control_reaches_who_listens_to_it() -> None:
+    """The autopilot sends it without being asked, so that no answer that is awaited lets it in."""
+    found = opened(SHIPPED, "coastal-gateway")
+    assert found["remote control of stork"] == ("udp", 14550, ["10.64.1.0/24"])
+    assert not [name for name in opened(SHIPPED) if name.startswith("remote control")]
 
 
 def test_what_the_pilot_offers_all_partners_passes_the_computer_as_it_passes_the_server() -> None:
