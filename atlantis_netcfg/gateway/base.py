@@ -282,7 +282,8 @@ class GatewayBase:
         network = None if self.network is None else self.network.as_dict()
         parts = {"configure": self.configuration.as_dict(), "network": network}
         values = {"packages": {"packages": packages}, **{name: part for name, part in parts.items() if part}}
-        return {**values, "secrets": dict(self.secrets), "own_secret": self.own_secret}
+        keys = {"secrets": dict(self.secrets), "own_secret": self.own_secret}
+        return {**values, **keys} if "configure" in values else values
 
 
 def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
