@@ -519,7 +519,7 @@ def _shown(inventory: Path) -> str:
 _READABLE = "use another account, or a copy that this one may read"
 
 
-def _beside(inventory: Path) -> list[str]:
+def _inventories_beside(inventory: Path) -> list[str]:
     """Names of inventories in the same folder, as far as they may be read."""
     found = []
     with suppress(OSError):
@@ -536,7 +536,7 @@ def _existing(inventory: Path) -> Path:
         name, why = inventory, error.strerror
         raise NothingMatched(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
     if not is_there:
-        near = _beside(inventory)
+        near = _inventories_beside(inventory)
         hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
         what = "is a file" if inventory.exists() else "does not exist"
         raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)
