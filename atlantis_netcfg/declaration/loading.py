@@ -531,11 +531,14 @@ def _inventories_beside(inventory: Path) -> list[str]:
 
 def _existing(inventory: Path) -> Path:
     try:
-        is_there = inventory.is_dir()
+        return _found(inventory)
     except OSError as error:
         name, why = inventory, error.strerror
         raise NothingMatched(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
-    if not is_there:
+
+
+def _found(inventory: Path) -> Path:
+    if not inventory.is_dir():
         near = _inventories_beside(inventory)
         hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
         what = "is a file" if inventory.exists() else "does not exist"

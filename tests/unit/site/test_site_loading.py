@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -268,3 +269,14 @@ def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
     monkeypatch.setattr(Path, "is_file", refuse)
     with pytest.raises(NothingMatched, match="does not exist"):
         load(tmp_path / "nowhere")
+
+
+def test_a_folder_whose_files_may_not_be_looked_at_is_no_fault_of_ours(
+    inventory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_path: Path) -> bool:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "exists", refuse)
+    with pytest.raises(NothingMatched, match="cannot be read: Permission denied"):
+        load(inventory)
