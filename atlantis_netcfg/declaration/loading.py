@@ -18,6 +18,7 @@ The top-level variables of all files: each has one place, and everything else is
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -540,10 +541,30 @@ def _shown(inventory: Path) -> str:
     return path.relative_to(here).as_posix() if path.is_relative_to(here) and path != here else inventory.as_posix()
 
 
+_READABLE = "use another account, or a copy that this one may read"
+
+
+def _inventories_beside(inventory: Path) -> list[str]:
+    """Names of inventories in the same folder, as far as they may be read."""
+    found = []
+    with suppress(OSError):
+        for path in sorted(inventory.absolute().parent.iterdir()):
+            with suppress(OSError):
+                found += [path.name] if (path / HOSTS).is_file() else []
+    return found
+
+
 def _existing(inventory: Path) -> Path:
+    try:
+        return _found(inventory)
+    except OSError as error:
+        name, why = inventory, error.strerror
+        raise NothingMatched(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
+
+
+def _found(inventory: Path) -> Path:
     if not inventory.is_dir():
-        parent = inventory.absolute().parent
-        near = [path.name for path in sorted(parent.iterdir()) if (path / HOSTS).is_file()] if parent.is_dir() else []
+        near = _inventories_beside(inventory)
         hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
         what = "is a file" if inventory.exists() else "does not exist"
         raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)

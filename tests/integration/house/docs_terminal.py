@@ -52,7 +52,7 @@ def _answer_all(terminal: int, command: Shown) -> str:
             break
         seen += more
         until = time.monotonic() + ANSWER_S
-        question = next((question for question in left if question in _asked(seen[typed_until:])), None)
+        question = next((question for question in left if question in _question(seen[typed_until:])), None)
         if question is not None:
             os.write(terminal, f"{left.pop(question)}\n".encode())
             typed_until = len(seen)
@@ -60,10 +60,10 @@ def _answer_all(terminal: int, command: Shown) -> str:
     return seen
 
 
-def _asked(text: str) -> str:
+def _question(text: str) -> str:
     """What stands where the cursor is: a question waits at the end of its line, which may be its second one."""
-    *above, last = text.replace("\r\n", "\n").split("\n")
-    return " ".join(" ".join([*above[-1:], last]).split()) if last.strip() else ""
+    above_and_last = text.split("\n")[-2:]
+    return " ".join(" ".join(above_and_last).split()) if above_and_last[-1].strip() else ""
 
 
 def _read(terminal: int) -> str:

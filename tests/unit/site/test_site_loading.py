@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from pathlib import Path
@@ -252,3 +253,30 @@ def test_a_machine_without_time_zones_cannot_tell(inventory: Path, monkeypatch: 
     assert len(validate(inventory)) == 1
     monkeypatch.setattr(management, "available_timezones", set)
     assert validate(inventory) == []
+
+
+def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name that no file system takes stands for a folder of another account, which `root` would read."""
+    with pytest.raises(NothingMatched, match="cannot be read: File name too long"):
+        load(tmp_path / ("x" * 300))
+    (tmp_path / "closed").mkdir()
+
+    def refuse(_path: Path) -> bool:
+        raise PermissionError
+
+    monkeypatch.setattr(Path, "is_file", refuse)
+    with pytest.raises(NothingMatched, match="does not exist"):
+        load(tmp_path / "nowhere")
+
+
+def test_a_folder_whose_files_may_not_be_looked_at_is_no_fault_of_ours(
+    inventory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_path: Path) -> bool:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "exists", refuse)
+    with pytest.raises(NothingMatched, match="cannot be read: Permission denied"):
+        load(inventory)
