@@ -54,7 +54,8 @@ def test_of_two_links_alike_the_less_preferred_is_the_slower(order: tuple[str, .
 
 def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
     configure = part(Dds(distribution=RosDistribution.FOXY)).as_dict()["configure"]
-    (reader,) = configure["units"]
+    reader, recording = configure["units"]
+    assert recording["name"] == "atlantis-recording.service"
     assert reader == {
         "name": "atlantis-data-gateway.service",
         "wait": False,

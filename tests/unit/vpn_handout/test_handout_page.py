@@ -111,7 +111,12 @@ def test_no_key_but_in_its_file(kind: str, declaration: Declaration) -> None:
     assert holding == {f"{told.member.name}.{'identity' if kind == 'host' else 'ovpn'}"}
 
 
-FLOWS = {"ping": Flow(Protocol.ICMP), "DDS": Flow(Protocol.UDP, 7410), "EXAMPLE-web-page": Flow(Protocol.TCP, 8443)}
+FLOWS = {
+    "ping": Flow(Protocol.ICMP),
+    "DDS": Flow(Protocol.UDP, 7410),
+    "EXAMPLE-web-page": Flow(Protocol.TCP, 8443),
+    "example-websocket": Flow(Protocol.TCP, 18081),
+}
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "host"])

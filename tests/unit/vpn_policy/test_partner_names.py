@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 NAMES = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,30}[a-z0-9])?")
+SERVED = ("iqua", "udg")
+"""Whom a service of the shipped control centre is for: who leaves them out is told so in its file."""
 TAKEN = {"default", "members", "server"}
 HOSTILE = (
     *("in/esc", "../inesc", "..", ".", "/", "inesc/", "/etc/passwd", "inesc\\..", "inesc.2", ".revoked-x", "-inesc"),
@@ -44,7 +46,7 @@ def refused(inventory: Path, keys: Iterable[str]) -> set[str]:
     file = inventory / "group_vars" / "all" / "partners.yml"
     lines, at = ["partners:"], {}
     lines += [
-        f"  {name}: {{full_name: {name}, vpn_pool: 10.80.250.{8 * n}/29}}" for n, name in enumerate(("inesc", "eca"))
+        f"  {name}: {{full_name: {name}, vpn_pool: 10.80.250.{8 * n}/29}}" for n, name in enumerate(("inesc", "eca", *SERVED))
     ]
     for number, key in enumerate(keys):
         pool = f"10.80.{16 + number // 32}.{number % 32 * 8}/29"

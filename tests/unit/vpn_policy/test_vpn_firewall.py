@@ -37,7 +37,7 @@ TUNNEL = {
 LAN = {"beside": "10.64.0.77", "technician beside": "10.64.100.10", "internet": "198.51.100.7"}
 FLOWS = (
     Flow(Protocol.ICMP),
-    *(Flow(Protocol.TCP, port) for port in (22, 8080, 8443, 7410)),
+    *(Flow(Protocol.TCP, port) for port in (22, 8080, 8443, 18081, 7410)),
     *(Flow(Protocol.UDP, port) for port in (123, 7409, 7410, 7429, 7430, 8443)),
 )
 DENIED, SPOOFED, IPV6, MULTICAST = ("p_denied", "log"), ("p_spoofed",), ("p_ipv6",), ("p_multicast",)
