@@ -1,0 +1,237 @@
+"""Messages of any size in one direction: sent in chunks, and received when the receiver says that it has the last octet.
+
+A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The receiver
+counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that nothing compresses
+them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for what came, and that is that.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.qualify.reflector.stamp import (
+    ACKNOWLEDGEMENT_SIZE,
+    AUTHENTICATED_SIZE,
+    BASE_SIZE,
+    CHUNK,
+    CHUNK_HEADER_SIZE,
+    HMAC_TLV_SIZE,
+    Acknowledgement,
+    MessageChunk,
+    ReflectorPacket,
+    Tlv,
+    unix_ns,
+)
+from atlantis_netcfg.qualify.samples import MessageEnded, StreamEnded
+from atlantis_netcfg.qualify.session import SECOND, Outgoing, Peer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
+
+_QUESTIONS: Final = 3
+"""How often the receiver is asked for what it has, where it says nothing."""
+_WAIT_STEP: Final = 20_000_000
+DEFAULT_PACKET: Final = 1200
+"""UDP payload that passes most tunnels; `path_mtu` says what this path takes."""
+
+
+@dataclass(frozen=True, slots=True)
+class MessagePlan:
+    """Messages of `size` octets, `rate_hz` a second for `duration_s`."""
+
+    size: int
+    rate_hz: float
+    duration_s: float
+    resend: bool = False
+    pace_bps: float | None = None
+    """At which rate the chunks of a message leave; None: at once, as DDS sends fragments."""
+    packet: int = DEFAULT_PACKET
+    timeout_s: float = 5.0
+    """How long an answer is awaited before the receiver is asked, and what is missing sent again."""
+    give_up_s: float = 90.0
+    """After so long without the receiver's word a message is lost; a satellite's gaps last up to 70 s."""
+
+    @property
+    def messages(self) -> int:
+        """How many, if nothing limits it."""
+        return max(1, round(self.duration_s * self.rate_hz))
+
+
+@dataclass(slots=True)
+class _Message:
+    number: int
+    count: int
+    sent_at: int = -1
+    last_sent: int = 0
+    chunks_sent: int = 0
+    questions: int = 0
+    word: Acknowledgement | None = None
+    error: int = 1
+    ended: bool = False
+
+
+@dataclass(slots=True)
+class MessageStream:
+    """Messages under way, to our reflector."""
+
+    name: str
+    plan: MessagePlan
+    peer: Peer
+    transport: DatagramTransport
+    write: Callable[[Sample], None]
+    session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
+    _origin: int = 0
+    _begin: int = 0
+    _sequence: int = 0
+    _started: int = 0
+    _free_at: int = 0
+    _queue: deque[tuple[_Message, int | None]] = field(default_factory=deque)
+    """Chunks to send; None: only the question."""
+    _open: dict[int, _Message] = field(default_factory=dict)
+    _asked: dict[int, int] = field(default_factory=dict)
+    """Sequences that want an answer, with what was charged for it."""
+
+    @property
+    def chunk_size(self) -> int:
+        """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
+        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        room = self.plan.packet - base - CHUNK_HEADER_SIZE
+        if room < 1:
+            raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
+        return room
+
+    @property
+    def answer_size(self) -> int:
+        """The longest answer; a packet that wants one is at least as long."""
+        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        return base + ACKNOWLEDGEMENT_SIZE
+
+    def begin(self, origin_ns: int) -> None:
+        """As `PacketStream` has it."""
+        self._origin, self._begin = origin_ns, self.transport.now_ns()
+        self._free_at = self._begin
+
+    def due_ns(self) -> int | None:
+        """As `PacketStream` has it."""
+        if self._queue:
+            return self._free_at
+        dues = [message.last_sent + self._patience(message) for message in self._open.values()]
+        if self._started < self.plan.messages:
+            dues.append(self._starts(self._started))
+        return min(dues, default=None)
+
+    def _starts(self, number: int) -> int:
+        return self._begin + round(number * SECOND / self.plan.rate_hz)
+
+    def _patience(self, message: _Message) -> int:
+        return round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
+
+    def next_packet(self, now_ns: int) -> Outgoing | None:
+        """As `PacketStream` has it."""
+        self._start(now_ns)
+        self._look(now_ns)
+        if not self._queue or now_ns < self._free_at:
+            return None
+        message, index = self._queue[0]
+        asks = len(self._queue) == 1 or self._queue[1][0] is not message
+        chunk = self._chunk(message, index, asks=asks)
+        room = self.answer_size - len(chunk.encode()) - ACKNOWLEDGEMENT_SIZE if asks else 0
+        tlv = Tlv(CHUNK, chunk.encode() + bytes(max(0, room + ACKNOWLEDGEMENT_SIZE)))
+        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        return Outgoing((tlv,), base + len(tlv.encode()), self.answer_size if asks else 0, self._sequence)
+
+    def _chunk(self, message: _Message, index: int | None, *, asks: bool) -> MessageChunk:
+        room, size = self.chunk_size, self.plan.size
+        length = 0 if index is None else min(room, size - index * room)
+        data = secrets.token_bytes(length)
+        return MessageChunk(message.number, size, index or 0, message.count, asks, data)
+
+    def _start(self, now_ns: int) -> None:
+        while self._started < self.plan.messages and self._starts(self._started) <= now_ns:
+            message = _Message(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
+            self._open[self._started] = message
+            self._started += 1
+            self._queue.extend((message, index) for index in range(message.count))
+
+    def _look(self, now_ns: int) -> None:
+        """Ask for messages of which nothing was heard, and give up those whose time is up."""
+        waiting = {message.number for message, _ in self._queue}
+        for message in [*self._open.values()]:
+            if message.number in waiting or now_ns < message.last_sent + self._patience(message):
+                continue
+            age_s = (now_ns - message.sent_at) / SECOND
+            silent = not self.plan.resend and message.questions >= _QUESTIONS
+            if age_s >= self.plan.give_up_s or silent:
+                self._finish(message)
+            else:
+                message.questions += 1
+                message.last_sent = now_ns
+                self._queue.append((message, None))
+
+    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+        """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
+        message, _ = self._queue.popleft()
+        del error
+        if message.sent_at < 0:
+            message.sent_at = now_ns
+        message.last_sent = now_ns
+        message.chunks_sent += 1
+        self._sequence += 1
+        if outgoing.answer:
+            self._asked[outgoing.sequence] = outgoing.answer
+        pace = self.plan.pace_bps
+        wire = (outgoing.size + self.transport.headers) * 8
+        self._free_at = max(self._free_at, now_ns) + (0 if pace is None else round(wire / pace * SECOND))
+
+    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+        """As `PacketStream` has it."""
+        charged = self._asked.pop(packet.sender_sequence, 0)
+        for tlv in packet.tlvs:
+            if tlv.type == CHUNK and not tlv.flags:
+                word = Acknowledgement.decode(tlv.value)
+                message = self._open.get(word.message)
+                if message is not None:
+                    message.word, message.error = word, packet.error
+                    self._heard(message, word, arrival.at_ns)
+        return charged
+
+    def _heard(self, message: _Message, word: Acknowledgement, at_ns: int) -> None:
+        if not word.missing:
+            self._finish(message, at_ns)
+        elif self.plan.resend and not any(queued is message for queued, _ in self._queue):
+            message.questions = 0
+            self._queue.extend((message, index) for index in word.indexes)
+
+    def _finish(self, message: _Message, at_ns: int | None = None, *, in_flight: bool = False) -> None:
+        word = message.word
+        came = word is not None and word.first != 0
+        del self._open[message.number]
+        if message.sent_at < 0:
+            return
+        self.write(
+            MessageEnded(
+                self.name,
+                message.number,
+                self.plan.size,
+                message.count,
+                message.chunks_sent,
+                message.sent_at - self._origin,
+                None if at_ns is None else at_ns - self._origin,
+                None if word is None else word.size,
+                unix_ns(word.first, message.error) if word is not None and came else None,
+                unix_ns(word.last, message.error) if word is not None and came else None,
+                in_flight=in_flight,
+            )
+        )
+
+    def end(self, now_ns: int, reason: str) -> None:
+        """As `PacketStream` has it."""
+        for message in [*self._open.values()]:
+            self._finish(message, in_flight=True)
+        self.write(StreamEnded(self.name, now_ns - self._origin, reason))

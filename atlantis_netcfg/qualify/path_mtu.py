@@ -1,0 +1,159 @@
+"""The longest packet that passes whole, header of IP included: found with packets that nobody may fragment.
+
+A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes, and that
+says nothing of sizes. Packets that are answered by short ones measure the way there; packets whose answer is as long
+measure both ways, so the way back is the lesser of the two, or at least as wide as the way there.
+"""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.qualify.reflector.stamp import (
+    ACKNOWLEDGEMENT_SIZE,
+    AUTHENTICATED_SIZE,
+    BASE_SIZE,
+    CHUNK,
+    HMAC_TLV_SIZE,
+    TLV_SIZE,
+    BadPacket,
+    MessageChunk,
+    SenderPacket,
+    Tlv,
+    Tlvs,
+    decode_reflector,
+    error_estimate,
+    ntp,
+    padding,
+)
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.qualify.budget import BudgetGuard
+    from atlantis_netcfg.qualify.session import Peer
+    from atlantis_netcfg.qualify.transport import DatagramTransport
+
+_SECOND: Final = 1_000_000_000
+_TRIES: Final = 3
+"""A packet of a size may be lost: so often it is sent before the size is suspected."""
+LEAST: Final = 576
+"""What every IPv4 host takes (RFC 791)."""
+ETHERNET: Final = 1500
+
+
+@dataclass(frozen=True, slots=True)
+class PathMtu:
+    """The longest packets that passed; None: not found out, and `why` says it."""
+
+    up: int | None
+    both: int | None
+    """There and back."""
+    why: str = ""
+
+    @property
+    def down(self) -> int | None:
+        """The way back, where it is narrower than the way there; else at least `both`, and this says None."""
+        return self.both if self.up is not None and self.both is not None and self.both < self.up else None
+
+
+class _OutOfBudget(Exception):
+    """No further packet may be sent."""
+
+
+class _Silent(Exception):
+    """Not even a short packet was answered."""
+
+
+@dataclass(slots=True)
+class _Probe:
+    transport: DatagramTransport
+    peer: Peer
+    guard: BudgetGuard
+    timeout_s: float
+    patience_s: float
+    session_id: int
+    sequence: int = 0
+
+    def passes(self, size: int, *, up_only: bool) -> bool:
+        """Whether packets of this size pass; what is heard of it in a gap is not believed."""
+        end = self.transport.now_ns() + round(self.patience_s * _SECOND)
+        while True:
+            if any(self._answered(size, up_only=up_only) for _ in range(_TRIES)):
+                return True
+            if self._answered(self._short(), up_only=up_only):
+                return any(self._answered(size, up_only=up_only) for _ in range(_TRIES))
+            if self.transport.now_ns() >= end:
+                raise _Silent
+
+    def _short(self) -> int:
+        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        return base + ACKNOWLEDGEMENT_SIZE + self.transport.headers
+
+    def _answered(self, size: int, *, up_only: bool) -> bool:
+        payload = size - self.transport.headers
+        tlvs = self._extensions(payload, up_only=up_only)
+        answer = self._short() - self.transport.headers if up_only else payload
+        if not self.guard.admit(payload, answer):
+            raise _OutOfBudget
+        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        packet = SenderPacket(self.sequence, ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
+        self.sequence += 1
+        end = self.transport.now_ns() + round(self.timeout_s * _SECOND)
+        refused = self.transport.send(packet.encode(self.peer.key))
+        while not refused and (arrival := self.transport.receive(end)) is not None:
+            try:
+                reply = decode_reflector(arrival.datagram, self.peer.key)
+            except BadPacket:
+                self.guard.count(len(arrival.datagram), 0)
+                continue
+            mine = reply.sender_sequence == packet.sequence and reply.session_id in {self.session_id, 0}
+            self.guard.count(len(arrival.datagram), answer if mine else 0)
+            if mine:
+                return up_only or len(arrival.datagram) == payload
+        return False
+
+    def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:
+        if not up_only:
+            return padding(payload, authenticated=self.peer.key is not None)
+        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        chunk = MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
+        return (Tlv(CHUNK, chunk.ljust(payload - base - TLV_SIZE, b"\0")),)
+
+
+def path_mtu(  # noqa: PLR0913 - each has its name where it is given
+    transport: DatagramTransport,
+    peer: Peer,
+    guard: BudgetGuard,
+    *,
+    highest: int = ETHERNET,
+    timeout_s: float = 3.0,
+    patience_s: float = 90.0,
+) -> PathMtu:
+    """Search between 576 and `highest` octets. The way there alone needs our reflector."""
+    probe = _Probe(transport, peer, guard, timeout_s, patience_s, secrets.randbelow(65535) + 1)
+    up = both = None
+    try:
+        if peer.counts:
+            up = _longest(probe, highest, up_only=True)
+        both = _longest(probe, up or highest, up_only=False)
+    except _OutOfBudget:
+        return PathMtu(up, both, f"the budget ended: {guard.limited_by}")
+    except _Silent:
+        return PathMtu(up, both, f"nothing was answered for {patience_s:.0f} s")
+    return PathMtu(up, both, "" if both is not None else f"not even {LEAST} octets passed")
+
+
+def _longest(probe: _Probe, highest: int, *, up_only: bool) -> int | None:
+    if probe.passes(highest, up_only=up_only):
+        return highest
+    if not probe.passes(LEAST, up_only=up_only):
+        return None
+    good, bad = LEAST, highest
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        if probe.passes(middle, up_only=up_only):
+            good = middle
+        else:
+            bad = middle
+    return good

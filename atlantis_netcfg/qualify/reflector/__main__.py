@@ -1,0 +1,125 @@
+"""Serves on a UDP port until it is ended: `python -m atlantis_netcfg.qualify.reflector --key-file FILE`."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import socket
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import List, Optional, Tuple
+
+from .answering import Reflector
+from .stamp import MIN_KEY_SIZE, PORT
+
+_SO_TIMESTAMPNS = 35
+_IP_RECVTTL = 12
+_IPV6_RECVHOPLIMIT = 51
+_IPV6_HOPLIMIT = 52
+_IP_MTU_DISCOVER = 10
+_IPV6_MTU_DISCOVER = 23
+_NO_FRAGMENTS = 3
+"""IP_PMTUDISC_PROBE: the DF bit, whatever the kernel believes of the path."""
+_LONGEST = 65536
+_AT_ONCE = 64
+"""How many datagrams are answered before the loop looks at its signals again."""
+_UNKNOWN_TTL = 255
+
+
+def open_socket(address: str, port: int) -> socket.socket:
+    """Bind a socket that stamps what it receives, tells the TTL, and fragments nothing."""
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    opened = socket.socket(family, socket.SOCK_DGRAM)
+    opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    if family == socket.AF_INET:
+        opened.setsockopt(socket.IPPROTO_IP, _IP_RECVTTL, 1)
+        opened.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _NO_FRAGMENTS)
+    else:
+        opened.setsockopt(socket.IPPROTO_IPV6, _IPV6_RECVHOPLIMIT, 1)
+        opened.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _NO_FRAGMENTS)
+    opened.setblocking(False)
+    opened.bind((address, port))
+    return opened
+
+
+def answer_waiting(opened: socket.socket, reflector: Reflector) -> None:
+    """Answer what has come up to now."""
+    for _ in range(_AT_ONCE):
+        try:
+            datagram, extra, _, source = opened.recvmsg(_LONGEST, 256)
+        except BlockingIOError:
+            return
+        except OSError:  # an ICMP error for an earlier answer
+            continue
+        received_ns, ttl = _received(extra)
+        reply = reflector.answer(datagram, source, received_ns, ttl, time.time_ns)
+        if reply is not None:
+            try:
+                opened.sendto(reply, source)
+            except OSError:  # nobody is there any more, or the queue is full: it is lost, as on the link
+                continue
+
+
+def _received(extra: List[Tuple[int, int, bytes]]) -> Tuple[int, int]:
+    """When the kernel received it, and the TTL that it had."""
+    received_ns, ttl = time.time_ns(), _UNKNOWN_TTL
+    for level, kind, data in extra:
+        if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+            seconds, ns = struct.unpack_from("ll", data)
+            received_ns = seconds * 1_000_000_000 + ns
+        elif (level, kind) in ((socket.IPPROTO_IP, socket.IP_TTL), (socket.IPPROTO_IPV6, _IPV6_HOPLIMIT)):
+            ttl = struct.unpack_from("i", data)[0]
+    return received_ns, ttl
+
+
+async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
+    """Answer until the end is set."""
+    loop = asyncio.get_running_loop()
+    loop.add_reader(opened.fileno(), answer_waiting, opened, reflector)
+    try:
+        await end.wait()
+    finally:
+        loop.remove_reader(opened.fileno())
+
+
+async def _until_ended(opened: socket.socket, reflector: Reflector) -> None:
+    end = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, end.set)
+    print("ready on port {}".format(opened.getsockname()[1]), flush=True)  # noqa: T201, UP032 - a program of its own
+    await serve(opened, reflector, end)
+
+
+def main(words: Optional[List[str]] = None) -> int:
+    """Run the program; its exit code."""
+    parser = argparse.ArgumentParser(prog="reflector", description=__doc__)
+    parser.add_argument("--address", default="0.0.0.0", help="where it listens")  # noqa: S104 - authenticated by default
+    parser.add_argument("--port", type=int, default=PORT)
+    parser.add_argument("--rate-mbps", type=float, default=50.0, help="what one source is sent at most")
+    parser.add_argument("--synchronised", action="store_true", help="an external source disciplines this clock")
+    parser.add_argument("--clock-error-s", type=float, default=1.0, help="the error of this clock")
+    who = parser.add_mutually_exclusive_group(required=True)
+    who.add_argument("--key-file", type=Path, help="only who has this key is answered")
+    who.add_argument("--unauthenticated", action="store_true", help="answer anybody: for testers of others")
+    arguments = parser.parse_args(words)
+    key = None if arguments.unauthenticated else arguments.key_file.read_bytes().strip()
+    if key is not None and len(key) < MIN_KEY_SIZE:
+        parser.error("the key in {} has fewer than {} octets".format(arguments.key_file, MIN_KEY_SIZE))  # noqa: UP032
+    reflector = Reflector(
+        key,
+        rate_bps=arguments.rate_mbps * 1e6,
+        synchronised=arguments.synchronised,
+        error_s=arguments.clock_error_s,
+    )
+    with open_socket(arguments.address, arguments.port) as opened:
+        asyncio.run(_until_ended(opened, reflector))
+    print(reflector.statistics, file=sys.stderr)  # noqa: T201
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

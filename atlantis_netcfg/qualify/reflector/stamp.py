@@ -1,0 +1,321 @@
+"""Test packets of STAMP as bytes and back: RFC 8762 in both modes, and of RFC 8972 the session identifier and TLVs.
+
+Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs other than
+padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC 8972, 4.8).
+Types 252 and 253 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import struct
+from dataclasses import dataclass
+from typing import Optional, Tuple
+
+PORT = 862
+BASE_SIZE = 44
+AUTHENTICATED_SIZE = 112
+MIN_KEY_SIZE = 16
+PADDING = 1
+HMAC_TLV = 8
+COUNTERS = 252
+"""Private. A request has 16 zero octets, the reply the reflector's `ReflectorCounters`."""
+CHUNK = 253
+"""Private. A request has a `MessageChunk`, the reply an `Acknowledgement`."""
+UNRECOGNISED = 0x80
+"""A sender sets it; a reflector that knows the type clears it."""
+MALFORMED = 0x40
+INTEGRITY = 0x20
+
+_NTP_1970 = 2_208_988_800
+_ERA = 1 << 32
+_HMAC_SIZE = 16
+_PROTECTED = 96
+_SENDER = struct.Struct(">IQHH28x")
+_SENDER_AUTHENTICATED = struct.Struct(">I12xQHH68x")
+_REFLECTOR = struct.Struct(">IQHHQIQHxxBxxx")
+_REFLECTOR_AUTHENTICATED = struct.Struct(">I12xQHH4xQ8xI12xQH6xB15x")
+_TLV = struct.Struct(">BBH")
+_COUNTERS = struct.Struct(">IIII")
+_CHUNK = struct.Struct(">IIHHBxH")
+_ACKNOWLEDGEMENT = struct.Struct(">IIHHQQ")
+_MISSING = 16
+"""How many missing chunks an acknowledgement names at most."""
+
+TLV_SIZE = _TLV.size
+HMAC_TLV_SIZE = TLV_SIZE + _HMAC_SIZE
+CHUNK_HEADER_SIZE = TLV_SIZE + _CHUNK.size
+ACKNOWLEDGEMENT_SIZE = TLV_SIZE + _ACKNOWLEDGEMENT.size + 2 * _MISSING
+"""The longest one."""
+
+
+class BadPacket(ValueError):
+    """It is no packet of STAMP, or nobody who has the key made it."""
+
+
+def ntp(unix_ns: int) -> int:
+    """Give a time since 1970 as NTP's 64 bits: seconds since 1900, and 2**-32 of them."""
+    seconds, ns = divmod(unix_ns, 1_000_000_000)
+    return (seconds + _NTP_1970) % _ERA << 32 | (ns << 32) // 1_000_000_000
+
+
+def unix_ns(stamp: int, error: int = 1) -> int:
+    """Give the time since 1970 of a stamp; its error estimate says whether it is NTP's format or PTP's.
+
+    NTP's seconds begin again in 2036: a small number of them is after that. Rounded up, so that `ntp` gives the stamp back
+    to within 1 ns.
+    """
+    seconds, fraction = stamp >> 32, stamp & 0xFFFF_FFFF
+    if error & 0x4000:
+        return seconds * 1_000_000_000 + fraction
+    if seconds < _ERA // 2:
+        seconds += _ERA
+    return (seconds - _NTP_1970) * 1_000_000_000 + (fraction * 1_000_000_000 + (1 << 31) >> 32)
+
+
+def error_estimate(error_s: float, *, synchronised: bool) -> int:
+    """Give 16 bits: whether the clock is synchronised, NTP's format, and scale and multiplier of the error (RFC 4656, 4.1.2)."""
+    units = max(1, round(error_s * _ERA))
+    scale = max(0, units.bit_length() - 8)
+    multiplier = min(255, -(-units >> scale) if scale == 0 else (units + (1 << scale) - 1) >> scale)
+    return (0x8000 if synchronised else 0) | min(scale, 63) << 8 | max(1, multiplier)
+
+
+def error_s(error: int) -> float:
+    """Give the seconds of an error estimate."""
+    return (error & 0xFF) * 2.0 ** ((error >> 8 & 0x3F) - 32)
+
+
+def is_synchronised(error: int) -> bool:
+    """Whether the clock that made the stamp is said to be synchronised to UTC by an external source."""
+    return bool(error & 0x8000)
+
+
+@dataclass(frozen=True)
+class Tlv:
+    """An extension of RFC 8972."""
+
+    type: int
+    value: bytes
+    flags: int = UNRECOGNISED
+
+    def encode(self) -> bytes:
+        """As it stands in a packet."""
+        return _TLV.pack(self.flags, self.type, len(self.value)) + self.value
+
+
+Tlvs = Tuple[Tlv, ...]
+
+
+@dataclass(frozen=True)
+class SenderPacket:
+    """What a sender sends; `timestamp` and `error` are the 64 and 16 bits on the wire."""
+
+    sequence: int
+    timestamp: int
+    error: int
+    session_id: int = 0
+    tlvs: Tlvs = ()
+
+    def encode(self, key: Optional[bytes] = None) -> bytes:
+        """Give its bytes, authenticated where there is a key."""
+        form = _SENDER if key is None else _SENDER_AUTHENTICATED
+        base = form.pack(self.sequence, self.timestamp, self.error, self.session_id)
+        return _sealed(base, self.tlvs, key)
+
+
+@dataclass(frozen=True)
+class ReflectorPacket:
+    """What a reflector answers; what begins with `sender_` is what it was sent."""
+
+    sequence: int
+    timestamp: int
+    error: int
+    session_id: int
+    received: int
+    sender_sequence: int
+    sender_timestamp: int
+    sender_error: int
+    sender_ttl: int
+    tlvs: Tlvs = ()
+
+    def encode(self, key: Optional[bytes] = None) -> bytes:
+        """Give its bytes, authenticated where there is a key."""
+        form = _REFLECTOR if key is None else _REFLECTOR_AUTHENTICATED
+        base = form.pack(
+            self.sequence,
+            self.timestamp,
+            self.error,
+            self.session_id,
+            self.received,
+            self.sender_sequence,
+            self.sender_timestamp,
+            self.sender_error,
+            self.sender_ttl,
+        )
+        return _sealed(base, self.tlvs, key)
+
+
+def decode_sender(data: bytes, key: Optional[bytes] = None) -> SenderPacket:
+    """Read a request. BadPacket."""
+    form, body = _opened(data, key, _SENDER, _SENDER_AUTHENTICATED)
+    sequence, timestamp, error, session_id = form.unpack_from(data)
+    return SenderPacket(sequence, timestamp, error, session_id, _tlvs(data[:4], body, key))
+
+
+def decode_reflector(data: bytes, key: Optional[bytes] = None) -> ReflectorPacket:
+    """Read an answer. BadPacket."""
+    form, body = _opened(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
+    return ReflectorPacket(*form.unpack_from(data), tlvs=_tlvs(data[:4], body, key))
+
+
+def padding(size: int, *, authenticated: bool) -> Tlvs:
+    """Give what fills a packet without other TLVs up to `size` octets of UDP payload; ValueError where that is not possible."""
+    missing = size - (AUTHENTICATED_SIZE if authenticated else BASE_SIZE)
+    if missing == 0:
+        return ()
+    if missing < TLV_SIZE:
+        least = size - missing
+        raise ValueError(f"a test packet has {least} octets, or {least + TLV_SIZE} and more: it cannot have {size}")
+    return (Tlv(PADDING, bytes(missing - TLV_SIZE)),)
+
+
+@dataclass(frozen=True)
+class ReflectorCounters:
+    """What the reflector did with the packets of this session; those that ask for these counters are not among them."""
+
+    received: int
+    """All that came, also those that it did not answer."""
+    duplicates: int
+    """Of these: had come before."""
+    limited: int
+    """Of these: more than its rate for a source allows. They look like loss."""
+    answered: int
+
+    def encode(self) -> bytes:
+        """As the value of a TLV."""
+        return _COUNTERS.pack(self.received, self.duplicates, self.limited, self.answered)
+
+    @classmethod
+    def decode(cls, value: bytes) -> "ReflectorCounters":
+        """Read the value of a TLV. BadPacket."""
+        if len(value) != _COUNTERS.size:
+            raise BadPacket("the counters of a reflector have 16 octets")
+        return cls(*_COUNTERS.unpack(value))
+
+
+@dataclass(frozen=True)
+class MessageChunk:
+    """A part of a message. Contents do not matter, so the receiver keeps none."""
+
+    message: int
+    message_size: int
+    index: int
+    count: int
+    acknowledge: bool
+    data: bytes = b""
+    """Empty: only the acknowledgement is wanted."""
+
+    def encode(self) -> bytes:
+        """As the value of a TLV."""
+        head = _CHUNK.pack(
+            self.message, self.message_size, self.index, self.count, self.acknowledge, len(self.data)
+        )
+        return head + self.data
+
+    @classmethod
+    def decode(cls, value: bytes) -> "MessageChunk":
+        """Read the value of a TLV, which may be longer than its data. BadPacket."""
+        if len(value) < _CHUNK.size:
+            raise BadPacket("a chunk of a message is too short")
+        message, size, index, count, acknowledge, length = _CHUNK.unpack_from(value)
+        data = value[_CHUNK.size :][:length]
+        if index >= count or len(data) != length:
+            raise BadPacket("a chunk of a message contradicts itself")
+        return cls(message, size, index, count, bool(acknowledge), data)
+
+
+@dataclass(frozen=True)
+class Acknowledgement:
+    """What the receiver has of a message, by its own count and clock."""
+
+    message: int
+    size: int
+    """Octets of it that have arrived, each counted once."""
+    missing: int
+    """Chunks that have not."""
+    first: int
+    """When the first chunk came: 64 bits of NTP; 0: none has."""
+    last: int
+    """When the latest of those came that were new."""
+    indexes: Tuple[int, ...]
+    """The first of the missing ones."""
+
+    def encode(self) -> bytes:
+        """As the value of a TLV."""
+        named = self.indexes[:_MISSING]
+        head = _ACKNOWLEDGEMENT.pack(self.message, self.size, self.missing, len(named), self.first, self.last)
+        return head + struct.pack(f">{len(named)}H", *named)
+
+    @classmethod
+    def decode(cls, value: bytes) -> "Acknowledgement":
+        """Read the value of a TLV. BadPacket."""
+        if len(value) < _ACKNOWLEDGEMENT.size:
+            raise BadPacket("an acknowledgement is too short")
+        message, size, missing, count, first, last = _ACKNOWLEDGEMENT.unpack_from(value)
+        if len(value) != _ACKNOWLEDGEMENT.size + 2 * count:
+            raise BadPacket("an acknowledgement contradicts itself")
+        return cls(message, size, missing, first, last, struct.unpack_from(f">{count}H", value, _ACKNOWLEDGEMENT.size))
+
+
+def _digest(key: bytes, data: bytes) -> bytes:
+    return hmac.new(key, data, hashlib.sha256).digest()[:_HMAC_SIZE]
+
+
+def _sealed(base: bytes, tlvs: Tlvs, key: Optional[bytes]) -> bytes:
+    body = b"".join(tlv.encode() for tlv in tlvs)
+    if key is None:
+        return base + body
+    if any(tlv.type != PADDING for tlv in tlvs):
+        body += Tlv(HMAC_TLV, _digest(key, base[:4] + body), tlvs[0].flags & UNRECOGNISED).encode()
+    return base + _digest(key, base) + body
+
+
+def _opened(
+    data: bytes, key: Optional[bytes], plain: struct.Struct, authenticated: struct.Struct
+) -> Tuple[struct.Struct, bytes]:
+    """Give the format of the base packet and what follows it; whoever has no key is refused here."""
+    if key is None:
+        if len(data) < BASE_SIZE:
+            raise BadPacket("shorter than a test packet")
+        return plain, data[BASE_SIZE:]
+    if len(data) < AUTHENTICATED_SIZE:
+        raise BadPacket("shorter than an authenticated test packet")
+    if not hmac.compare_digest(_digest(key, data[:_PROTECTED]), data[_PROTECTED:AUTHENTICATED_SIZE]):
+        raise BadPacket("its HMAC is wrong")
+    return authenticated, data[AUTHENTICATED_SIZE:]
+
+
+def _tlvs(sequence: bytes, body: bytes, key: Optional[bytes]) -> Tlvs:
+    """Read TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP pads so) end the list."""
+    found = []
+    place = 0
+    protected = key is None
+    while place < len(body):
+        if len(body) - place < TLV_SIZE:
+            break
+        flags, kind, length = _TLV.unpack_from(body, place)
+        value = body[place + TLV_SIZE :][:length]
+        if not kind or len(value) != length:
+            break
+        if kind == HMAC_TLV and key is not None:
+            if not hmac.compare_digest(_digest(key, sequence + body[:place]), value):
+                raise BadPacket("the HMAC of its extensions is wrong")
+            protected = True
+            break
+        found.append(Tlv(kind, value, flags))
+        place += TLV_SIZE + length
+    if not protected and any(tlv.type != PADDING for tlv in found):
+        raise BadPacket("its extensions are not authenticated")
+    return tuple(found)

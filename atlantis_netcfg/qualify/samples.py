@@ -1,0 +1,152 @@
+"""Raw samples as JSON Lines: written one by one as they come, never rewritten, and read to make every figure.
+
+Times named `_at_ns` are on the sender's steady clock since the beginning of the run; those named `_ns` are since 1970 on the
+clock of whoever made them. A file whose last line was cut off is whole without it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Final, TextIO
+
+from atlantis_netcfg.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+VERSION: Final = 1
+
+
+class SamplesUnreadable(UsageError, ValueError):
+    """A line of a file of samples is not one that this version writes."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrainBegan:
+    """A train of test packets begins; its samples bear the same `stream`."""
+
+    stream: str
+    begin_at_ns: int
+    begin_ns: int
+    size: int
+    """UDP payload of each packet."""
+    interval_s: float
+    duration_s: float
+    timeout_s: float
+    """An answer after more than this is late."""
+    headers: int
+    authenticated: bool
+    synchronised: bool
+    """Whether this computer's clock is."""
+    version: int = VERSION
+
+
+@dataclass(frozen=True, slots=True)
+class PacketSent:
+    """A test packet was handed to the network; `error`: it was not, for this reason."""
+
+    stream: str
+    sequence: int
+    sent_at_ns: int
+    error: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyReceived:
+    """An answer came; the second one for the same packet is a copy."""
+
+    stream: str
+    sequence: int
+    arrived_at_ns: int
+    reflector_sequence: int
+    received_ns: int
+    """When the reflector had the request, on its clock."""
+    replied_ns: int
+    size: int
+    ttl: int
+    """Of the answer as it arrived."""
+    reflector_error: int
+    """16 bits: what the reflector says of its clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReflectorCounted:
+    """The reflector's own count of a train, after its end."""
+
+    stream: str
+    received: int
+    duplicates: int
+    limited: int
+    answered: int
+
+
+@dataclass(frozen=True, slots=True)
+class MessageEnded:
+    """A message was sent in chunks, and this is what became of it."""
+
+    stream: str
+    message: int
+    size: int
+    chunks: int
+    chunks_sent: int
+    """With those that were sent again, and questions."""
+    sent_at_ns: int
+    acknowledged_at_ns: int | None
+    """When the receiver's word came that it has all of it; None: no such word."""
+    received_size: int | None
+    """What the receiver said at last; None: it said nothing."""
+    first_ns: int | None
+    last_ns: int | None
+    in_flight: bool
+    """The run ended before its time was up: neither received nor lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class StreamEnded:
+    """The end of a stream, and why: `done`, `stopped`, or the limit of the budget."""
+
+    stream: str
+    ended_at_ns: int
+    reason: str
+
+
+Sample = TrainBegan | PacketSent | ReplyReceived | ReflectorCounted | MessageEnded | StreamEnded
+_KINDS: Final[dict[str, type[Sample]]] = {
+    "train": TrainBegan,
+    "sent": PacketSent,
+    "reply": ReplyReceived,
+    "counted": ReflectorCounted,
+    "message": MessageEnded,
+    "end": StreamEnded,
+}
+_NAMES: Final = {kind: name for name, kind in _KINDS.items()}
+
+
+class SampleWriter:
+    """Adds lines to a file that is open for appending."""
+
+    def __init__(self, file: TextIO) -> None:
+        self._file = file
+
+    def __call__(self, sample: Sample) -> None:
+        """Write a sample and flush it."""
+        line: dict[str, Any] = {"kind": _NAMES[type(sample)], **asdict(sample)}
+        self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        self._file.flush()
+
+
+def read(lines: Iterable[str], name: str = "samples") -> Iterator[Sample]:
+    """Read lines that a writer wrote. SamplesUnreadable, with the line's number, on anything else."""
+    for number, line in enumerate(lines, start=1):
+        if not line.endswith("\n"):
+            return
+        try:
+            data = json.loads(line)
+            kind = data.pop("kind")
+            yield _KINDS[kind](**data)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise SamplesUnreadable(
+                f"{name}:{number}: this line is no sample of a measurement",
+                hint="take the file as it was written: nothing in it is meant to be edited",
+            ) from error

@@ -1,0 +1,106 @@
+"""Figures of messages: what the receiver had, how long it took, and how much that is a second."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.qualify.figures import percentile, percentiles
+from atlantis_netcfg.qualify.samples import MessageEnded
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from atlantis_netcfg.qualify.figures import Percentiles
+    from atlantis_netcfg.qualify.samples import Sample
+
+_SECOND: Final = 1_000_000_000
+_QUARTER: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class MessageFigures:
+    """What became of the messages of one stream."""
+
+    size: int
+    chunks: int
+    sent: int
+    received: int
+    """The receiver said that it has all of them."""
+    in_flight: int
+    unknown: int
+    """Not one word of the receiver came: they may have arrived."""
+    lost: int
+    latency: Percentiles | None
+    """From the first `send` to the receiver's word that it has the last octet."""
+    receiver_bps: float | None
+    """Goodput by the receiver's count and clock over all messages, from its first octet to its last. None: too little."""
+    busy_bps: float | None
+    """Goodput while a message arrives: the median over the messages of more than one chunk."""
+    queue_growth_s: float | None
+    """How much longer the last quarter of the messages took than the first, by their medians."""
+
+    @property
+    def loss(self) -> float:
+        """Lost and unknown ones of those that are not in flight."""
+        known = self.sent - self.in_flight
+        return (self.lost + self.unknown) / known if known else 0.0
+
+
+def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | None:
+    """Make the figures of one stream; None: it has sent no message."""
+    ended = sorted(
+        (sample for sample in samples if isinstance(sample, MessageEnded) and sample.stream == stream),
+        key=lambda sample: sample.message,
+    )
+    if not ended:
+        return None
+    whole = [message for message in ended if message.acknowledged_at_ns is not None]
+    in_flight = sum(1 for message in ended if message.in_flight)
+    unknown = sum(1 for message in ended if not message.in_flight and message.received_size is None)
+    latencies = [
+        (message.acknowledged_at_ns - message.sent_at_ns) / _SECOND
+        for message in whole
+        if message.acknowledged_at_ns is not None
+    ]
+    return MessageFigures(
+        size=ended[0].size,
+        chunks=ended[0].chunks,
+        sent=len(ended),
+        received=len(whole),
+        in_flight=in_flight,
+        unknown=unknown,
+        lost=len(ended) - len(whole) - in_flight - unknown,
+        latency=percentiles(latencies),
+        receiver_bps=_receiver_bps(ended),
+        busy_bps=_busy_bps(ended),
+        queue_growth_s=_growth(latencies),
+    )
+
+
+def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
+    """The first message's octets are the fence post: the time begins when they begin to arrive."""
+    came = [message for message in ended if message.first_ns is not None and message.last_ns is not None]
+    if not came:
+        return None
+    first = min(message.first_ns or 0 for message in came)
+    last = max(message.last_ns or 0 for message in came)
+    octets = sum(message.received_size or 0 for message in came) - min(came[0].size, -(-came[0].size // came[0].chunks))
+    return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
+
+
+def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
+    rates = sorted(
+        message.received_size * (message.chunks - 1) / message.chunks * 8 * _SECOND / (message.last_ns - message.first_ns)
+        for message in ended
+        if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
+    )
+    return percentile(rates, 0.5) if rates else None
+
+
+def _growth(latencies: Sequence[float]) -> float | None:
+    quarter = len(latencies) // _QUARTER
+    if not quarter:
+        return None
+    first, last = sorted(latencies[:quarter]), sorted(latencies[-quarter:])
+    return percentile(last, 0.5) - percentile(first, 0.5)
