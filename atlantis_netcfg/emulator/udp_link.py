@@ -1,11 +1,13 @@
 """A link for UDP whose truth is known: rate, delay, jitter, loss, copies, order, gaps, queue and MTU of each direction.
 
-`LinkModel` is pure: it is given a packet's size and the time, and says when it arrives. `UdpRelay` puts two of them between a
-client and a server of the loopback. The same seed gives the same fate to the same packets. Sizes count IPv4 and UDP headers.
+`LinkModel` is pure: it is given a packet's size and the time, and says when it arrives. `UdpRelay` puts two of them
+between a client and a server of the loopback. The same seed gives the same fate to the same packets. Sizes count IPv4
+and UDP headers.
 
-The model of a direction: what is longer than the MTU, or finds no room in the queue, is dropped; the rest is sent at the rate,
-lost at random after that, and arrives after the delay and a half-normal jitter, in order. A reordered packet is delayed once
-more, and holds up no other. In a gap everything that was sent is lost. Not modelled: a rate that changes, loss in bursts.
+The model of a direction: what is longer than the MTU, or finds no room in the queue, is dropped; the rest is sent at
+the rate, lost at random after that, and arrives after the delay and a half-normal jitter, in order. A reordered packet
+is delayed once more, and holds up no other. In a gap everything that was sent is lost. Not modelled: a rate that
+changes, loss in bursts.
 """
 
 from __future__ import annotations
@@ -125,9 +127,7 @@ class UdpRelay:
         self._ended = False
         self._count = 0
         self._begin = time.monotonic()
-        self._threads = [
-            threading.Thread(target=self._take, args=(up_way,), daemon=True) for up_way in (True, False)
-        ]
+        self._threads = [threading.Thread(target=self._take, args=(up_way,), daemon=True) for up_way in (True, False)]
         self._threads.append(threading.Thread(target=self._deliver, daemon=True))
 
     @property

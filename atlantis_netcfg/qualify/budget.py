@@ -1,9 +1,10 @@
 """What a measurement may use: bytes on the wire, seconds, money. Every transmission asks first.
 
-A packet is charged before it is sent, together with the longest answer that it can bring, and what does not come back is not
-refunded: a provider may bill it. So a budget is never exceeded, except by copies of answers that the link itself makes.
-The end of a measurement, in which late answers are awaited, is charged beforehand as well. Which session a provider bills is
-not known here: each measurement is priced as a session of its own, as `bearers.cost` does everywhere.
+A packet is charged before it is sent, together with the longest answer that it can bring, and what does not come back
+is not refunded: a provider may bill it. So a budget is never exceeded, except by copies of answers that the link
+itself makes. The end of a measurement, in which late answers are awaited, is charged beforehand as well. Which session
+a provider bills is not known here: each measurement is priced as a session of its own, as `bearers.cost` does
+everywhere.
 """
 
 from __future__ import annotations
@@ -86,7 +87,7 @@ class BudgetGuard:
         return self._now() - self._begin
 
     def admit(self, request: int, answer: int) -> bool:
-        """Charge a UDP payload to send and the longest that may come back for it (0: none); False: it may not be sent."""
+        """Charge a UDP payload to send and the longest that may come back (0: none); False: it may not be sent."""
         if self.limited_by is None:
             size = request + self._headers + (answer + self._headers if answer else 0)
             self.limited_by = self.budget.limit(self._charged + size, self.seconds)

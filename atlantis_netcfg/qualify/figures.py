@@ -1,9 +1,9 @@
 """Figures of a train, made of its raw samples and nothing else, so that they can be made again with other limits.
 
-A percentile is the smallest sample that so many of the samples do not exceed (RFC 2330, 11.3). The round trip is the sender's
-own, less the time that the packet lay at the reflector, so it needs no common clock. A delay one way is known only up to a
-constant where the clocks are not synchronised: then its variation is given, above its least value. How far the two clocks
-drift apart in a run is not corrected; 50 parts in a million are 30 ms in ten minutes.
+A percentile is the smallest sample that so many of the samples do not exceed (RFC 2330, 11.3). The round trip is the
+sender's own, less the time that the packet lay at the reflector, so it needs no common clock. A delay one way is known
+only up to a constant where the clocks are not synchronised: then its variation is given, above its least value. How
+far the two clocks drift apart in a run is not corrected; 50 parts in a million are 30 ms in ten minutes.
 """
 
 from __future__ import annotations
@@ -153,8 +153,8 @@ def percentiles(values: Iterable[float]) -> Percentiles | None:
 def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
     """Responsiveness as one number, with the trimmed mean of draft-ietf-ippm-responsiveness-08, 4.3: higher is better.
 
-    The draft takes TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so the number is not that of
-    its tools.
+    The draft takes TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so the number is not
+    that of its tools.
     """
     ordered = sorted(rtts)
     kept = ordered[: max(1, math.ceil(_TRIMMED * len(ordered)))]
@@ -255,21 +255,24 @@ def _direction(
         if len(pairs) <= arrived <= sent:
             return sent - arrived, lost - (sent - arrived), "by the reflector's count"
         return None, None, "the reflector's count does not agree with what was sent"
-    if not lost:
-        return 0, 0, "nothing was lost"
+    return (0, 0, "nothing was lost") if not lost else _by_numbers(lost, pairs)
+
+
+def _by_numbers(lost: int, pairs: Sequence[_Pair]) -> tuple[int | None, int | None, str]:
+    """Split loss where the reflector has told no count of its own."""
+    if not pairs:
+        return None, None, "nothing was answered"
     if all(pair.sequence == pair.reflector_sequence for pair in pairs):
         return None, None, "the reflector may only copy the sender's numbers"
-    last = max(pairs, key=lambda pair: pair.reflector_sequence)
-    down = last.reflector_sequence + 1 - len(pairs)
-    up = max(0, max(pair.sequence for pair in pairs) - last.reflector_sequence)
+    last = max(pair.reflector_sequence for pair in pairs)
+    down = last + 1 - len(pairs)
+    up = max(0, max(pair.sequence for pair in pairs) - last)
     if up + down != lost:
         return None, None, f"of {lost - up - down} packets at the end nobody knows where they were lost"
     return up, down, "by the reflector's sequence numbers"
 
 
-def _variation(
-    pairs: Sequence[_Pair], delays: Sequence[tuple[int, int]], *, absolute: bool
-) -> DelayVariation | None:
+def _variation(pairs: Sequence[_Pair], delays: Sequence[tuple[int, int]], *, absolute: bool) -> DelayVariation | None:
     """`delays`: for each packet in the order of sending when it arrived, and its delay up to a constant."""
     if not delays:
         return None
@@ -323,7 +326,11 @@ def _gaps(sent: Sequence[PacketSent], pairs: Sequence[_Pair], ended_at: int) -> 
     arrivals = sorted(pair.arrived for pair in pairs)
     first = sent[0].sent_at_ns + least
     last = min(sent[-1].sent_at_ns + least, ended_at)
-    times = [first, *(arrival for arrival in arrivals if arrival >= first), max(last, arrivals[-1] if arrivals else last)]
+    times = [
+        first,
+        *(arrival for arrival in arrivals if arrival >= first),
+        max(last, arrivals[-1] if arrivals else last),
+    ]
     gaps = [(later - earlier) / _SECOND for earlier, later in pairwise(times)]
     longest = max(gaps)
     return ArrivalGaps(

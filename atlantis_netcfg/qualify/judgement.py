@@ -1,7 +1,8 @@
 """Verdicts on figures against a named profile of thresholds, in the words of ITU-T Y.1564 and RFC 6349.
 
-A figure that is missing, or made of too few packets, is INCONCLUSIVE. So is a loss of which the reflector made a part by refusing
-what exceeded its rate. A train that nobody answered fails only where it was long enough to outlive a satellite's gap.
+A figure that is missing, or made of too few packets, is INCONCLUSIVE. So is a loss of which the reflector made a part
+by refusing what exceeded its rate. A train that nobody answered fails only where it was long enough to outlive a
+satellite's gap.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 SILENCE_S: Final = 90.0
 """Silence that is longer than a satellite's longest gap proves that a link does not carry."""
+_SHORT_S: Final = 0.5
 
 
 class QualifyProfile(BaseModel):
@@ -94,8 +96,9 @@ def judge(idle: TrainFigures, limits: QualifyProfile, under_load: TrainFigures |
         judged.append(_at_most("FLR up", up, limits.flr, "", few or refused))
         judged.append(_at_most("FLR down", down, limits.flr, "", few))
     judged.append(_at_most("longest gap", idle.gaps.longest_s, limits.gap_s, "s", ""))
-    unavailable = 1.0 - idle.gaps.beyond_1_s / span_s if span_s else None
-    judged.append(_at_least("AVAIL", unavailable, limits.avail, few))
+    # Packets that are a second apart cannot show a gap of one second.
+    seen = span_s and idle.interval_s <= _SHORT_S
+    judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))
     judged.append(_buffer_delay(idle, under_load, limits))
     return judged
 
@@ -106,7 +109,9 @@ def _silence(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judge
     if not proves:
         reason += f"; a gap of a satellite may be as long, so at least {SILENCE_S:.0f} s are needed"
     gap = idle.gaps.longest_s
-    return Judgement("AVAIL", 0.0 if gap else None, limits.avail, "", Verdict.FAIL if proves else Verdict.INCONCLUSIVE, reason)
+    return Judgement(
+        "AVAIL", 0.0 if gap else None, limits.avail, "", Verdict.FAIL if proves else Verdict.INCONCLUSIVE, reason
+    )
 
 
 def _buffer_delay(idle: TrainFigures, under_load: TrainFigures | None, limits: QualifyProfile) -> Judgement:

@@ -1,8 +1,9 @@
-"""Messages of any size in one direction: sent in chunks, and received when the receiver says that it has the last octet.
+"""Messages of any size in one direction: in chunks, and received when the receiver says that it has the last octet.
 
-A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The receiver
-counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that nothing compresses
-them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for what came, and that is that.
+A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The
+receiver counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that
+nothing compresses them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for
+what came, and that is that.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The longest packet that passes whole, header of IP included: found with packets that nobody may fragment.
 
-A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes, and that
-says nothing of sizes. Packets that are answered by short ones measure the way there; packets whose answer is as long
-measure both ways, so the way back is the lesser of the two, or at least as wide as the way there.
+A size counts as too long only when it did not pass and a short packet passed right after it: in a gap nothing passes,
+and that says nothing of sizes. Packets that are answered by short ones measure the way there; packets whose answer is
+as long measure both ways, so the way back is the lesser of the two, or at least as wide as the way there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Raw samples as JSON Lines: written one by one as they come, never rewritten, and read to make every figure.
 
-Times named `_at_ns` are on the sender's steady clock since the beginning of the run; those named `_ns` are since 1970 on the
-clock of whoever made them. A file whose last line was cut off is whole without it.
+Times named `_at_ns` are on the sender's steady clock since the beginning of the run; those named `_ns` are since 1970
+on the clock of whoever made them. A file whose last line was cut off is whole without it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The highest rate of messages of a size that a link sustains, and what limits it.
 
-From the first rate it is doubled until a window fails, then the step between the last good and the first bad rate is halved three
-times. A window fails when more is lost than without load, when the 95th percentile of the latency leaves its band, when the
-queue grows over the window, or when less arrives than was sent. The numbers are those of docs/qualify.md.
+From the first rate it is doubled until a window fails, then the step between the last good and the first bad rate is
+halved three times. A window fails when more is lost than without load, when the 95th percentile of the latency leaves
+its band, when the queue grows over the window, or when less arrives than was sent. The numbers are those of
+docs/qualify.md.
 """
 
 from __future__ import annotations
@@ -94,7 +95,8 @@ def sustained_rate(  # noqa: PLR0913 - each has its name where it is given
 ) -> SustainedRate:
     """Search. `measure` runs a window at a rate; None: the budget ended before it did.
 
-    `idle_latency_s` is the median latency of single messages of this size, and `idle_loss` their loss, both without load.
+    `idle_latency_s` is the median latency of single messages of this size, and `idle_loss` their loss, both without
+    load.
     """
     windows: list[RateWindow] = []
     good: float | None = None

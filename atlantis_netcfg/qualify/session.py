@@ -1,7 +1,7 @@
 """The sender: streams of test packets to one reflector, each packet on its schedule and within the budget.
 
-A train is a series of equal packets for delay, loss, order and gaps each way. Where it is the load that matters, streams of
-messages (`messages`) run beside it on the same socket. Every stream has a session identifier of its own.
+A train is a series of equal packets for delay, loss, order and gaps each way. Where it is the load that matters,
+streams of messages (`messages`) run beside it on the same socket. Every stream has a session identifier of its own.
 """
 
 from __future__ import annotations
@@ -262,9 +262,7 @@ def run(
     return reason
 
 
-def _send(
-    transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStream], guard: BudgetGuard
-) -> bool:
+def _send(transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStream], guard: BudgetGuard) -> bool:
     """Let every stream send that is due; False: the budget is used up."""
     for stream in streams:
         now = transport.now_ns()
@@ -287,7 +285,7 @@ def _receive(
     guard: BudgetGuard,
     until_ns: int = _NEVER,
 ) -> bool:
-    """Take one datagram; False: none came until then. What nobody with the key has made costs, and counts for nothing."""
+    """Take one datagram; False: none came until then. What nobody with the key has made costs, and is no answer."""
     arrival = transport.receive(until_ns)
     if arrival is None:
         return False

@@ -34,7 +34,7 @@ class MessageFigures:
     latency: Percentiles | None
     """From the first `send` to the receiver's word that it has the last octet."""
     receiver_bps: float | None
-    """Goodput by the receiver's count and clock over all messages, from its first octet to its last. None: too little."""
+    """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
     busy_bps: float | None
     """Goodput while a message arrives: the median over the messages of more than one chunk."""
     queue_growth_s: float | None
@@ -91,7 +91,12 @@ def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
 
 def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
     rates = sorted(
-        message.received_size * (message.chunks - 1) / message.chunks * 8 * _SECOND / (message.last_ns - message.first_ns)
+        message.received_size
+        * (message.chunks - 1)
+        / message.chunks
+        * 8
+        * _SECOND
+        / (message.last_ns - message.first_ns)
         for message in ended
         if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
     )

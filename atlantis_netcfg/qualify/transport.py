@@ -25,6 +25,7 @@ _IPV6_MTU_DISCOVER: Final = 23
 _NO_FRAGMENTS: Final = 3
 """IP_PMTUDISC_PROBE: the DF bit, and what the kernel believes of the path does not bound the size."""
 _LONGEST: Final = 65536
+_SECOND: Final = 1_000_000_000
 _UNKNOWN_TTL: Final = 255
 
 
@@ -58,11 +59,9 @@ class DatagramTransport(Protocol):
 
 
 class UdpTransport:
-    """A UDP socket. `source` binds it to an address, `interface` to a device (root), so that no other link carries it."""
+    """A UDP socket. `source` binds it to an address, `interface` to a device (root): no other link carries it then."""
 
-    def __init__(
-        self, far_end: tuple[str, int], *, source: str | None = None, interface: str | None = None
-    ) -> None:
+    def __init__(self, far_end: tuple[str, int], *, source: str | None = None, interface: str | None = None) -> None:
         family = socket.AF_INET6 if ":" in far_end[0] else socket.AF_INET
         self.headers = IPV6_HEADERS if family == socket.AF_INET6 else IPV4_HEADERS
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -136,4 +135,4 @@ class UdpTransport:
             elif (level, kind) in {(socket.IPPROTO_IP, socket.IP_TTL), (socket.IPPROTO_IPV6, _IPV6_HOPLIMIT)}:
                 ttl = struct.unpack_from("i", data)[0]
         # A clock that was put back or forward between the two readings is no age of a datagram.
-        return Arrival(datagram, now - age if 0 <= age < 1_000_000_000 else now, ttl)
+        return Arrival(datagram, now - age if 0 <= age < _SECOND else now, ttl)

@@ -10,7 +10,6 @@ import struct
 import sys
 import time
 from pathlib import Path
-from typing import List, Optional, Tuple
 
 from .answering import Reflector
 from .stamp import MIN_KEY_SIZE, PORT
@@ -63,7 +62,7 @@ def answer_waiting(opened: socket.socket, reflector: Reflector) -> None:
                 continue
 
 
-def _received(extra: List[Tuple[int, int, bytes]]) -> Tuple[int, int]:
+def _received(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
     """When the kernel received it, and the TTL that it had."""
     received_ns, ttl = time.time_ns(), _UNKNOWN_TTL
     for level, kind, data in extra:
@@ -94,7 +93,7 @@ async def _until_ended(opened: socket.socket, reflector: Reflector) -> None:
     await serve(opened, reflector, end)
 
 
-def main(words: Optional[List[str]] = None) -> int:
+def main(words: list[str] | None = None) -> int:
     """Run the program; its exit code."""
     parser = argparse.ArgumentParser(prog="reflector", description=__doc__)
     parser.add_argument("--address", default="0.0.0.0", help="where it listens")  # noqa: S104 - authenticated by default

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from typing import Callable, Dict, Optional, Tuple
+from typing import Callable, Tuple
 
 from .stamp import (
     CHUNK,
@@ -77,7 +77,7 @@ class _TestSession:
     duplicates: int = 0
     limited: int = 0
     answered: int = 0
-    messages: "OrderedDict[int, _Message]" = field(default_factory=OrderedDict)
+    messages: OrderedDict[int, _Message] = field(default_factory=OrderedDict)
 
     def is_new(self, sequence: int) -> bool:
         """Note a packet; False: it was here before, or is too old to tell."""
@@ -96,13 +96,13 @@ class _TestSession:
 class Reflector:
     """Answers datagrams; whoever holds the socket asks it for each.
 
-    `rate_bps` bounds what one source address is sent. `error_s` is the error of this computer's clock, and `synchronised`
-    whether an external source disciplines it: what is not known is not said to be so.
+    `rate_bps` bounds what one source address is sent. `error_s` is the error of this computer's clock, and
+    `synchronised` whether an external source disciplines it: what is not known is not said to be so.
     """
 
     def __init__(
         self,
-        key: Optional[bytes],
+        key: bytes | None,
         *,
         rate_bps: float = 50e6,
         synchronised: bool = False,
@@ -113,14 +113,14 @@ class Reflector:
         self._rate = rate_bps / 8
         self._burst = max(self._rate * _BURST_S, _LEAST_BURST)
         self._error = error_estimate(error_s, synchronised=synchronised)
-        self._sessions: "OrderedDict[object, _TestSession]" = OrderedDict()
-        self._ended: Dict[int, int] = {}
+        self._sessions: OrderedDict[object, _TestSession] = OrderedDict()
+        self._ended: dict[int, int] = {}
         """For each identifier of an authenticated session that is forgotten: its sender's newest timestamp."""
-        self._tokens: "OrderedDict[str, Tuple[float, int]]" = OrderedDict()
+        self._tokens: OrderedDict[str, tuple[float, int]] = OrderedDict()
 
     def answer(
         self, datagram: bytes, source: Source, received_ns: int, ttl: int, now_ns: Callable[[], int]
-    ) -> Optional[bytes]:
+    ) -> bytes | None:
         """Give what goes back to the source; None: nothing does. Times are since 1970."""
         try:
             packet = decode_sender(datagram, self._key)
@@ -147,7 +147,7 @@ class Reflector:
         self.statistics.answered += 1
         return reply
 
-    def _session(self, packet: SenderPacket, source: Source, now: int) -> Optional[_TestSession]:
+    def _session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
         name: object = (source, packet.session_id) if self._key is None else packet.session_id
         self._forget(now)
         session = self._sessions.get(name)
@@ -204,7 +204,7 @@ class Reflector:
         self,
         session: _TestSession,
         packet: SenderPacket,
-        chunk: Optional[MessageChunk],
+        chunk: MessageChunk | None,
         received_ns: int,
         ttl: int,
         now_ns: Callable[[], int],
@@ -224,7 +224,7 @@ class Reflector:
         )
 
 
-def _chunk(packet: SenderPacket) -> Optional[MessageChunk]:
+def _chunk(packet: SenderPacket) -> MessageChunk | None:
     return next((MessageChunk.decode(tlv.value) for tlv in packet.tlvs if tlv.type == CHUNK), None)
 
 
@@ -235,9 +235,7 @@ def _wants_counters(packet: SenderPacket) -> bool:
 def _acknowledgement(session: _TestSession, chunk: MessageChunk) -> Tlv:
     message = session.messages.get(chunk.message, _Message(chunk.count))
     missing = [index for index in range(message.count) if not message.have >> index & 1]
-    value = Acknowledgement(
-        chunk.message, message.size, len(missing), message.first, message.last, tuple(missing[:16])
-    )
+    value = Acknowledgement(chunk.message, message.size, len(missing), message.first, message.last, tuple(missing[:16]))
     return Tlv(CHUNK, value.encode(), 0)
 
 

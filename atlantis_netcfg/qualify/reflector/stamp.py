@@ -1,8 +1,8 @@
 """Test packets of STAMP as bytes and back: RFC 8762 in both modes, and of RFC 8972 the session identifier and TLVs.
 
-Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs other than
-padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC 8972, 4.8).
-Types 252 and 253 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
+Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs
+other than padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC
+8972, 4.8). Types 252 and 253 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import hashlib
 import hmac
 import struct
 from dataclasses import dataclass
-from typing import Optional, Tuple
+from typing import Tuple
 
 PORT = 862
 BASE_SIZE = 44
@@ -63,8 +63,8 @@ def ntp(unix_ns: int) -> int:
 def unix_ns(stamp: int, error: int = 1) -> int:
     """Give the time since 1970 of a stamp; its error estimate says whether it is NTP's format or PTP's.
 
-    NTP's seconds begin again in 2036: a small number of them is after that. Rounded up, so that `ntp` gives the stamp back
-    to within 1 ns.
+    NTP's seconds begin again in 2036: a small number of them is after that. Rounded up, so that `ntp` gives the stamp
+    back to within 1 ns.
     """
     seconds, fraction = stamp >> 32, stamp & 0xFFFF_FFFF
     if error & 0x4000:
@@ -75,7 +75,7 @@ def unix_ns(stamp: int, error: int = 1) -> int:
 
 
 def error_estimate(error_s: float, *, synchronised: bool) -> int:
-    """Give 16 bits: whether the clock is synchronised, NTP's format, and scale and multiplier of the error (RFC 4656, 4.1.2)."""
+    """Give 16 bits: whether the clock is synchronised, NTP's format, and the error (RFC 4656, 4.1.2)."""
     units = max(1, round(error_s * _ERA))
     scale = max(0, units.bit_length() - 8)
     multiplier = min(255, -(-units >> scale) if scale == 0 else (units + (1 << scale) - 1) >> scale)
@@ -118,7 +118,7 @@ class SenderPacket:
     session_id: int = 0
     tlvs: Tlvs = ()
 
-    def encode(self, key: Optional[bytes] = None) -> bytes:
+    def encode(self, key: bytes | None = None) -> bytes:
         """Give its bytes, authenticated where there is a key."""
         form = _SENDER if key is None else _SENDER_AUTHENTICATED
         base = form.pack(self.sequence, self.timestamp, self.error, self.session_id)
@@ -140,7 +140,7 @@ class ReflectorPacket:
     sender_ttl: int
     tlvs: Tlvs = ()
 
-    def encode(self, key: Optional[bytes] = None) -> bytes:
+    def encode(self, key: bytes | None = None) -> bytes:
         """Give its bytes, authenticated where there is a key."""
         form = _REFLECTOR if key is None else _REFLECTOR_AUTHENTICATED
         base = form.pack(
@@ -157,21 +157,21 @@ class ReflectorPacket:
         return _sealed(base, self.tlvs, key)
 
 
-def decode_sender(data: bytes, key: Optional[bytes] = None) -> SenderPacket:
+def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
     """Read a request. BadPacket."""
     form, body = _opened(data, key, _SENDER, _SENDER_AUTHENTICATED)
     sequence, timestamp, error, session_id = form.unpack_from(data)
     return SenderPacket(sequence, timestamp, error, session_id, _tlvs(data[:4], body, key))
 
 
-def decode_reflector(data: bytes, key: Optional[bytes] = None) -> ReflectorPacket:
+def decode_reflector(data: bytes, key: bytes | None = None) -> ReflectorPacket:
     """Read an answer. BadPacket."""
     form, body = _opened(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
     return ReflectorPacket(*form.unpack_from(data), tlvs=_tlvs(data[:4], body, key))
 
 
 def padding(size: int, *, authenticated: bool) -> Tlvs:
-    """Give what fills a packet without other TLVs up to `size` octets of UDP payload; ValueError where that is not possible."""
+    """Give what fills a packet without other TLVs up to `size` octets of UDP payload. ValueError: it cannot be."""
     missing = size - (AUTHENTICATED_SIZE if authenticated else BASE_SIZE)
     if missing == 0:
         return ()
@@ -198,7 +198,7 @@ class ReflectorCounters:
         return _COUNTERS.pack(self.received, self.duplicates, self.limited, self.answered)
 
     @classmethod
-    def decode(cls, value: bytes) -> "ReflectorCounters":
+    def decode(cls, value: bytes) -> ReflectorCounters:
         """Read the value of a TLV. BadPacket."""
         if len(value) != _COUNTERS.size:
             raise BadPacket("the counters of a reflector have 16 octets")
@@ -219,13 +219,11 @@ class MessageChunk:
 
     def encode(self) -> bytes:
         """As the value of a TLV."""
-        head = _CHUNK.pack(
-            self.message, self.message_size, self.index, self.count, self.acknowledge, len(self.data)
-        )
+        head = _CHUNK.pack(self.message, self.message_size, self.index, self.count, self.acknowledge, len(self.data))
         return head + self.data
 
     @classmethod
-    def decode(cls, value: bytes) -> "MessageChunk":
+    def decode(cls, value: bytes) -> MessageChunk:
         """Read the value of a TLV, which may be longer than its data. BadPacket."""
         if len(value) < _CHUNK.size:
             raise BadPacket("a chunk of a message is too short")
@@ -249,7 +247,7 @@ class Acknowledgement:
     """When the first chunk came: 64 bits of NTP; 0: none has."""
     last: int
     """When the latest of those came that were new."""
-    indexes: Tuple[int, ...]
+    indexes: tuple[int, ...]
     """The first of the missing ones."""
 
     def encode(self) -> bytes:
@@ -259,7 +257,7 @@ class Acknowledgement:
         return head + struct.pack(f">{len(named)}H", *named)
 
     @classmethod
-    def decode(cls, value: bytes) -> "Acknowledgement":
+    def decode(cls, value: bytes) -> Acknowledgement:
         """Read the value of a TLV. BadPacket."""
         if len(value) < _ACKNOWLEDGEMENT.size:
             raise BadPacket("an acknowledgement is too short")
@@ -273,7 +271,7 @@ def _digest(key: bytes, data: bytes) -> bytes:
     return hmac.new(key, data, hashlib.sha256).digest()[:_HMAC_SIZE]
 
 
-def _sealed(base: bytes, tlvs: Tlvs, key: Optional[bytes]) -> bytes:
+def _sealed(base: bytes, tlvs: Tlvs, key: bytes | None) -> bytes:
     body = b"".join(tlv.encode() for tlv in tlvs)
     if key is None:
         return base + body
@@ -283,8 +281,8 @@ def _sealed(base: bytes, tlvs: Tlvs, key: Optional[bytes]) -> bytes:
 
 
 def _opened(
-    data: bytes, key: Optional[bytes], plain: struct.Struct, authenticated: struct.Struct
-) -> Tuple[struct.Struct, bytes]:
+    data: bytes, key: bytes | None, plain: struct.Struct, authenticated: struct.Struct
+) -> tuple[struct.Struct, bytes]:
     """Give the format of the base packet and what follows it; whoever has no key is refused here."""
     if key is None:
         if len(data) < BASE_SIZE:
@@ -297,7 +295,7 @@ def _opened(
     return authenticated, data[AUTHENTICATED_SIZE:]
 
 
-def _tlvs(sequence: bytes, body: bytes, key: Optional[bytes]) -> Tlvs:
+def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
     """Read TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP pads so) end the list."""
     found = []
     place = 0

@@ -1,4 +1,4 @@
-"""A network with a clock of its own: a sender, our reflector without its socket, and a link of known truth between them."""
+"""A network with a clock of its own: our reflector without its socket, and a link of known truth before it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SOURCE = ("192.0.2.1", 40000)
 
 @dataclass
 class SimulatedNetwork:
-    """Time passes only while somebody waits. `skew_ns` is how far the reflector's clock is ahead, `drift` how much it is fast."""
+    """Time passes only while somebody waits. The reflector's clock is ahead by `skew_ns`, and fast by `drift`."""
 
     up: LinkModel
     down: LinkModel
@@ -105,8 +105,8 @@ def network(
     key = changes.pop("key", KEY)
     assert key is None or isinstance(key, bytes)
     return SimulatedNetwork(
-        LinkModel(up or LinkShape(), random.Random(seed)),
-        LinkModel(down or LinkShape(), random.Random(seed + 1)),
+        LinkModel(up or LinkShape(), random.Random(seed)),  # noqa: S311 - an emulation
+        LinkModel(down or LinkShape(), random.Random(seed + 1)),  # noqa: S311
         Reflector(key),
         **changes,  # type: ignore[arg-type] # fields of the class
     )

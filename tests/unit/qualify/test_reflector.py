@@ -1,0 +1,199 @@
+"""What the reflector answers, and above all what it does not."""
+
+from __future__ import annotations
+
+import random
+from typing import TYPE_CHECKING
+
+import pytest
+from simulated_network import KEY, SECOND, SOURCE, START
+
+from atlantis_netcfg.qualify.reflector.answering import Reflector
+from atlantis_netcfg.qualify.reflector.stamp import (
+    CHUNK,
+    COUNTERS,
+    PADDING,
+    Acknowledgement,
+    MessageChunk,
+    ReflectorCounters,
+    ReflectorPacket,
+    SenderPacket,
+    Tlv,
+    decode_reflector,
+    ntp,
+    padding,
+    unix_ns,
+)
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.qualify.reflector.stamp import Tlvs
+
+LAST = 900 * SECOND
+
+
+class FarEnd:
+    """A reflector and a clock."""
+
+    def __init__(self, key: bytes | None = KEY, **limits: float) -> None:
+        self.key = key
+        self.reflector = Reflector(key, **limits)  # type: ignore[arg-type] # its numbers
+        self.now = START
+
+    def raw(self, datagram: bytes, source: tuple[str, int] = SOURCE) -> bytes | None:
+        reply = self.reflector.answer(datagram, source, self.now, 61, lambda: self.now + 500)
+        assert reply is None or len(reply) <= len(datagram), "it amplifies"
+        return reply
+
+    def ask(
+        self, sequence: int, *, session: int = 5, tlvs: Tlvs = (), source: tuple[str, int] = SOURCE
+    ) -> ReflectorPacket | None:
+        request = SenderPacket(sequence, ntp(self.now), 1, session, tlvs).encode(self.key)
+        reply = self.raw(request, source)
+        return None if reply is None else decode_reflector(reply, self.key)
+
+    def counters(self, sequence: int) -> ReflectorCounters:
+        reply = self.ask(sequence, tlvs=(Tlv(COUNTERS, bytes(16)),))
+        assert reply is not None
+        return ReflectorCounters.decode(reply.tlvs[0].value)
+
+
+@pytest.fixture
+def far() -> FarEnd:
+    return FarEnd()
+
+
+def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> None:
+    answers = [far.ask(sequence) for sequence in (0, 3, 9)]
+    assert [(a.sequence, a.sender_sequence, a.sender_ttl) for a in answers if a] == [(0, 0, 61), (1, 3, 61), (2, 9, 61)]
+    last = answers[-1]
+    assert last is not None
+    assert (last.sender_timestamp, last.sender_error, last.session_id) == (ntp(START), 1, 5)
+    assert abs(unix_ns(last.timestamp) - unix_ns(last.received) - 500) <= 2
+
+
+def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
+    for number, size in enumerate((112, 116, 584, 1200)):
+        request = SenderPacket(number, ntp(START), 1, 5, padding(size, authenticated=True)).encode(KEY)
+        reply = far.raw(request)
+        assert reply is not None
+        assert len(reply) == len(request) == size
+
+
+def test_who_has_no_key_hears_nothing(far: FarEnd) -> None:
+    strangers = [
+        SenderPacket(0, ntp(START), 1, 5).encode(),
+        SenderPacket(0, ntp(START), 1, 5, padding(500, authenticated=False)).encode(),
+        SenderPacket(0, ntp(START), 1, 5).encode(b"another key, also 32 octets long"),
+        b"",
+        bytes(2000),
+    ]
+    assert [far.raw(packet) for packet in strangers] == [None] * 5
+    assert far.reflector.statistics.refused == 5
+
+
+def test_garbage_is_never_answered_with_a_key_and_never_longer_without() -> None:
+    draw = random.Random(8)  # noqa: S311 - a test
+    for key in (KEY, None):
+        far = FarEnd(key)
+        for _ in range(2000):
+            reply = far.raw(draw.randbytes(draw.randrange(300)))
+            assert key is None or reply is None
+
+
+def test_a_recorded_packet_is_answered_once(far: FarEnd) -> None:
+    recorded = SenderPacket(1, ntp(START), 1, 5).encode(KEY)
+    assert far.raw(recorded) is not None
+    assert far.raw(recorded) is None
+    assert far.raw(recorded, ("198.51.100.7", 1)) is None, "nor for another address"
+    assert far.reflector.statistics.replayed == 2
+
+
+def test_a_recorded_session_is_not_played_again_when_it_is_forgotten(far: FarEnd) -> None:
+    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(3)]
+    assert all(far.raw(packet) for packet in recorded)
+    far.now += LAST + SECOND
+    assert far.ask(0, session=6) is not None, "another session is, and lets the first be forgotten"
+    assert [far.raw(packet) for packet in recorded] == [None] * 3
+    assert far.ask(0, session=5) is not None, "a new session may bear its name"
+
+
+def test_reordered_packets_are_answered(far: FarEnd) -> None:
+    assert all(far.ask(sequence) for sequence in (0, 5, 3, 1, 4, 2))
+
+
+def test_a_session_goes_on_from_another_port(far: FarEnd) -> None:
+    first, second = far.ask(0), far.ask(1, source=("192.0.2.1", 50000))
+    assert first is not None
+    assert second is not None
+    assert second.sequence == 1, "a provider's NAT gave it another port after a gap"
+
+
+def test_its_counters_tell_copies_and_refusals(far: FarEnd) -> None:
+    far.ask(0)
+    far.ask(1)
+    far.ask(1)
+    assert far.counters(2) == ReflectorCounters(received=3, duplicates=1, limited=0, answered=2)
+    assert far.counters(3).received == 3, "questions for counters do not count"
+
+
+def test_a_source_gets_its_rate_and_no_more() -> None:
+    far = FarEnd(rate_bps=80_000)
+    size, burst = 1000, 65536
+    sent = 0
+    for number in range(400):
+        far.now += SECOND // 100
+        reply = far.ask(number, tlvs=padding(size, authenticated=True))
+        sent += size if reply is not None else 0
+    assert sent <= burst + 10_000 * 4 + size
+    assert sent >= 10_000 * 4
+    assert far.reflector.statistics.limited == far.counters(1000).limited > 0
+    other = SenderPacket(0, ntp(far.now), 1, 9).encode(KEY)
+    assert far.raw(other, ("198.51.100.7", 1)) is not None, "another source has its own"
+
+
+def test_unknown_extensions_come_back_marked() -> None:
+    far = FarEnd(None)
+    reply = far.ask(0, tlvs=(Tlv(PADDING, bytes(8)), Tlv(77, b"what?")))
+    assert reply is not None
+    assert [(tlv.type, tlv.value, tlv.flags) for tlv in reply.tlvs] == [(PADDING, bytes(8), 0), (77, b"what?", 0x80)]
+
+
+def test_without_a_key_every_copy_is_answered() -> None:
+    far = FarEnd(None)
+    assert far.ask(1) is not None
+    assert far.ask(1) is not None, "RFC 8762 has no memory of packets"
+
+
+def test_no_more_sessions_are_kept_than_there_is_room_for(far: FarEnd) -> None:
+    for session in range(1, 2000):
+        assert far.ask(0, session=session) is not None
+    assert len(far.reflector._sessions) <= 257
+
+
+def _chunk(index: int, data: bytes, *, asks: bool, count: int = 3) -> Tlvs:
+    return (Tlv(CHUNK, MessageChunk(4, 30, index, count, asks, data).encode().ljust(80, b"\0")),)
+
+
+def test_a_message_is_acknowledged_when_it_is_asked_for(far: FarEnd) -> None:
+    assert far.ask(0, tlvs=_chunk(0, b"0123456789", asks=False)) is None
+    far.now += SECOND
+    reply = far.ask(1, tlvs=_chunk(2, b"0123456789", asks=True))
+    assert reply is not None
+    word = Acknowledgement.decode(reply.tlvs[0].value)
+    assert (word.size, word.missing, word.indexes) == (20, 1, (1,))
+    assert unix_ns(word.last) - unix_ns(word.first) == SECOND
+    reply = far.ask(2, tlvs=_chunk(1, b"0123456789", asks=True))
+    assert reply is not None
+    assert Acknowledgement.decode(reply.tlvs[0].value).missing == 0
+
+
+def test_a_chunk_counts_once(far: FarEnd) -> None:
+    for number in range(3):
+        reply = far.ask(number, tlvs=_chunk(0, b"0123456789", asks=True))
+    assert reply is not None
+    assert Acknowledgement.decode(reply.tlvs[0].value).size == 10
+
+
+def test_a_question_that_is_shorter_than_its_answer_gets_none(far: FarEnd) -> None:
+    tlvs = (Tlv(CHUNK, MessageChunk(4, 30, 0, 200, acknowledge=True).encode()),)
+    assert far.ask(0, tlvs=tlvs) is None

@@ -1,0 +1,15 @@
+"""The tolerances of docs/qualify.md: written there once, and read from there."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+PAGE = Path(__file__).parents[3] / "docs" / "qualify.md"
+
+
+@cache
+def tolerances() -> dict[str, float]:
+    rows = re.findall(r"^\| ([a-z_]+) \| ([0-9.]+) \|", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    return {name: float(value) for name, value in rows}
