@@ -8,6 +8,7 @@ what came, and that is that.
 
 from __future__ import annotations
 
+import heapq
 import secrets
 from collections import deque
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     CHUNK,
     CHUNK_HEADER_SIZE,
     HMAC_TLV_SIZE,
+    TLV_SIZE,
     Acknowledgement,
     MessageChunk,
     ReflectorPacket,
@@ -30,7 +32,7 @@ from atlantis_netcfg.qualify.samples import MessageEnded, StreamEnded
 from atlantis_netcfg.qualify.session import SECOND, Outgoing, Peer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
@@ -58,6 +60,10 @@ class MessagePlan:
     give_up_s: float = 90.0
     """After so long without the receiver's word a message is lost; a satellite's gaps last up to 70 s."""
 
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise ValueError("a message has at least one octet")
+
     @property
     def messages(self) -> int:
         """How many, if nothing limits it."""
@@ -74,7 +80,8 @@ class _Message:
     questions: int = 0
     word: Acknowledgement | None = None
     error: int = 1
-    ended: bool = False
+    queued: int = 0
+    """How many of its packets are still to be sent."""
 
 
 @dataclass(slots=True)
@@ -95,14 +102,15 @@ class MessageStream:
     _queue: deque[tuple[_Message, int | None]] = field(default_factory=deque)
     """Chunks to send; None: only the question."""
     _open: dict[int, _Message] = field(default_factory=dict)
+    _waits: list[tuple[int, int]] = field(default_factory=list)
+    """A heap: when to look after which message; times that have moved are put right when they come up."""
     _asked: dict[int, int] = field(default_factory=dict)
     """Sequences that want an answer, with what was charged for it."""
 
     @property
     def chunk_size(self) -> int:
         """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
-        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
-        room = self.plan.packet - base - CHUNK_HEADER_SIZE
+        room = self.plan.packet - self._base_size - CHUNK_HEADER_SIZE
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
         return room
@@ -110,8 +118,11 @@ class MessageStream:
     @property
     def answer_size(self) -> int:
         """The longest answer; a packet that wants one is at least as long."""
-        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
-        return base + ACKNOWLEDGEMENT_SIZE
+        return self._base_size + ACKNOWLEDGEMENT_SIZE
+
+    @property
+    def _base_size(self) -> int:
+        return BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -122,9 +133,16 @@ class MessageStream:
         """As `PacketStream` has it."""
         if self._queue:
             return self._free_at
-        dues = [message.last_sent + self._patience(message) for message in self._open.values()]
-        if self._started < self.plan.messages:
-            dues.append(self._starts(self._started))
+        dues = [self._starts(self._started)] if self._started < self.plan.messages else []
+        while self._waits:
+            due, number = self._waits[0]
+            message = self._open.get(number)
+            if message is not None and due >= message.last_sent + self._patience(message):
+                dues.append(due)
+                break
+            heapq.heappop(self._waits)
+            if message is not None:
+                heapq.heappush(self._waits, (message.last_sent + self._patience(message), number))
         return min(dues, default=None)
 
     def _starts(self, number: int) -> int:
@@ -142,10 +160,10 @@ class MessageStream:
         message, index = self._queue[0]
         asks = len(self._queue) == 1 or self._queue[1][0] is not message
         chunk = self._chunk(message, index, asks=asks)
-        room = self.answer_size - len(chunk.encode()) - ACKNOWLEDGEMENT_SIZE if asks else 0
-        tlv = Tlv(CHUNK, chunk.encode() + bytes(max(0, room + ACKNOWLEDGEMENT_SIZE)))
-        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
-        return Outgoing((tlv,), base + len(tlv.encode()), self.answer_size if asks else 0, self._sequence)
+        value = chunk.encode()
+        tlv = Tlv(CHUNK, value.ljust(ACKNOWLEDGEMENT_SIZE - TLV_SIZE, b"\0") if asks else value)
+        size = self._base_size + len(tlv.encode())
+        return Outgoing((tlv,), size, self.answer_size if asks else 0, self._sequence)
 
     def _chunk(self, message: _Message, index: int | None, *, asks: bool) -> MessageChunk:
         room, size = self.chunk_size, self.plan.size
@@ -158,26 +176,40 @@ class MessageStream:
             message = _Message(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
             self._open[self._started] = message
             self._started += 1
-            self._queue.extend((message, index) for index in range(message.count))
+            self._put(message, range(message.count))
+            heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
 
     def _look(self, now_ns: int) -> None:
         """Ask for messages of which nothing was heard, and give up those whose time is up."""
-        waiting = {message.number for message, _ in self._queue}
-        for message in [*self._open.values()]:
-            if message.number in waiting or now_ns < message.last_sent + self._patience(message):
+        while self._waits and self._waits[0][0] <= now_ns:
+            _, number = heapq.heappop(self._waits)
+            message = self._open.get(number)
+            if message is None:
                 continue
-            age_s = (now_ns - message.sent_at) / SECOND
-            silent = not self.plan.resend and message.questions >= _QUESTIONS
-            if age_s >= self.plan.give_up_s or silent:
-                self._finish(message)
-            else:
-                message.questions += 1
-                message.last_sent = now_ns
-                self._queue.append((message, None))
+            if now_ns >= message.last_sent + self._patience(message) and not message.queued:
+                self._ask(message, now_ns)
+            if number in self._open:
+                due = max(now_ns + _WAIT_STEP, message.last_sent + self._patience(message))
+                heapq.heappush(self._waits, (due, number))
+
+    def _ask(self, message: _Message, now_ns: int) -> None:
+        age_s = (now_ns - message.sent_at) / SECOND
+        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= _QUESTIONS):
+            self._finish(message)
+        else:
+            message.questions += 1
+            message.last_sent = now_ns
+            self._put(message, [None])
+
+    def _put(self, message: _Message, indexes: Iterable[int | None]) -> None:
+        for index in indexes:
+            self._queue.append((message, index))
+            message.queued += 1
 
     def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
         message, _ = self._queue.popleft()
+        message.queued -= 1
         del error
         if message.sent_at < 0:
             message.sent_at = now_ns
@@ -205,9 +237,9 @@ class MessageStream:
     def _heard(self, message: _Message, word: Acknowledgement, at_ns: int) -> None:
         if not word.missing:
             self._finish(message, at_ns)
-        elif self.plan.resend and not any(queued is message for queued, _ in self._queue):
+        elif self.plan.resend and not message.queued:
             message.questions = 0
-            self._queue.extend((message, index) for index in word.indexes)
+            self._put(message, word.indexes)
 
     def _finish(self, message: _Message, at_ns: int | None = None, *, in_flight: bool = False) -> None:
         word = message.word

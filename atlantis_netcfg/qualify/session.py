@@ -36,7 +36,10 @@ if TYPE_CHECKING:
 
 SECOND: Final = 1_000_000_000
 _COUNTER_REQUESTS: Final = 3
-_NEVER: Final = 1 << 62
+
+
+_Stamps = dict[tuple[int, int], int]
+"""What each packet that wants an answer was stamped with, by session identifier and sequence."""
 
 
 class EndReason(StrEnum):
@@ -235,25 +238,26 @@ def run(
     """
     reason: str = EndReason.DONE
     origin = transport.now_ns()
+    stamps: _Stamps = {}
     for stream in streams:
         stream.begin(origin)
     try:
         while (dues := [due for stream in streams if (due := stream.due_ns()) is not None]) and not stop():
             now, due = transport.now_ns(), min(dues)
             if now < due:
-                _receive(transport, peer, streams, guard, due)
+                _receive(transport, peer, streams, guard, stamps, due)
                 continue
             # What has come up to now is looked at first: it may end a stream.
-            while _receive(transport, peer, streams, guard, now):
+            while _receive(transport, peer, streams, guard, stamps, now):
                 pass
-            if not _send(transport, peer, streams, guard):
+            if not _send(transport, peer, streams, guard, stamps):
                 break
         else:
             reason = EndReason.STOPPED if dues else EndReason.DONE
         if guard.limited_by is not None:
             reason = guard.limited_by
             end = transport.now_ns() + round(guard.budget.closing_s * SECOND)
-            while transport.now_ns() < end and _receive(transport, peer, streams, guard, end):
+            while transport.now_ns() < end and _receive(transport, peer, streams, guard, stamps, end):
                 pass
     except KeyboardInterrupt:
         reason = EndReason.STOPPED
@@ -262,7 +266,9 @@ def run(
     return reason
 
 
-def _send(transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStream], guard: BudgetGuard) -> bool:
+def _send(
+    transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStream], guard: BudgetGuard, stamps: _Stamps
+) -> bool:
     """Let every stream send that is due; False: the budget is used up."""
     for stream in streams:
         now = transport.now_ns()
@@ -274,18 +280,21 @@ def _send(transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStre
         error = error_estimate(peer.clock_error_s, synchronised=peer.synchronised)
         stamp = ntp(transport.unix_ns())
         packet = SenderPacket(outgoing.sequence, stamp, error, stream.session_id, outgoing.tlvs)
+        if outgoing.answer:
+            stamps[stream.session_id, outgoing.sequence] = stamp
         stream.sent(outgoing, now, transport.send(packet.encode(peer.key)))
     return True
 
 
-def _receive(
+def _receive(  # noqa: PLR0913, PLR0917 - what a run is made of
     transport: DatagramTransport,
     peer: Peer,
     streams: Sequence[PacketStream],
     guard: BudgetGuard,
-    until_ns: int = _NEVER,
+    stamps: _Stamps,
+    until_ns: int,
 ) -> bool:
-    """Take one datagram; False: none came until then. What nobody with the key has made costs, and is no answer."""
+    """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
     arrival = transport.receive(until_ns)
     if arrival is None:
         return False
@@ -295,7 +304,9 @@ def _receive(
         # A reflector of RFC 8762 alone answers with 0 where a session's identifier would stand.
         names = {packet.session_id} if packet.session_id or peer.counts else {stream.session_id for stream in streams}
         for stream in streams:
-            if stream.session_id in names:
+            # Both directions have one key: our own packet that somebody sends back is no answer, and lacks our stamp.
+            stamp = stamps.get((stream.session_id, packet.sender_sequence))
+            if stream.session_id in names and stamp == packet.sender_timestamp:
                 charged = stream.accept(packet, arrival)
     except BadPacket:
         pass

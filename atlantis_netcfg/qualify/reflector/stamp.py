@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import math
 import struct
 from dataclasses import dataclass
 from typing import Tuple
@@ -76,10 +77,12 @@ def unix_ns(stamp: int, error: int = 1) -> int:
 
 def error_estimate(error_s: float, *, synchronised: bool) -> int:
     """Give 16 bits: whether the clock is synchronised, NTP's format, and the error (RFC 4656, 4.1.2)."""
-    units = max(1, round(error_s * _ERA))
+    units = max(1, math.ceil(error_s * _ERA))
     scale = max(0, units.bit_length() - 8)
-    multiplier = min(255, -(-units >> scale) if scale == 0 else (units + (1 << scale) - 1) >> scale)
-    return (0x8000 if synchronised else 0) | min(scale, 63) << 8 | max(1, multiplier)
+    multiplier = -(-units // (1 << scale))
+    if multiplier > 255:
+        scale, multiplier = scale + 1, 128
+    return (0x8000 if synchronised else 0) | min(scale, 63) << 8 | multiplier
 
 
 def error_s(error: int) -> float:

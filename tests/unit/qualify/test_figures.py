@@ -79,9 +79,7 @@ def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_loss_each_way(seed: int) -> None:
-    net = network(
-        LinkShape(delay_s=0.28, loss=0.03), LinkShape(delay_s=0.28, loss=0.01), seed, skew_ns=SECOND
-    )
+    net = network(LinkShape(delay_s=0.28, loss=0.03), LinkShape(delay_s=0.28, loss=0.01), seed, skew_ns=SECOND)
     loss = _measured(net).loss
     asked = loss.sent
     assert asked == 2400

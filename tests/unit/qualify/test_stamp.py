@@ -151,7 +151,7 @@ def test_the_error_of_a_clock_is_never_understated(seconds: float, *, synchronis
     estimate = error_estimate(seconds, synchronised=synchronised)
     assert 0 < estimate < 1 << 16
     assert is_synchronised(estimate) is synchronised
-    assert 0.99 * seconds <= error_s(estimate) <= max(1.02 * seconds, 2**-32 * 5)
+    assert seconds <= error_s(estimate) <= max(1.02 * seconds, 2**-32 * 5)
 
 
 def test_an_acknowledgement_names_at_most_sixteen_chunks() -> None:
@@ -161,7 +161,9 @@ def test_an_acknowledgement_names_at_most_sixteen_chunks() -> None:
         Acknowledgement.decode(whole.encode()[:-1])
 
 
-@pytest.mark.parametrize("value", [b"", MessageChunk(1, 9, 3, 3, True).encode(), MessageChunk(1, 9, 0, 3, True, b"abc").encode()[:-1]])
+@pytest.mark.parametrize(
+    "value", [b"", MessageChunk(1, 9, 3, 3, True).encode(), MessageChunk(1, 9, 0, 3, True, b"abc").encode()[:-1]]
+)
 def test_a_chunk_that_contradicts_itself_is_refused(value: bytes) -> None:
     with pytest.raises(BadPacket):
         MessageChunk.decode(value)
@@ -170,7 +172,18 @@ def test_a_chunk_that_contradicts_itself_is_refused(value: bytes) -> None:
 def test_the_far_end_is_python_3_8_and_the_standard_library() -> None:
     files = sorted(Path(package.__file__).parent.glob("*.py"))
     assert [file.name for file in files] == ["__init__.py", "__main__.py", "answering.py", "stamp.py"]
-    allowed = {"__future__", "argparse", "asyncio", "collections", "dataclasses", "hashlib", "hmac", "pathlib", "signal"}
+    allowed = {
+        "__future__",
+        "argparse",
+        "asyncio",
+        "collections",
+        "dataclasses",
+        "hashlib",
+        "hmac",
+        "math",
+        "pathlib",
+        "signal",
+    }
     allowed |= {"socket", "struct", "sys", "time", "typing", "answering", "stamp"}
     for file in files:
         tree = ast.parse(file.read_text(encoding="utf-8"), feature_version=(3, 8))

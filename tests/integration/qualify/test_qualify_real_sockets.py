@@ -1,0 +1,185 @@
+"""The sender and the reflector's program through real sockets, over the emulated link: few seconds, and the kernel's count."""
+
+from __future__ import annotations
+
+import os
+import random
+import secrets
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
+from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE, SenderPacket, decode_reflector, ntp
+from atlantis_netcfg.qualify.samples import SampleWriter, read
+from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import message_figures
+from atlantis_netcfg.qualify.transport import UdpTransport
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+KEY = b"an example key, 32 octets long.."
+_NAMESPACE = 'ip link set lo up && exec "$@"'
+_STATISTICS = Path("/sys/class/net/lo/statistics")
+_LINK_HEADER = 14
+"""The loopback counts the header of its own kind of link with every packet."""
+_BUDGETS = """
+import random, sys, time
+from pathlib import Path
+sys.path.insert(0, {tests!r})
+from test_qualify_real_sockets import budget_sample, reflector
+with reflector(Path({folder!r})) as (_, port):
+    print(max(budget_sample(seed, port) for seed in range(20)))
+"""
+
+
+class reflector:  # noqa: N801 - a context
+    """The program, on a free port."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(exist_ok=True)
+        (folder / "key").write_bytes(KEY + b"\n")
+        words = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key")]
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def __enter__(self) -> tuple[subprocess.Popen[str], int]:
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        assert line.startswith("ready on port "), line
+        return self.process, int(line.split()[-1])
+
+    def __exit__(self, *_: object) -> None:
+        self.process.terminate()
+        self.process.communicate(timeout=60)
+
+
+def _now() -> float:
+    return time.monotonic()
+
+
+def budget_sample(seed: int, port: int) -> int:
+    """How far a random budget was exceeded, by the interface's count."""
+    draw = random.Random(seed)  # noqa: S311 - a test
+    limit = draw.randrange(20_000)
+    before = _counted()
+    with UdpTransport(("127.0.0.1", port)) as transport:
+        peer = Peer(KEY)
+        guard = BudgetGuard(Budget(limit, closing_s=0.1), _now)
+        plan = TrainPlan(draw.choice([112, 584, 1200]), 0.001, 1, timeout_s=0.1)
+        run(transport, peer, [Train("t", plan, peer, transport, lambda _sample: None)], guard)
+        _wait_for_the_reflector(transport)
+    return _counted() - before - limit - 2 * (AUTHENTICATED_SIZE + transport.headers)
+
+
+def _wait_for_the_reflector(transport: UdpTransport) -> None:
+    """It answers in the order in which it is asked: when this is answered, so is everything before."""
+    last = SenderPacket(0, ntp(transport.unix_ns()), 1, secrets.randbelow(65535) + 1)
+    transport.send(last.encode(KEY))
+    while (arrival := transport.receive(transport.now_ns() + 60_000_000_000)) is not None:
+        if decode_reflector(arrival.datagram, KEY).session_id == last.session_id:
+            return
+    raise TimeoutError("the reflector did not answer within a minute")
+
+
+def _counted() -> int:
+    """Octets of IP on the loopback; what is sent there is what is received."""
+    sent, packets = (int((_STATISTICS / name).read_text()) for name in ("tx_bytes", "tx_packets"))
+    return sent - packets * _LINK_HEADER
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Iterator[int]:
+    with reflector(tmp_path / "far") as (_, found):
+        yield found
+
+
+def test_a_train_over_the_emulated_link(port: int, tmp_path: Path) -> None:
+    up = LinkShape(rate_bps=352_000, delay_s=0.15, loss=0.05)
+    down = LinkShape(rate_bps=704_000, delay_s=0.15, loss=0.05)
+    path = tmp_path / "samples.jsonl"
+    with UdpRelay(("127.0.0.1", port), up, down, seed=4) as relay, UdpTransport(relay.address) as transport:
+        peer = Peer(KEY)
+        guard = BudgetGuard(Budget(), _now)
+        with path.open("a", encoding="utf-8") as file:
+            train = Train("train", TrainPlan(172, 0.03, 3, timeout_s=2), peer, transport, SampleWriter(file))
+            assert run(transport, peer, [train], guard) == "done"
+        lost = relay.up.lost + relay.down.lost
+    with path.open(encoding="utf-8") as file:
+        figures = train_figures(read(file), "train")
+    assert figures.rtt is not None
+    serialised = 200 * 8 / 352_000 + 200 * 8 / 704_000
+    assert figures.rtt.min >= 0.3 + serialised
+    assert figures.rtt.min == pytest.approx(0.3 + serialised, rel=0.05)
+    assert figures.loss.why == "by the reflector's count"
+    assert lost - 3 <= figures.loss.lost <= lost, "up to three of those lost may be questions for the counters"
+    assert guard.sent_bytes >= 100 * 200
+
+
+def test_messages_over_the_emulated_link(port: int) -> None:
+    samples = []
+    shape = LinkShape(rate_bps=2_000_000, delay_s=0.05, loss=0.02)
+    with UdpRelay(("127.0.0.1", port), shape, shape, seed=2) as relay, UdpTransport(relay.address) as transport:
+        peer = Peer(KEY)
+        plan = MessagePlan(60_000, 2, 1, resend=True, pace_bps=1_500_000, timeout_s=0.5)
+        stream = MessageStream("m", plan, peer, transport, samples.append)
+        assert run(transport, peer, [stream], BudgetGuard(Budget(), _now)) == "done"
+    figures = message_figures(samples, "m")
+    assert figures is not None
+    assert (figures.sent, figures.received) == (2, 2)
+
+
+def test_nobody_there_is_silence_and_not_an_error() -> None:
+    samples = []
+    with UdpTransport(("127.0.0.1", 9)) as transport:
+        peer = Peer(KEY)
+        train = Train("t", TrainPlan(112, 0.02, 0.2, timeout_s=0.1), peer, transport, samples.append)
+        assert run(transport, peer, [train], BudgetGuard(Budget(), _now)) == "done"
+    loss = train_figures(samples, "t").loss
+    assert (loss.received, loss.sent + loss.unsent) == (0, 10)
+
+
+def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> None:
+    far = reflector(tmp_path / "far")
+    with far as (process, port), UdpTransport(("127.0.0.1", port)) as transport:
+        transport.send(b"no packet of STAMP")
+        peer = Peer(KEY)
+        train = Train("t", TrainPlan(112, 0.01, 0.05, timeout_s=1), peer, transport, lambda _sample: None)
+        run(transport, peer, [train], BudgetGuard(Budget(), _now))
+        process.terminate()
+        _, said = process.communicate(timeout=60)
+    assert process.returncode == 0
+    assert said == "Statistics(answered=6, refused=1, replayed=0, limited=0)\n"
+
+
+@pytest.mark.parametrize("key", ["short", None])
+def test_the_program_needs_a_key_or_the_word_that_it_goes_without(key: str | None, tmp_path: Path) -> None:
+    words = []
+    if key is not None:
+        (tmp_path / "key").write_text(key)
+        words = ["--key-file", str(tmp_path / "key")]
+    command = [sys.executable, "-P", "-m", "atlantis_netcfg.qualify.reflector", "--port", "0", *words]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert ended.returncode == 2
+    expected = "has fewer than 16 octets" if key else "--key-file --unauthenticated is required"
+    assert expected in ended.stderr
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="making a network namespace needs root")
+def test_budgets_by_the_interface(tmp_path: Path) -> None:
+    program = _BUDGETS.format(tests=str(Path(__file__).parent), folder=str(tmp_path / "far"))
+    command = ["unshare", "--net", "sh", "-c", _NAMESPACE, "sh", sys.executable, "-c", program]
+    ended = subprocess.run(command, capture_output=True, text=True, check=True, timeout=110)
+    assert -1300 < int(ended.stdout) <= 1200 + 28, "the greatest excess of twenty"

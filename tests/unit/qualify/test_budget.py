@@ -1,0 +1,138 @@
+"""A budget is never exceeded by more than one packet, as the sender's interface counts."""
+
+from __future__ import annotations
+
+import random
+from decimal import Decimal
+
+import pytest
+from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network
+from tolerances import tolerances
+
+from atlantis_netcfg.bearers.cost import Tariff, bill
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.qualify.budget import Budget, BudgetError, BudgetGuard, BudgetLimit
+from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.path_mtu import path_mtu
+from atlantis_netcfg.qualify.session import PacketStream, Peer, Train, TrainPlan, run
+
+TARIFF = Tariff(Decimal("8.00"), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
+"""An example, in the shape of Certus 100's published rules; its price is not the pilot's."""
+CLOSING_S = 3.0
+
+
+def _counted(net: SimulatedNetwork) -> int:
+    """What an interface of the sender would count: all that it sent, and all that came."""
+    return net.up.sent_bytes + net.delivered_bytes
+
+
+def _random_shape(draw: random.Random) -> LinkShape:
+    return LinkShape(
+        rate_bps=draw.choice([None, 50_000, 352_000]),
+        delay_s=draw.uniform(0, 0.5),
+        jitter_s=draw.uniform(0, 0.1),
+        loss=draw.choice([0, 0.01, 0.3, 1.0]) if draw.random() < 0.5 else 0.0,
+        queue_bytes=draw.choice([3000, 64_000]),
+        reordered=draw.choice([0, 0.1]),
+        reorder_s=1.0,
+    )
+
+
+def _random_streams(draw: random.Random, net: SimulatedNetwork, peer: Peer) -> list[PacketStream]:
+    write = Recording().write
+    size = draw.choice([112, 172, 584, 1400])
+    train = Train("t", TrainPlan(size, draw.uniform(0.02, 0.5), draw.uniform(1, 8), CLOSING_S), peer, net, write)
+    octets, rate = draw.randrange(1, 9000), draw.uniform(0.2, 2)
+    pace = draw.choice([None, 200_000])
+    plan = MessagePlan(octets, rate, 4, draw.random() < 0.5, pace, timeout_s=1, give_up_s=4)
+    return [train, MessageStream("m", plan, peer, net, write)][: draw.randrange(1, 3)]
+
+
+def _largest() -> int:
+    return 1400 + HEADERS
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_a_thousand_random_budgets(block: int) -> None:
+    limits = []
+    for seed in range(block * 100, block * 100 + 100):
+        draw = random.Random(seed)  # noqa: S311 - a test
+        net = network(_random_shape(draw), _random_shape(draw), seed)
+        peer = Peer(KEY)
+        budget = Budget(
+            max_bytes=draw.choice([None, draw.randrange(40_000)]),
+            max_seconds=draw.choice([None, draw.uniform(0, 12)]),
+            max_price=draw.choice([None, Decimal(draw.randrange(400)) / 1000]),
+            tariff=TARIFF,
+            closing_s=CLOSING_S,
+        )
+        guard = BudgetGuard(budget, lambda net=net: net.now / SECOND)  # type: ignore[misc] # its type is that of net
+        reason = run(net, peer, _random_streams(draw, net, peer), guard)
+        slack = round(tolerances()["budget_packets"] * _largest())
+        used = _counted(net)
+        assert used == guard.sent_bytes + guard.received_bytes, f"seed {seed}: not the interface's count"
+        assert budget.max_bytes is None or used <= budget.max_bytes + slack, f"seed {seed}"
+        assert budget.max_seconds is None or guard.seconds <= budget.max_seconds + 1e-9, f"seed {seed}"
+        price = bill(used, guard.seconds, TARIFF).price
+        dearer = bill(slack, 0, TARIFF).price
+        assert price is not None
+        assert dearer is not None
+        assert budget.max_price is None or price <= budget.max_price + dearer, f"seed {seed}"
+        assert (reason in set(BudgetLimit)) is (guard.limited_by is not None)
+        limits.append(reason)
+    assert {"bytes", "seconds", "done"} <= set(limits), "the budgets of this block try nothing"
+
+
+@pytest.mark.parametrize("max_bytes", [0, 139, 279])
+def test_what_is_less_than_a_packet_and_its_answer_sends_nothing(max_bytes: int) -> None:
+    net = network()
+    peer = Peer(KEY)
+    train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
+    assert run(net, peer, [train], BudgetGuard(Budget(max_bytes), lambda: 0.0)) == "bytes"
+    assert net.up.sent == 0
+
+
+def test_a_budget_is_used_as_far_as_it_goes() -> None:
+    net = network()
+    peer = Peer(KEY)
+    train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
+    run(net, peer, [train], BudgetGuard(Budget(10 * 280 + 100), lambda: net.now / SECOND))
+    assert net.up.sent == 10
+
+
+def test_lost_answers_are_not_refunded() -> None:
+    net = network(down=LinkShape(loss=1.0))
+    peer = Peer(KEY)
+    train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
+    run(net, peer, [train], BudgetGuard(Budget(10 * 280), lambda: net.now / SECOND))
+    assert net.up.sent == 10, "a provider may bill what it has lost"
+
+
+def test_only_copies_that_the_link_makes_go_beyond_it() -> None:
+    net = network(down=LinkShape(duplicates=0.5))
+    peer = Peer(KEY)
+    train = Train("t", TrainPlan(112, 0.01, 5), peer, net, Recording().write)
+    guard = BudgetGuard(Budget(20_000, closing_s=1), lambda: net.now / SECOND)
+    assert run(net, peer, [train], guard) == "bytes"
+    assert _counted(net) <= 20_000 + 140 * net.down.copies
+    assert _counted(net) < 20_000 + 140 * 3, "each copy that came was charged to the next packet"
+
+
+def test_the_search_for_the_mtu_asks_as_well() -> None:
+    net = network(LinkShape(mtu=1320))
+    guard = BudgetGuard(Budget(9000), lambda: net.now / SECOND)
+    found = path_mtu(net, Peer(KEY), guard)
+    assert _counted(net) <= 9000
+    assert found.both is None
+    assert found.why == "the budget ended: bytes"
+
+
+def test_money_needs_a_tariff() -> None:
+    with pytest.raises(BudgetError, match="needs the tariff of the link"):
+        Budget(max_price=Decimal(5))
+
+
+def test_the_floor_of_a_long_session_is_money_too() -> None:
+    budget = Budget(max_price=Decimal("0.80"), tariff=TARIFF, closing_s=10)
+    assert budget.limit(1000, 100) is None
+    assert budget.limit(1000, 400) is BudgetLimit.MONEY, "300 bytes a second for 410 s are 0.98"

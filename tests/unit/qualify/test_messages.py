@@ -1,0 +1,244 @@
+"""Messages in chunks, the search for the highest rate, path MTU, tables and verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network, run_train, unlimited
+from tolerances import tolerances
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.grids import (
+    IMAGES,
+    SHAPE_UNKNOWN,
+    image_plans,
+    image_row,
+    message_bytes,
+    table,
+    telemetry_plan,
+    telemetry_plans,
+    telemetry_row,
+    train_bytes,
+)
+from atlantis_netcfg.qualify.judgement import NoSuchProfile, judge, profile, profiles
+from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.path_mtu import path_mtu
+from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, loss_of_chunks, sustained_rate
+from atlantis_netcfg.qualify.session import Peer, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+
+UP = LinkShape(rate_bps=352_000, delay_s=0.28)
+DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
+
+
+def _sent(net: SimulatedNetwork, plan: MessagePlan, guard: BudgetGuard | None = None) -> MessageFigures | None:
+    recording, peer = Recording(), Peer(KEY)
+    stream = MessageStream("m", plan, peer, net, recording.write)
+    guard = guard or unlimited(net)
+    run(net, peer, [stream], guard)
+    return None if guard.limited_by is not None else message_figures(recording.samples, "m")
+
+
+@pytest.mark.parametrize("size", [1, 1048, 1049, 6200, 100_000])
+def test_a_message_of_any_size_arrives(size: int) -> None:
+    figures = _sent(network(UP, DOWN), MessagePlan(size, 0.1, 20, pace_bps=350_000))
+    assert figures is not None
+    assert (figures.sent, figures.received, figures.lost) == (2, 2, 0)
+    assert figures.chunks == -(-size // 1048)
+
+
+def test_a_message_has_an_octet_and_a_packet_carries_some() -> None:
+    with pytest.raises(ValueError, match="at least one octet"):
+        MessagePlan(0, 1, 1)
+    with pytest.raises(ValueError, match="packets of 140 octets carry nothing"):
+        _sent(network(), MessagePlan(10, 1, 1, packet=140))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_lost_is_sent_again_until_all_of_it_is_there(seed: int) -> None:
+    shape = replace(UP, loss=0.1, gaps_s=((3.0, 40.0),))
+    net = network(shape, replace(DOWN, loss=0.1), seed)
+    figures = _sent(net, MessagePlan(40_000, 0.1, 20, resend=True, pace_bps=300_000, give_up_s=300))
+    assert figures is not None
+    assert (figures.sent, figures.received) == (2, 2)
+
+
+def test_best_effort_loses_a_message_with_each_chunk() -> None:
+    net = network(replace(UP, rate_bps=None, loss=0.01), DOWN, 3)
+    figures = _sent(net, MessagePlan(6_000, 5, 200))
+    assert figures is not None
+    assert figures.chunks == 6
+    assert figures.received + figures.lost + figures.unknown == figures.sent == 1000
+    # Section 9: about 1 - (1 - p)^n; four standard deviations of 1,000 messages.
+    assert figures.loss == pytest.approx(loss_of_chunks(0.01, 6), abs=4 * (0.0585 * 0.94 / 1000) ** 0.5)
+
+
+def test_a_receiver_that_says_nothing_leaves_the_message_unknown() -> None:
+    net = network(UP, LinkShape(loss=1.0))
+    figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=1))
+    assert figures is not None
+    assert (figures.received, figures.lost, figures.unknown) == (0, 0, 2)
+
+
+def _search(net: SimulatedNetwork, size: int, **more: float) -> SustainedRate:
+    idle = _sent(net, MessagePlan(size, 0.2, 30))
+    assert idle is not None
+    assert idle.latency is not None
+
+    def measure(rate_hz: float) -> MessageFigures | None:
+        return _sent(net, MessagePlan(size, rate_hz, 12))
+
+    return sustained_rate(size, measure, idle_latency_s=idle.latency.p50, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("size", [1_000, 6_000, 20_000])
+@pytest.mark.slow
+def test_the_highest_rate_is_what_the_link_carries(size: int) -> None:
+    chunks = -(-size // 1048)
+    carries = 352_000 / 8 / (size + chunks * (1200 - 1048 + HEADERS))
+    found = _search(network(UP, DOWN), size)
+    assert found.is_proved
+    assert found.rate_hz is not None
+    below, above = tolerances()["rate_below_share"], tolerances()["rate_above_share"]
+    assert carries * (1 - below) <= found.rate_hz <= carries * (1 + above)
+    assert found.limited_by in {RateLimit.LATENCY, RateLimit.QUEUE, RateLimit.LOSS}
+
+
+def test_a_short_queue_limits_by_loss() -> None:
+    found = _search(network(replace(UP, queue_bytes=9_000), DOWN), 6_000)
+    assert found.limited_by is RateLimit.LOSS
+    assert found.is_proved
+
+
+def test_random_loss_of_the_link_is_no_limit() -> None:
+    net = network(replace(UP, loss=0.01), DOWN, 2)
+    found = _search(net, 6_000, idle_loss=loss_of_chunks(0.03, 6))
+    assert found.rate_hz is not None
+    assert found.rate_hz >= 4
+
+
+def test_a_search_that_the_budget_ends_proves_no_rate() -> None:
+    net = network(UP, DOWN)
+    guard = BudgetGuard(Budget(max_bytes=200_000), lambda: net.now / SECOND)
+
+    def measure(rate_hz: float) -> MessageFigures | None:
+        return _sent(net, MessagePlan(1_000, rate_hz, 30), guard)
+
+    found = sustained_rate(1_000, measure, idle_latency_s=0.6)
+    assert found.limited_by is RateLimit.BUDGET
+    assert not found.is_proved
+    assert found.rate_hz is not None
+
+
+def test_a_link_that_sustains_nothing_has_no_rate() -> None:
+    found = _search(network(replace(UP, rate_bps=20_000, queue_bytes=500_000), DOWN), 20_000, first_hz=0.5)
+    assert (found.rate_hz, found.is_proved) == (None, False)
+    assert found.limited_by is RateLimit.LOSS
+
+
+def test_a_link_faster_than_what_was_tried_is_not_called_limited() -> None:
+    found = _search(network(), 1_000, highest_hz=4)
+    assert (found.rate_hz, found.limited_by, found.is_proved) == (4, RateLimit.HIGHEST, False)
+
+
+@pytest.mark.parametrize(
+    ("up", "down", "expected"),
+    [
+        (1500, 1500, (1500, 1500, None)),
+        (1380, 1500, (1380, 1380, None)),
+        (1420, 1301, (1420, 1301, 1301)),
+        (577, 576, (577, 576, 576)),
+    ],
+)
+def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int | None]) -> None:
+    net = network(LinkShape(delay_s=0.3, mtu=up, loss=0.05), LinkShape(delay_s=0.3, mtu=down, loss=0.05))
+    found = path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1)
+    assert found.up is not None
+    assert abs(found.up - expected[0]) <= tolerances()["mtu_octets"]
+    assert (found.up, found.both, found.down) == expected
+
+
+def test_a_gap_is_no_mtu() -> None:
+    net = network(LinkShape(delay_s=0.3, mtu=1400, gaps_s=((4.0, 74.0),)), LinkShape(delay_s=0.3))
+    assert path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1).up == 1400
+
+
+def test_a_far_end_that_is_silent_has_no_mtu() -> None:
+    net = network(LinkShape(loss=1.0))
+    found = path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1)
+    assert (found.up, found.both, found.why) == (None, None, "nothing was answered for 90 s")
+
+
+def test_the_grids_say_that_their_shape_is_unknown() -> None:
+    idle = 0.57
+    rows = []
+    for octets, rate, plan in telemetry_plans(20):
+        _, samples = run_train(network(UP, DOWN), plan)
+        rows.append(telemetry_row(octets, rate, train_figures(samples, "train"), idle))
+    for image, rate, images in image_plans(20):
+        if image in IMAGES[1:4:2] and rate < 5:
+            figures = _sent(network(UP, DOWN), images)
+            assert figures is not None
+            rows.append(image_row(image, rate, figures, 0.8))
+    lines = table(rows)
+    assert lines[0] == SHAPE_UNKNOWN
+    assert max(map(len, lines[1:])) <= 80
+    verdicts = {(row.label, row.rate_hz): row.verdict for row in rows}
+    assert verdicts["32 B", 10.0] is Verdict.PASS
+    assert verdicts["160x120 q60", 1.0] is Verdict.PASS
+    assert verdicts["320x240 q60", 2.0] is Verdict.PASS
+    assert {row.reason for row in rows if row.verdict is Verdict.PASS} == {"sustained"}
+
+
+def test_a_grid_beyond_the_link_fails() -> None:
+    _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), telemetry_plan(512, 10, 30))
+    row = telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
+    assert row.verdict is Verdict.FAIL
+
+
+def test_bytes_are_known_before_they_are_sent() -> None:
+    net = network(UP, DOWN)
+    plan = TrainPlan(172, 0.25, 20)
+    run_train(net, plan, Peer(KEY, counts=False))
+    assert net.up.sent_bytes + net.delivered_bytes == train_bytes(plan, HEADERS)
+    net = network(UP, DOWN)
+    images = MessagePlan(6_000, 1, 10)
+    _sent(net, images)
+    counted = net.up.sent_bytes + net.delivered_bytes
+    assert message_bytes(images, HEADERS) == pytest.approx(counted, rel=0.01)
+
+
+def test_verdicts_in_the_words_of_the_recommendations() -> None:
+    good = LinkShape(delay_s=0.02)
+    _, samples = run_train(network(good, good), TrainPlan(172, 0.1, 100))
+    judged = judge(train_figures(samples, "train"), profile("lte"))
+    assert [(j.criterion, j.verdict) for j in judged] == [
+        ("FTD, round trip, 95 %", Verdict.PASS),
+        ("FDV up, 95 %", Verdict.PASS),
+        ("FDV down, 95 %", Verdict.PASS),
+        ("FLR up", Verdict.PASS),
+        ("FLR down", Verdict.PASS),
+        ("longest gap", Verdict.PASS),
+        ("AVAIL", Verdict.PASS),
+        ("buffer delay (RFC 6349)", Verdict.INCONCLUSIVE),
+    ]
+    bad = LinkShape(delay_s=0.2, jitter_s=0.3, loss=0.1, gaps_s=((20.0, 40.0),))
+    _, samples = run_train(network(bad, bad), TrainPlan(172, 0.1, 100))
+    assert {j.verdict for j in judge(train_figures(samples, "train"), profile("lte"))[:-1]} == {Verdict.FAIL}
+
+
+def test_packets_that_are_far_apart_show_no_availability() -> None:
+    _, samples = run_train(network(), TrainPlan(172, 2, 1400))
+    judged = {j.criterion: j for j in judge(train_figures(samples, "train"), profile("satellite"))}
+    assert (judged["AVAIL"].measured, judged["AVAIL"].verdict) == (None, Verdict.INCONCLUSIVE)
+
+
+def test_an_unknown_profile_is_named_with_those_that_there_are() -> None:
+    with pytest.raises(NoSuchProfile, match="no profile of thresholds is named `5g`") as error:
+        profile("5g")
+    assert error.value.hint == "take one of: satellite, lte, wifi"
+    assert all(p.min_samples for p in profiles().values())

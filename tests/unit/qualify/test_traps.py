@@ -1,0 +1,218 @@
+"""The traps of facts/devices.md, section 9, and others: each is a way to a figure that is not true."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from simulated_network import KEY, SECOND, Recording, SimulatedNetwork, network, run_train, unlimited
+from tolerances import tolerances
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.judgement import judge, profile
+from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.reflector.answering import Reflector
+from atlantis_netcfg.qualify.reflector.stamp import ReflectorPacket, decode_sender, ntp
+from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
+from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+
+SLOW_UP = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.0)
+DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
+
+
+def _messages(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
+    recording = Recording()
+    peer = Peer(KEY)
+    run(net, peer, [MessageStream("m", plan, peer, net, recording.write)], unlimited(net))
+    figures = message_figures(recording.samples, "m")
+    assert figures is not None
+    return figures
+
+
+def test_percentiles_are_those_of_raw_samples_not_of_a_summary() -> None:
+    """irtt gives min, mean and max: one packet in twenty that takes 3 s hides in them."""
+    net = network(LinkShape(delay_s=0.3, reordered=0.06, reorder_s=2.0), LinkShape(delay_s=0.3))
+    _, samples = run_train(net, TrainPlan(172, 0.25, 200))
+    rtt = train_figures(samples, "train").rtt
+    assert rtt is not None
+    assert rtt.p50 == pytest.approx(0.6, abs=0.001)
+    assert rtt.p90 == pytest.approx(0.6, abs=0.001)
+    assert rtt.p99 == pytest.approx(2.6, abs=0.001)
+
+
+def test_a_train_outlives_a_gap_at_its_very_beginning() -> None:
+    """irtt gives up opening after 15 s; a satellite may be silent for 70."""
+    net = network(LinkShape(delay_s=0.3, gaps_s=((0.0, 70.0),)), LinkShape(delay_s=0.3))
+    reason, samples = run_train(net, TrainPlan(172, 0.25, 100))
+    figures = train_figures(samples, "train")
+    assert reason == "done"
+    assert figures.gaps.longest_s == pytest.approx(70, abs=0.5)
+    assert figures.loss.received == 120
+
+
+def test_a_gap_that_has_not_ended_counts() -> None:
+    net = network(LinkShape(delay_s=0.3, gaps_s=((50.0, 1000.0),)), LinkShape(delay_s=0.3))
+    _, samples = run_train(net, TrainPlan(172, 0.25, 100))
+    gaps = train_figures(samples, "train").gaps
+    assert gaps.longest_s == pytest.approx(50, abs=0.5)
+    assert gaps.open_end
+
+
+def test_goodput_is_the_receivers() -> None:
+    """iperf3 (a): the sender of a TCP stream says 449 kbit/s of a link of 352."""
+    net = network(SLOW_UP, DOWN)
+    plan = MessagePlan(size=60_000, rate_hz=0.5, duration_s=40, pace_bps=1e6, packet=1200, give_up_s=200)
+    figures = _messages(net, plan)
+    carries = 352_000 * 1048 / (1200 + HEADERS)
+    assert figures.busy_bps == pytest.approx(carries, rel=tolerances()["goodput_share"])
+
+
+def test_a_transfer_is_not_timed_by_its_last_send() -> None:
+    """iperf3 (b): 200 kB `sent` in 2.27 s, of which the receiver had 75 kB."""
+    net = network(SLOW_UP, DOWN)
+    plan = MessagePlan(size=50_000, rate_hz=1, duration_s=1)
+    figures = _messages(net, plan)
+    assert figures.latency is not None
+    wire = 50_000 + figures.chunks * (1200 + HEADERS - 1048)
+    assert figures.latency.p50 == pytest.approx(wire * 8 / 352_000 + 0.56, rel=tolerances()["goodput_share"])
+    short = network(LinkShape(rate_bps=352_000, delay_s=0.28, queue_bytes=20_000), DOWN)
+    figures = _messages(short, plan)
+    assert (figures.received, figures.lost, figures.latency) == (0, 1, None), "a part is no message"
+
+
+def test_what_is_under_way_at_the_end_is_not_lost() -> None:
+    """iperf3 (c): 7.6 % reported where 1 % was lost: the rest was in flight, or in the queue."""
+    net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01), DOWN, 5)
+    recording = Recording()
+    train = Train("train", TrainPlan(500, 0.0115, 60, timeout_s=3), Peer(KEY), net, recording.write)
+    net.interrupt_at_ns = 20 * SECOND
+    assert run(net, Peer(KEY), [train], unlimited(net)) == "stopped"
+    figures = train_figures(recording.samples, "train")
+    loss = figures.loss
+    assert figures.reason == "stopped"
+    assert loss.in_flight > 100, "three seconds of packets"
+    assert loss.received + loss.in_flight + loss.lost == loss.sent
+    assert loss.lost / (loss.sent - loss.in_flight) == pytest.approx(0.01, abs=0.007)
+    assert loss.lost <= net.up.lost
+
+
+def test_late_is_not_lost() -> None:
+    net = network(LinkShape(delay_s=0.1, reordered=0.1, reorder_s=4.0), LinkShape(delay_s=0.1))
+    _, samples = run_train(net, TrainPlan(172, 0.25, 100, timeout_s=3))
+    loss = train_figures(samples, "train").loss
+    assert loss.late == pytest.approx(40, abs=20)
+    assert loss.lost <= 2, "those that the run did not wait for"
+    assert loss.received + loss.lost == loss.sent
+
+
+def test_latency_under_load_is_another_figure() -> None:
+    """iperf3 (d): the mean round trip rose from 0.63 to 0.98 s under load."""
+    net = network(LinkShape(rate_bps=352_000, delay_s=0.28, queue_bytes=16_000), DOWN)
+    peer, recording = Peer(KEY), Recording()
+    plan = TrainPlan(112, 0.25, 30)
+    run(net, peer, [Train("idle", plan, peer, net, recording.write)], unlimited(net))
+    load = MessageStream("load", MessagePlan(30_000, 2, 30, pace_bps=700_000), peer, net, recording.write)
+    run(net, peer, [Train("loaded", plan, peer, net, recording.write), load], unlimited(net))
+    idle, loaded = (train_figures(recording.samples, name) for name in ("idle", "loaded"))
+    assert idle.rtt is not None
+    assert loaded.rtt is not None
+    assert idle.rtt.p50 == pytest.approx(0.566, abs=0.01)
+    assert 0.56 + 0.2 < loaded.rtt.p50 <= 0.57 + 16_000 * 8 / 352_000
+    assert idle.rpm is not None
+    assert loaded.rpm is not None
+    assert idle.rpm == pytest.approx(60 / 0.566, rel=0.02)
+    assert loaded.rpm < 0.75 * idle.rpm
+    words = judge(idle, profile("satellite"), loaded)[-1]
+    assert words.criterion == "buffer delay (RFC 6349)"
+    assert words.measured == pytest.approx((loaded.rtt.p50 - idle.rtt.p50) / idle.rtt.p50)
+
+
+def _copying(datagram: bytes, received_ns: int) -> bytes:
+    """A stateless reflector (RFC 8762, 4.3.1): it answers with the sender's own number."""
+    asked = decode_sender(datagram, KEY)
+    stamp = ntp(received_ns)
+    return ReflectorPacket(
+        asked.sequence, stamp, 1, asked.session_id, stamp, asked.sequence, asked.timestamp, asked.error, 64, asked.tlvs
+    ).encode(KEY)
+
+
+def test_a_reflector_that_copies_numbers_tells_no_loss_each_way() -> None:
+    net = network(LinkShape(delay_s=0.1, loss=0.05), LinkShape(delay_s=0.1), answers=_copying)
+    _, samples = run_train(net, TrainPlan(172, 0.25, 100), Peer(KEY, counts=False))
+    loss = train_figures(samples, "train").loss
+    assert loss.lost > 5
+    assert (loss.up, loss.down) == (None, None)
+    assert loss.why == "the reflector may only copy the sender's numbers"
+
+
+def test_a_reflector_that_was_started_again_tells_no_loss_each_way() -> None:
+    net = network(LinkShape(delay_s=0.1, loss=0.05), LinkShape(delay_s=0.1))
+    second = Reflector(KEY)
+
+    def answers(datagram: bytes, received_ns: int) -> bytes | None:
+        reflector = net.reflector if net.now < 50 * SECOND else second
+        return reflector.answer(datagram, ("192.0.2.1", 1), received_ns, 64, lambda: received_ns)
+
+    net.answers = answers
+    _, samples = run_train(net, TrainPlan(172, 0.25, 100))
+    loss = train_figures(samples, "train").loss
+    assert (loss.up, loss.down) == (None, None)
+    assert loss.why == "the reflector began to count again in this train"
+
+
+def test_what_the_reflector_refuses_for_its_rate_is_no_loss_of_the_link() -> None:
+    net = network(LinkShape(delay_s=0.1), LinkShape(delay_s=0.1))
+    net.reflector = Reflector(KEY, rate_bps=50_000)
+    _, samples = run_train(net, TrainPlan(1200, 0.05, 60))
+    figures = train_figures(samples, "train")
+    assert figures.loss.limited > 100
+    words = {j.criterion: j for j in judge(figures, profile("lte"))}
+    assert words["FLR up"].verdict is Verdict.INCONCLUSIVE
+    assert "the reflector refused" in words["FLR up"].reason
+
+
+@pytest.mark.parametrize(("seconds", "verdict"), [(60, Verdict.INCONCLUSIVE), (120, Verdict.FAIL)])
+def test_silence_proves_nothing_before_a_gap_would_have_ended(seconds: int, verdict: Verdict) -> None:
+    net = network(LinkShape(loss=1.0))
+    _, samples = run_train(net, TrainPlan(172, 0.25, seconds))
+    figures = train_figures(samples, "train")
+    assert (figures.rtt, figures.rpm, figures.up) == (None, None, None)
+    assert figures.loss.why == "nothing was answered"
+    assert [j.verdict for j in judge(figures, profile("satellite"))] == [verdict]
+
+
+def test_too_few_packets_pass_nothing() -> None:
+    _, samples = run_train(network(LinkShape(delay_s=0.02)), TrainPlan(172, 0.25, 10))
+    judged = judge(train_figures(samples, "train"), profile("wifi"))
+    by_packets = [j for j in judged if j.criterion.startswith(("FTD", "FDV", "FLR", "AVAIL"))]
+    assert len(by_packets) == 6
+    assert {j.verdict for j in by_packets} == {Verdict.INCONCLUSIVE}
+
+
+def test_a_stranger_who_answers_is_not_believed() -> None:
+    net = network(LinkShape(delay_s=0.1), answers=lambda datagram, _: datagram)
+    _, samples = run_train(net, TrainPlan(172, 0.25, 10))
+    assert train_figures(samples, "train").loss.received == 0
+
+
+def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
+    net = network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3))
+    recording = Recording()
+    train = Train("train", TrainPlan(172, 0.25, 100), Peer(KEY), net, recording.write)
+    net.interrupt_at_ns = 30 * SECOND
+    run(net, Peer(KEY), [train], unlimited(net))
+    text = recording.text.getvalue()
+    whole = train_figures(read(io.StringIO(text)), "train")
+    assert whole.loss.received == 118
+    cut = text[: text.rindex('{"kind":"reply"') + 40]
+    figures = train_figures(read(io.StringIO(cut)), "train")
+    assert (figures.reason, figures.loss.received) == ("cut off", 117)
+
+
+def test_a_line_that_was_edited_is_named() -> None:
+    lines = ['{"kind":"end","stream":"a","ended_at_ns":5,"reason":"done"}\n', '{"kind":"end","stream":"a"}\n']
+    with pytest.raises(SamplesUnreadable, match="run.jsonl:2: this line is no sample of a measurement"):
+        list(read(lines, "run.jsonl"))
