@@ -55,7 +55,13 @@ class Budget:
 
     def limit(self, size: int, seconds: float) -> BudgetLimit | None:
         """Say which limit a session of so many bytes and seconds would exceed."""
-        lasts = seconds + self.closing_s
+        return self._limit(size, seconds + self.closing_s)
+
+    def limit_now(self, size: int, seconds: float) -> BudgetLimit | None:
+        """Say the same of a session that ends at this moment."""
+        return self._limit(size, seconds)
+
+    def _limit(self, size: int, lasts: float) -> BudgetLimit | None:
         if self.max_bytes is not None and size > self.max_bytes:
             return BudgetLimit.BYTES
         if self.max_seconds is not None and lasts > self.max_seconds:
@@ -76,6 +82,8 @@ class BudgetGuard:
         """What refused a packet; once set, every packet is refused."""
         self.sent_bytes = 0
         self.received_bytes = 0
+        self.last_s: float | None = None
+        """When the last packet was admitted."""
         self._charged = 0
         self._now = now_s
         self._begin = now_s()
@@ -94,8 +102,20 @@ class BudgetGuard:
             if self.limited_by is None:
                 self._charged += size
                 self.sent_bytes += request + self._headers
+                self.last_s = self.seconds
                 return True
         return False
+
+    def expires(self, within_s: float) -> bool:
+        """Whether waiting for so long would exceed the budget: time costs, also where nothing is sent."""
+        if self.limited_by is None:
+            self.limited_by = self.budget.limit_now(self._charged, self.seconds + within_s)
+        return self.limited_by is not None
+
+    @property
+    def closing_left_s(self) -> float:
+        """How long answers to the last packet may still be awaited."""
+        return 0.0 if self.last_s is None else max(0.0, self.last_s + self.budget.closing_s - self.seconds)
 
     def count(self, answer: int, charged: int) -> None:
         """Count a UDP payload that came, of which so much had been charged (0: nobody asked for it)."""

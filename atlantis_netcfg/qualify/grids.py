@@ -65,7 +65,7 @@ IMAGES: Final = tuple(
 
 
 @dataclass(frozen=True, slots=True)
-class GridRow:
+class RateRow:
     """A size at a rate, and what became of it; losses are shares, None: not known for each way."""
 
     label: str
@@ -118,7 +118,7 @@ def message_bytes(plan: MessagePlan, headers: int) -> int:
     return plan.messages * (plan.size + chunks * (base + headers) + answer + headers)
 
 
-def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> GridRow:
+def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
     """Judge a train of the grid: at most 1 % lost each way, and a round trip in the band of docs/qualify.md."""
     loss, rtt = figures.loss, figures.rtt
     known = loss.sent - loss.in_flight
@@ -134,7 +134,7 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.FAIL, "loss"
     elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
         verdict, reason = Verdict.FAIL, "latency"
-    return GridRow(
+    return RateRow(
         f"{octets} B",
         octets,
         rate_hz,
@@ -149,12 +149,12 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
     )
 
 
-def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> GridRow:
+def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
     """Judge a stream of the grid as the search for the highest rate does."""
     limit = failed(figures, idle_latency_s, 0.0)
     latency = figures.latency
     silent = latency is None
-    return GridRow(
+    return RateRow(
         image.label,
         figures.size,
         rate_hz,
@@ -169,7 +169,7 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
     )
 
 
-def table(rows: Sequence[GridRow]) -> list[str]:
+def table(rows: Sequence[RateRow]) -> list[str]:
     """Give lines for a person, within 80 columns."""
     columns = (("octets", 7), ("Hz", 6), ("sent", 6), ("recv", 6), ("up%", 6), ("down%", 6), ("p50 s", 7), ("p95 s", 7))
     head = f"{'size':<13}" + "".join(f"{name:>{width}}" for name, width in columns) + "  verdict"

@@ -29,7 +29,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     unix_ns,
 )
 from atlantis_netcfg.qualify.samples import MessageEnded, StreamEnded
-from atlantis_netcfg.qualify.session import SECOND, Outgoing, Peer
+from atlantis_netcfg.qualify.session import SECOND, Outgoing, ReflectorPeer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -71,7 +71,7 @@ class MessagePlan:
 
 
 @dataclass(slots=True)
-class _Message:
+class _OpenMessage:
     number: int
     count: int
     sent_at: int = -1
@@ -90,7 +90,7 @@ class MessageStream:
 
     name: str
     plan: MessagePlan
-    peer: Peer
+    peer: ReflectorPeer
     transport: DatagramTransport
     write: Callable[[Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
@@ -99,9 +99,9 @@ class MessageStream:
     _sequence: int = 0
     _started: int = 0
     _free_at: int = 0
-    _queue: deque[tuple[_Message, int | None]] = field(default_factory=deque)
+    _queue: deque[tuple[_OpenMessage, int | None]] = field(default_factory=deque)
     """Chunks to send; None: only the question."""
-    _open: dict[int, _Message] = field(default_factory=dict)
+    _open: dict[int, _OpenMessage] = field(default_factory=dict)
     _waits: list[tuple[int, int]] = field(default_factory=list)
     """A heap: when to look after which message; times that have moved are put right when they come up."""
     _asked: dict[int, int] = field(default_factory=dict)
@@ -148,7 +148,7 @@ class MessageStream:
     def _starts(self, number: int) -> int:
         return self._begin + round(number * SECOND / self.plan.rate_hz)
 
-    def _patience(self, message: _Message) -> int:
+    def _patience(self, message: _OpenMessage) -> int:
         return round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
 
     def next_packet(self, now_ns: int) -> Outgoing | None:
@@ -165,7 +165,7 @@ class MessageStream:
         size = self._base_size + len(tlv.encode())
         return Outgoing((tlv,), size, self.answer_size if asks else 0, self._sequence)
 
-    def _chunk(self, message: _Message, index: int | None, *, asks: bool) -> MessageChunk:
+    def _chunk(self, message: _OpenMessage, index: int | None, *, asks: bool) -> MessageChunk:
         room, size = self.chunk_size, self.plan.size
         length = 0 if index is None else min(room, size - index * room)
         data = secrets.token_bytes(length)
@@ -173,7 +173,7 @@ class MessageStream:
 
     def _start(self, now_ns: int) -> None:
         while self._started < self.plan.messages and self._starts(self._started) <= now_ns:
-            message = _Message(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
+            message = _OpenMessage(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
             self._open[self._started] = message
             self._started += 1
             self._put(message, range(message.count))
@@ -192,7 +192,7 @@ class MessageStream:
                 due = max(now_ns + _WAIT_STEP, message.last_sent + self._patience(message))
                 heapq.heappush(self._waits, (due, number))
 
-    def _ask(self, message: _Message, now_ns: int) -> None:
+    def _ask(self, message: _OpenMessage, now_ns: int) -> None:
         age_s = (now_ns - message.sent_at) / SECOND
         if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= _QUESTIONS):
             self._finish(message)
@@ -201,7 +201,7 @@ class MessageStream:
             message.last_sent = now_ns
             self._put(message, [None])
 
-    def _put(self, message: _Message, indexes: Iterable[int | None]) -> None:
+    def _put(self, message: _OpenMessage, indexes: Iterable[int | None]) -> None:
         for index in indexes:
             self._queue.append((message, index))
             message.queued += 1
@@ -234,14 +234,14 @@ class MessageStream:
                     self._heard(message, word, arrival.at_ns)
         return charged
 
-    def _heard(self, message: _Message, word: Acknowledgement, at_ns: int) -> None:
+    def _heard(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
         if not word.missing:
             self._finish(message, at_ns)
         elif self.plan.resend and not message.queued:
             message.questions = 0
             self._put(message, word.indexes)
 
-    def _finish(self, message: _Message, at_ns: int | None = None, *, in_flight: bool = False) -> None:
+    def _finish(self, message: _OpenMessage, at_ns: int | None = None, *, in_flight: bool = False) -> None:
         word = message.word
         came = word is not None and word.first != 0
         del self._open[message.number]

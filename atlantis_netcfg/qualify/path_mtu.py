@@ -31,7 +31,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
 
 if TYPE_CHECKING:
     from atlantis_netcfg.qualify.budget import BudgetGuard
-    from atlantis_netcfg.qualify.session import Peer
+    from atlantis_netcfg.qualify.session import ReflectorPeer
     from atlantis_netcfg.qualify.transport import DatagramTransport
 
 _SECOND: Final = 1_000_000_000
@@ -61,14 +61,14 @@ class _OutOfBudget(Exception):
     """No further packet may be sent."""
 
 
-class _Silent(Exception):
+class _NoAnswer(Exception):
     """Not even a short packet was answered."""
 
 
 @dataclass(slots=True)
-class _Probe:
+class _MtuProbe:
     transport: DatagramTransport
-    peer: Peer
+    peer: ReflectorPeer
     guard: BudgetGuard
     timeout_s: float
     patience_s: float
@@ -84,7 +84,7 @@ class _Probe:
             if self._answered(self._short(), up_only=up_only):
                 return any(self._answered(size, up_only=up_only) for _ in range(_TRIES))
             if self.transport.now_ns() >= end:
-                raise _Silent
+                raise _NoAnswer
 
     def _short(self) -> int:
         base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
@@ -123,7 +123,7 @@ class _Probe:
 
 def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     transport: DatagramTransport,
-    peer: Peer,
+    peer: ReflectorPeer,
     guard: BudgetGuard,
     *,
     highest: int = ETHERNET,
@@ -131,7 +131,7 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
     patience_s: float = 90.0,
 ) -> PathMtu:
     """Search between 576 and `highest` octets. The way there alone needs our reflector."""
-    probe = _Probe(transport, peer, guard, timeout_s, patience_s, secrets.randbelow(65535) + 1)
+    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, secrets.randbelow(65535) + 1)
     up = both = None
     try:
         if peer.counts:
@@ -139,12 +139,12 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
         both = _longest(probe, up or highest, up_only=False)
     except _OutOfBudget:
         return PathMtu(up, both, f"the budget ended: {guard.limited_by}")
-    except _Silent:
+    except _NoAnswer:
         return PathMtu(up, both, f"nothing was answered for {patience_s:.0f} s")
     return PathMtu(up, both, "" if both is not None else f"not even {LEAST} octets passed")
 
 
-def _longest(probe: _Probe, highest: int, *, up_only: bool) -> int | None:
+def _longest(probe: _MtuProbe, highest: int, *, up_only: bool) -> int | None:
     if probe.passes(highest, up_only=up_only):
         return highest
     if not probe.passes(LEAST, up_only=up_only):

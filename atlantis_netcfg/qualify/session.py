@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 SECOND: Final = 1_000_000_000
 _COUNTER_REQUESTS: Final = 3
-
-
-_Stamps = dict[tuple[int, int], int]
-"""What each packet that wants an answer was stamped with, by session identifier and sequence."""
+_SLICE_S: Final = 0.2
+"""How often the budget is looked at while nothing is due."""
 
 
 class EndReason(StrEnum):
@@ -60,7 +58,7 @@ class Outgoing:
 
 
 @dataclass(frozen=True, slots=True)
-class Peer:
+class ReflectorPeer:
     """Who answers, and how packets for it are made."""
 
     key: bytes | None
@@ -119,7 +117,7 @@ class Train:
 
     name: str
     plan: TrainPlan
-    peer: Peer
+    peer: ReflectorPeer
     transport: DatagramTransport
     write: Callable[[Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
@@ -226,7 +224,7 @@ class Train:
 
 def run(
     transport: DatagramTransport,
-    peer: Peer,
+    peer: ReflectorPeer,
     streams: Sequence[PacketStream],
     guard: BudgetGuard,
     *,
@@ -236,29 +234,12 @@ def run(
 
     KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
     """
-    reason: str = EndReason.DONE
     origin = transport.now_ns()
-    stamps: _Stamps = {}
     for stream in streams:
         stream.begin(origin)
+    under_way = _Run(transport, peer, streams, guard)
     try:
-        while (dues := [due for stream in streams if (due := stream.due_ns()) is not None]) and not stop():
-            now, due = transport.now_ns(), min(dues)
-            if now < due:
-                _receive(transport, peer, streams, guard, stamps, due)
-                continue
-            # What has come up to now is looked at first: it may end a stream.
-            while _receive(transport, peer, streams, guard, stamps, now):
-                pass
-            if not _send(transport, peer, streams, guard, stamps):
-                break
-        else:
-            reason = EndReason.STOPPED if dues else EndReason.DONE
-        if guard.limited_by is not None:
-            reason = guard.limited_by
-            end = transport.now_ns() + round(guard.budget.closing_s * SECOND)
-            while transport.now_ns() < end and _receive(transport, peer, streams, guard, stamps, end):
-                pass
+        reason = under_way.until_ended(stop)
     except KeyboardInterrupt:
         reason = EndReason.STOPPED
     for stream in streams:
@@ -266,49 +247,75 @@ def run(
     return reason
 
 
-def _send(
-    transport: DatagramTransport, peer: Peer, streams: Sequence[PacketStream], guard: BudgetGuard, stamps: _Stamps
-) -> bool:
-    """Let every stream send that is due; False: the budget is used up."""
-    for stream in streams:
-        now = transport.now_ns()
+@dataclass(slots=True)
+class _Run:
+    """Streams under way."""
+
+    transport: DatagramTransport
+    peer: ReflectorPeer
+    streams: Sequence[PacketStream]
+    guard: BudgetGuard
+    stamps: dict[tuple[int, int], int] = field(default_factory=dict)
+    """What each packet that wants an answer was stamped with, by session identifier and sequence."""
+
+    def until_ended(self, stop: Callable[[], bool]) -> str:
+        while dues := [due for stream in self.streams if (due := stream.due_ns()) is not None]:
+            if stop():
+                return EndReason.STOPPED
+            self._step(min(dues))
+            if self.guard.limited_by is not None:
+                end = self.transport.now_ns() + round(self.guard.closing_left_s * SECOND)
+                while self._receive(end):
+                    pass
+                return self.guard.limited_by
+        return EndReason.DONE
+
+    def _step(self, due: int) -> None:
+        now = self.transport.now_ns()
+        if now < due:
+            if not self.guard.expires(_SLICE_S):
+                self._receive(min(due, now + round(_SLICE_S * SECOND)))
+            return
+        # What has come up to now is looked at first: it may end a stream.
+        while self._receive(now):
+            pass
+        for stream in self.streams:
+            self._send(stream)
+
+    def _send(self, stream: PacketStream) -> None:
+        """Let a stream send, if it is due and the budget admits it."""
+        now = self.transport.now_ns()
         due = stream.due_ns()
         if due is None or due > now or (outgoing := stream.next_packet(now)) is None:
-            continue
-        if not guard.admit(outgoing.size, outgoing.answer):
-            return False
-        error = error_estimate(peer.clock_error_s, synchronised=peer.synchronised)
-        stamp = ntp(transport.unix_ns())
+            return
+        if not self.guard.admit(outgoing.size, outgoing.answer):
+            return
+        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        stamp = ntp(self.transport.unix_ns())
         packet = SenderPacket(outgoing.sequence, stamp, error, stream.session_id, outgoing.tlvs)
         if outgoing.answer:
-            stamps[stream.session_id, outgoing.sequence] = stamp
-        stream.sent(outgoing, now, transport.send(packet.encode(peer.key)))
-    return True
+            self.stamps[stream.session_id, outgoing.sequence] = stamp
+        stream.sent(outgoing, now, self.transport.send(packet.encode(self.peer.key)))
 
+    def _receive(self, until_ns: int) -> bool:
+        """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
+        arrival = self.transport.receive(until_ns)
+        if arrival is None:
+            return False
+        self.guard.count(len(arrival.datagram), self._accept(arrival))
+        return True
 
-def _receive(  # noqa: PLR0913, PLR0917 - what a run is made of
-    transport: DatagramTransport,
-    peer: Peer,
-    streams: Sequence[PacketStream],
-    guard: BudgetGuard,
-    stamps: _Stamps,
-    until_ns: int,
-) -> bool:
-    """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
-    arrival = transport.receive(until_ns)
-    if arrival is None:
-        return False
-    charged = 0
-    try:
-        packet = decode_reflector(arrival.datagram, peer.key)
-        # A reflector of RFC 8762 alone answers with 0 where a session's identifier would stand.
-        names = {packet.session_id} if packet.session_id or peer.counts else {stream.session_id for stream in streams}
-        for stream in streams:
-            # Both directions have one key: our own packet that somebody sends back is no answer, and lacks our stamp.
-            stamp = stamps.get((stream.session_id, packet.sender_sequence))
-            if stream.session_id in names and stamp == packet.sender_timestamp:
-                charged = stream.accept(packet, arrival)
-    except BadPacket:
-        pass
-    guard.count(len(arrival.datagram), charged)
-    return True
+    def _accept(self, arrival: Arrival) -> int:
+        """Hand an answer to its stream; what was charged for it."""
+        try:
+            packet = decode_reflector(arrival.datagram, self.peer.key)
+            for stream in self.streams:
+                # A reflector of RFC 8762 alone answers with 0 where a session's identifier would stand.
+                named = packet.session_id == stream.session_id or not (packet.session_id or self.peer.counts)
+                # Both directions have one key: our own packet that comes back is no answer, and lacks the stamp.
+                stamp = self.stamps.get((stream.session_id, packet.sender_sequence))
+                if named and stamp == packet.sender_timestamp:
+                    return stream.accept(packet, arrival)
+        except BadPacket:
+            pass
+        return 0

@@ -1,4 +1,4 @@
-"""scapy 2.8 (`contrib.stamp`) as the judge of our packets, as a sender, and as the far end. It has the unauthenticated mode only."""
+"""scapy 2.8 (`contrib.stamp`) judges our packets, sends, and is the far end. It has the unauthenticated mode only."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan
+from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan
 from atlantis_netcfg.qualify.transport import UdpTransport
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def test_it_is_the_far_end_of_our_sender(tmp_path: Path) -> None:
     far = threading.Thread(target=lambda: told.append(run(CLIENT, job, tmp_path)))
     far.start()
     samples: list[Sample] = []
-    peer = Peer(None, counts=False)
+    peer = ReflectorPeer(None, counts=False)
     with UdpTransport((HOST, port)) as transport:
         _until_it_listens(transport)
         guard = BudgetGuard(Budget(), time.monotonic)

@@ -55,7 +55,7 @@ class Statistics:
 
 
 @dataclass
-class _Message:
+class _PartialMessage:
     count: int
     have: int = 0
     """A bit for each chunk."""
@@ -77,7 +77,7 @@ class _TestSession:
     duplicates: int = 0
     limited: int = 0
     answered: int = 0
-    messages: OrderedDict[int, _Message] = field(default_factory=OrderedDict)
+    messages: OrderedDict[int, _PartialMessage] = field(default_factory=OrderedDict)
 
     def is_new(self, sequence: int) -> bool:
         """Note a packet; False: it was here before, or is too old to tell."""
@@ -189,7 +189,7 @@ class Reflector:
 
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Note a chunk; whether it wants an answer."""
-        message = session.messages.setdefault(chunk.message, _Message(chunk.count))
+        message = session.messages.setdefault(chunk.message, _PartialMessage(chunk.count))
         if len(session.messages) > _MESSAGES:
             session.messages.popitem(last=False)
         bit = 1 << chunk.index
@@ -233,7 +233,7 @@ def _wants_counters(packet: SenderPacket) -> bool:
 
 
 def _acknowledgement(session: _TestSession, chunk: MessageChunk) -> Tlv:
-    message = session.messages.get(chunk.message, _Message(chunk.count))
+    message = session.messages.get(chunk.message, _PartialMessage(chunk.count))
     missing = [index for index in range(message.count) if not message.have >> index & 1]
     value = Acknowledgement(chunk.message, message.size, len(missing), message.first, message.last, tuple(missing[:16]))
     return Tlv(CHUNK, value.encode(), 0)

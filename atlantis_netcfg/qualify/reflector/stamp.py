@@ -32,6 +32,7 @@ INTEGRITY = 0x20
 _NTP_1970 = 2_208_988_800
 _ERA = 1 << 32
 _HMAC_SIZE = 16
+_MULTIPLIER = 255
 _PROTECTED = 96
 _SENDER = struct.Struct(">IQHH28x")
 _SENDER_AUTHENTICATED = struct.Struct(">I12xQHH68x")
@@ -78,9 +79,9 @@ def unix_ns(stamp: int, error: int = 1) -> int:
 def error_estimate(error_s: float, *, synchronised: bool) -> int:
     """Give 16 bits: whether the clock is synchronised, NTP's format, and the error (RFC 4656, 4.1.2)."""
     units = max(1, math.ceil(error_s * _ERA))
-    scale = max(0, units.bit_length() - 8)
+    scale = max(0, (units - 1).bit_length() - 8)
     multiplier = -(-units // (1 << scale))
-    if multiplier > 255:
+    if multiplier > _MULTIPLIER:
         scale, multiplier = scale + 1, 128
     return (0x8000 if synchronised else 0) | min(scale, 63) << 8 | multiplier
 

@@ -1,4 +1,4 @@
-"""STAMP as scapy has it (`scapy.contrib.stamp`, unauthenticated mode): a judge of packets, a sender, and a reflector."""
+"""STAMP as scapy has it (`scapy.contrib.stamp`, unauthenticated mode): judge of packets, sender, reflector."""
 
 from __future__ import annotations
 

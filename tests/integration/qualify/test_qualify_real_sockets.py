@@ -1,4 +1,4 @@
-"""The sender and the reflector's program through real sockets, over the emulated link: few seconds, and the kernel's count."""
+"""The sender and the reflector's program through real sockets, over the emulated link, and by the kernel's count."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE, SenderPacket, decode_reflector, ntp
 from atlantis_netcfg.qualify.samples import SampleWriter, read
-from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
 from atlantis_netcfg.qualify.transport import UdpTransport
 
@@ -76,7 +76,7 @@ def budget_sample(seed: int, port: int) -> int:
     limit = draw.randrange(20_000)
     before = _counted()
     with UdpTransport(("127.0.0.1", port)) as transport:
-        peer = Peer(KEY)
+        peer = ReflectorPeer(KEY)
         guard = BudgetGuard(Budget(limit, closing_s=0.1), _now)
         plan = TrainPlan(draw.choice([112, 584, 1200]), 0.001, 1, timeout_s=0.1)
         run(transport, peer, [Train("t", plan, peer, transport, lambda _sample: None)], guard)
@@ -111,7 +111,7 @@ def test_a_train_over_the_emulated_link(port: int, tmp_path: Path) -> None:
     down = LinkShape(rate_bps=704_000, delay_s=0.15, loss=0.05)
     path = tmp_path / "samples.jsonl"
     with UdpRelay(("127.0.0.1", port), up, down, seed=4) as relay, UdpTransport(relay.address) as transport:
-        peer = Peer(KEY)
+        peer = ReflectorPeer(KEY)
         guard = BudgetGuard(Budget(), _now)
         with path.open("a", encoding="utf-8") as file:
             train = Train("train", TrainPlan(172, 0.03, 3, timeout_s=2), peer, transport, SampleWriter(file))
@@ -132,7 +132,7 @@ def test_messages_over_the_emulated_link(port: int) -> None:
     samples = []
     shape = LinkShape(rate_bps=2_000_000, delay_s=0.05, loss=0.02)
     with UdpRelay(("127.0.0.1", port), shape, shape, seed=2) as relay, UdpTransport(relay.address) as transport:
-        peer = Peer(KEY)
+        peer = ReflectorPeer(KEY)
         plan = MessagePlan(60_000, 2, 1, resend=True, pace_bps=1_500_000, timeout_s=0.5)
         stream = MessageStream("m", plan, peer, transport, samples.append)
         assert run(transport, peer, [stream], BudgetGuard(Budget(), _now)) == "done"
@@ -144,7 +144,7 @@ def test_messages_over_the_emulated_link(port: int) -> None:
 def test_nobody_there_is_silence_and_not_an_error() -> None:
     samples = []
     with UdpTransport(("127.0.0.1", 9)) as transport:
-        peer = Peer(KEY)
+        peer = ReflectorPeer(KEY)
         train = Train("t", TrainPlan(112, 0.02, 0.2, timeout_s=0.1), peer, transport, samples.append)
         assert run(transport, peer, [train], BudgetGuard(Budget(), _now)) == "done"
     loss = train_figures(samples, "t").loss
@@ -155,7 +155,7 @@ def test_the_program_ends_in_order_and_says_what_it_refused(tmp_path: Path) -> N
     far = reflector(tmp_path / "far")
     with far as (process, port), UdpTransport(("127.0.0.1", port)) as transport:
         transport.send(b"no packet of STAMP")
-        peer = Peer(KEY)
+        peer = ReflectorPeer(KEY)
         train = Train("t", TrainPlan(112, 0.01, 0.05, timeout_s=1), peer, transport, lambda _sample: None)
         run(transport, peer, [train], BudgetGuard(Budget(), _now))
         process.terminate()

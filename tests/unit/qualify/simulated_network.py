@@ -12,7 +12,7 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.samples import SampleWriter, read
-from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transport import Arrival
 
 if TYPE_CHECKING:
@@ -131,8 +131,8 @@ def unlimited(net: SimulatedNetwork) -> BudgetGuard:
     return BudgetGuard(Budget(), lambda: net.now / SECOND)
 
 
-def run_train(net: SimulatedNetwork, plan: TrainPlan, peer: Peer | None = None) -> tuple[str, list[Sample]]:
-    peer = peer or Peer(KEY)
+def run_train(net: SimulatedNetwork, plan: TrainPlan, peer: ReflectorPeer | None = None) -> tuple[str, list[Sample]]:
+    peer = peer or ReflectorPeer(KEY)
     recording = Recording()
     train = Train("train", plan, peer, net, recording.write)
     return run(net, peer, [train], unlimited(net)), recording.samples

@@ -10,14 +10,14 @@ from tolerances import tolerances
 
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.qualify.figures import NoTrain, Percentiles, TrainFigures, percentile, percentiles, train_figures
-from atlantis_netcfg.qualify.session import Peer, TrainPlan
+from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28, jitter_s=0.02)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28, jitter_s=0.02)
 PLAN = TrainPlan(size=172, interval_s=0.25, duration_s=600)
 
 
-def _measured(net: SimulatedNetwork, plan: TrainPlan = PLAN, peer: Peer | None = None) -> TrainFigures:
+def _measured(net: SimulatedNetwork, plan: TrainPlan = PLAN, peer: ReflectorPeer | None = None) -> TrainFigures:
     _, samples = run_train(net, plan, peer)
     return train_figures(samples, "train")
 
@@ -67,12 +67,12 @@ def test_variation_each_way_without_a_common_clock() -> None:
 def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
     net = network(UP, DOWN)
     net.reflector = type(net.reflector)(KEY, synchronised=True, error_s=0.001)
-    figures = _measured(net, peer=Peer(KEY, synchronised=True))
+    figures = _measured(net, peer=ReflectorPeer(KEY, synchronised=True))
     assert figures.up is not None
     assert figures.up.delay is not None
     truth = percentiles(delay / SECOND for delay in net.truth_up_ns[:-1])
     _close(figures.up.delay, truth, tolerances()["rtt_s"])
-    alone = _measured(network(UP, DOWN), peer=Peer(KEY, synchronised=True))
+    alone = _measured(network(UP, DOWN), peer=ReflectorPeer(KEY, synchronised=True))
     assert alone.up is not None
     assert alone.up.delay is None, "only ours is"
 
@@ -81,15 +81,14 @@ def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
 def test_loss_each_way(seed: int) -> None:
     net = network(LinkShape(delay_s=0.28, loss=0.03), LinkShape(delay_s=0.28, loss=0.01), seed, skew_ns=SECOND)
     loss = _measured(net).loss
-    asked = loss.sent
-    assert asked == 2400
+    assert loss.sent == 2400
     assert loss.why == "by the reflector's count"
     # Its questions for the counters may be lost as well; they are not packets of the train.
-    up, down = asked - len(net.truth_up_ns) + _questions(net), loss.lost
+    up = loss.sent - len(net.truth_up_ns) + _questions(net)
     assert loss.up is not None
     assert loss.down is not None
     assert abs(loss.up - up) <= tolerances()["loss_packets"]
-    assert loss.up + loss.down == down == loss.sent - loss.received
+    assert loss.up + loss.down == loss.lost == loss.sent - loss.received
     assert loss.up > loss.down > 0
 
 
@@ -100,7 +99,7 @@ def _questions(net: SimulatedNetwork) -> int:
 
 def test_loss_by_sequence_numbers_where_the_reflector_tells_no_counters() -> None:
     net = network(LinkShape(delay_s=0.2, loss=0.03), LinkShape(delay_s=0.2, loss=0.01), 3)
-    loss = _measured(net, peer=Peer(KEY, counts=False)).loss
+    loss = _measured(net, peer=ReflectorPeer(KEY, counts=False)).loss
     assert loss.why == "by the reflector's sequence numbers"
     assert (loss.up, loss.down) == (2400 - len(net.truth_up_ns), len(net.truth_up_ns) - len(net.truth_down_ns))
 

@@ -28,7 +28,7 @@ from atlantis_netcfg.qualify.judgement import NoSuchProfile, judge, profile, pro
 from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.path_mtu import path_mtu
 from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, loss_of_chunks, sustained_rate
-from atlantis_netcfg.qualify.session import Peer, TrainPlan, run
+from atlantis_netcfg.qualify.session import ReflectorPeer, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
@@ -36,7 +36,7 @@ DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
 
 
 def _sent(net: SimulatedNetwork, plan: MessagePlan, guard: BudgetGuard | None = None) -> MessageFigures | None:
-    recording, peer = Recording(), Peer(KEY)
+    recording, peer = Recording(), ReflectorPeer(KEY)
     stream = MessageStream("m", plan, peer, net, recording.write)
     guard = guard or unlimited(net)
     run(net, peer, [stream], guard)
@@ -156,7 +156,7 @@ def test_a_link_faster_than_what_was_tried_is_not_called_limited() -> None:
 )
 def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int | None]) -> None:
     net = network(LinkShape(delay_s=0.3, mtu=up, loss=0.05), LinkShape(delay_s=0.3, mtu=down, loss=0.05))
-    found = path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1)
+    found = path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1)
     assert found.up is not None
     assert abs(found.up - expected[0]) <= tolerances()["mtu_octets"]
     assert (found.up, found.both, found.down) == expected
@@ -164,12 +164,12 @@ def test_the_path_mtu_each_way(up: int, down: int, expected: tuple[int, int, int
 
 def test_a_gap_is_no_mtu() -> None:
     net = network(LinkShape(delay_s=0.3, mtu=1400, gaps_s=((4.0, 74.0),)), LinkShape(delay_s=0.3))
-    assert path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1).up == 1400
+    assert path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1).up == 1400
 
 
 def test_a_far_end_that_is_silent_has_no_mtu() -> None:
     net = network(LinkShape(loss=1.0))
-    found = path_mtu(net, Peer(KEY), unlimited(net), timeout_s=1)
+    found = path_mtu(net, ReflectorPeer(KEY), unlimited(net), timeout_s=1)
     assert (found.up, found.both, found.why) == (None, None, "nothing was answered for 90 s")
 
 
@@ -203,7 +203,7 @@ def test_a_grid_beyond_the_link_fails() -> None:
 def test_bytes_are_known_before_they_are_sent() -> None:
     net = network(UP, DOWN)
     plan = TrainPlan(172, 0.25, 20)
-    run_train(net, plan, Peer(KEY, counts=False))
+    run_train(net, plan, ReflectorPeer(KEY, counts=False))
     assert net.up.sent_bytes + net.delivered_bytes == train_bytes(plan, HEADERS)
     net = network(UP, DOWN)
     images = MessagePlan(6_000, 1, 10)

@@ -63,7 +63,7 @@ def test_an_answer_as_rfc_8762_has_it() -> None:
     assert packet.encode() == bytes.fromhex(plain)
     sealed = packet.encode(KEY)
     assert len(sealed) == AUTHENTICATED_SIZE
-    # RFC 8762, figure 7: sequence, timestamp, error, (RFC 8972) identifier, received, sender's sequence, stamp, error, TTL.
+    # RFC 8762, 4.3.2: sequence, stamp, error, identifier (RFC 8972), received, and what the sender had.
     places = {0: "00000003", 16: "eb1f2a3b80000000", 24: "8a051234", 32: "eb1f2a3b80000001"}
     places |= {48: "00000007", 64: "eb1f2a3b80000002", 72: "0101", 80: "3d"}
     expected = bytearray(96)

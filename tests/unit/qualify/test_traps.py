@@ -16,7 +16,7 @@ from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.reflector.stamp import ReflectorPacket, decode_sender, ntp
 from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
-from atlantis_netcfg.qualify.session import Peer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
 
 SLOW_UP = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.0)
@@ -25,7 +25,7 @@ DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
 
 def _messages(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
     recording = Recording()
-    peer = Peer(KEY)
+    peer = ReflectorPeer(KEY)
     run(net, peer, [MessageStream("m", plan, peer, net, recording.write)], unlimited(net))
     figures = message_figures(recording.samples, "m")
     assert figures is not None
@@ -87,9 +87,9 @@ def test_what_is_under_way_at_the_end_is_not_lost() -> None:
     """iperf3 (c): 7.6 % reported where 1 % was lost: the rest was in flight, or in the queue."""
     net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01), DOWN, 5)
     recording = Recording()
-    train = Train("train", TrainPlan(500, 0.0115, 60, timeout_s=3), Peer(KEY), net, recording.write)
+    train = Train("train", TrainPlan(500, 0.0115, 60, timeout_s=3), ReflectorPeer(KEY), net, recording.write)
     net.interrupt_at_ns = 20 * SECOND
-    assert run(net, Peer(KEY), [train], unlimited(net)) == "stopped"
+    assert run(net, ReflectorPeer(KEY), [train], unlimited(net)) == "stopped"
     figures = train_figures(recording.samples, "train")
     loss = figures.loss
     assert figures.reason == "stopped"
@@ -111,7 +111,7 @@ def test_late_is_not_lost() -> None:
 def test_latency_under_load_is_another_figure() -> None:
     """iperf3 (d): the mean round trip rose from 0.63 to 0.98 s under load."""
     net = network(LinkShape(rate_bps=352_000, delay_s=0.28, queue_bytes=16_000), DOWN)
-    peer, recording = Peer(KEY), Recording()
+    peer, recording = ReflectorPeer(KEY), Recording()
     plan = TrainPlan(112, 0.25, 30)
     run(net, peer, [Train("idle", plan, peer, net, recording.write)], unlimited(net))
     load = MessageStream("load", MessagePlan(30_000, 2, 30, pace_bps=700_000), peer, net, recording.write)
@@ -141,7 +141,7 @@ def _copying(datagram: bytes, received_ns: int) -> bytes:
 
 def test_a_reflector_that_copies_numbers_tells_no_loss_each_way() -> None:
     net = network(LinkShape(delay_s=0.1, loss=0.05), LinkShape(delay_s=0.1), answers=_copying)
-    _, samples = run_train(net, TrainPlan(172, 0.25, 100), Peer(KEY, counts=False))
+    _, samples = run_train(net, TrainPlan(172, 0.25, 100), ReflectorPeer(KEY, counts=False))
     loss = train_figures(samples, "train").loss
     assert loss.lost > 5
     assert (loss.up, loss.down) == (None, None)
@@ -201,9 +201,9 @@ def test_a_stranger_who_answers_is_not_believed() -> None:
 def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
     net = network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3))
     recording = Recording()
-    train = Train("train", TrainPlan(172, 0.25, 100), Peer(KEY), net, recording.write)
+    train = Train("train", TrainPlan(172, 0.25, 100), ReflectorPeer(KEY), net, recording.write)
     net.interrupt_at_ns = 30 * SECOND
-    run(net, Peer(KEY), [train], unlimited(net))
+    run(net, ReflectorPeer(KEY), [train], unlimited(net))
     text = recording.text.getvalue()
     whole = train_figures(read(io.StringIO(text)), "train")
     assert whole.loss.received == 118
@@ -214,5 +214,5 @@ def test_stopping_keeps_every_sample_and_a_cut_line_spoils_none() -> None:
 
 def test_a_line_that_was_edited_is_named() -> None:
     lines = ['{"kind":"end","stream":"a","ended_at_ns":5,"reason":"done"}\n', '{"kind":"end","stream":"a"}\n']
-    with pytest.raises(SamplesUnreadable, match="run.jsonl:2: this line is no sample of a measurement"):
+    with pytest.raises(SamplesUnreadable, match=r"run\.jsonl:2: this line is no sample of a measurement"):
         list(read(lines, "run.jsonl"))
