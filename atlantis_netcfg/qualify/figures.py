@@ -146,8 +146,8 @@ def percentiles(values: Iterable[float]) -> Percentiles | None:
     ordered = sorted(values)
     if not ordered:
         return None
-    shares = [percentile(ordered, share) for share in (0.5, 0.9, 0.95, 0.99)]
-    return Percentiles(len(ordered), ordered[0], *shares, ordered[-1])
+    p50, p90, p95, p99 = (percentile(ordered, share) for share in (0.5, 0.9, 0.95, 0.99))
+    return Percentiles(len(ordered), ordered[0], p50, p90, p95, p99, ordered[-1])
 
 
 def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
@@ -201,14 +201,14 @@ def _pairs(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list
         _AnsweredPacket(
             packet.sequence,
             packet.sent_at_ns,
-            reply.arrived_at_ns,
-            reply.reflector_sequence,
-            reply.received_ns,
-            reply.replied_ns,
-            reply.reflector_error,
+            answer.arrived_at_ns,
+            answer.reflector_sequence,
+            answer.received_ns,
+            answer.replied_ns,
+            answer.reflector_error,
         )
         for packet in sent
-        if (reply := first.get(packet.sequence)) is not None
+        if (answer := first.get(packet.sequence)) is not None
     ]
 
 

@@ -26,6 +26,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
+from atlantis_netcfg.qualify.samples import ReplyReceived
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan
 from atlantis_netcfg.qualify.transport import UdpTransport
 
@@ -117,7 +118,7 @@ def test_it_is_the_far_end_of_our_sender(tmp_path: Path) -> None:
     assert figures.loss.received == 46
     assert figures.rtt is not None
     assert 0 < figures.rtt.min < 1
-    numbers = [sample.reflector_sequence for sample in samples if isinstance(sample, session.ReplyReceived)]
+    numbers = [sample.reflector_sequence for sample in samples if isinstance(sample, ReplyReceived)]
     first = numbers[0]
     assert numbers == [n for n in range(first, first + 47) if n - first != 24 - 1], "it numbers what it answers"
     assert told == [first + 47]

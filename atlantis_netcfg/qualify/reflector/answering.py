@@ -244,7 +244,7 @@ def _answers(tlvs: Tlvs, session: _TestSession) -> Tlvs:
     return tuple(
         Tlv(COUNTERS, _counted(session).encode(), 0)
         if tlv.type == COUNTERS
-        else Tlv(tlv.type, tlv.value, tlv.flags & ~UNRECOGNISED if tlv.type == PADDING else tlv.flags | UNRECOGNISED)
+        else Tlv(tlv.type, tlv.value, 0 if tlv.type == PADDING else UNRECOGNISED)
         for tlv in tlvs
     )
 

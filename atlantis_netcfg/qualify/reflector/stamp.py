@@ -11,7 +11,7 @@ import hashlib
 import hmac
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Tuple
 
 PORT = 862
@@ -171,7 +171,7 @@ def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
 def decode_reflector(data: bytes, key: bytes | None = None) -> ReflectorPacket:
     """Read an answer. BadPacket."""
     form, body = _opened(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
-    return ReflectorPacket(*form.unpack_from(data), tlvs=_tlvs(data[:4], body, key))
+    return replace(ReflectorPacket(*form.unpack_from(data)), tlvs=_tlvs(data[:4], body, key))
 
 
 def padding(size: int, *, authenticated: bool) -> Tlvs:

@@ -20,6 +20,8 @@ from scapy.contrib.stamp import (  # noqa: E402 - it warns of interfaces while i
 
 NTP_1970 = 2_208_988_800
 LAST = 0xFFFFFFFF
+UNRECOGNISED = 0x80
+"""RFC 8972, 4.1: the first bit; the letters of scapy's field begin at the last one."""
 
 
 def main() -> None:
@@ -37,7 +39,7 @@ def _plain(packet: Any) -> dict[str, Any]:
         elif name == "tlv_objects":
             fields[name] = [[int(tlv.flags), int(tlv.type), bytes(tlv.value).hex()] for tlv in value]
         else:
-            fields[name] = float(value) if name.startswith("ts") else int(value)
+            fields[name] = float(getattr(packet, name)) if name.startswith("ts") else int(value)
     return {**fields, "whole": bytes(packet).hex()}
 
 
@@ -57,7 +59,7 @@ def send(job: dict[str, Any]) -> Any:
         opened.settimeout(20)
         opened.connect((job["host"], job["port"]))
         for number in range(job["count"]):
-            tlvs = [STAMPTestTLV(flags="U", type=1, len=12, value=bytes(12))] if number % 2 else []
+            tlvs = [STAMPTestTLV(flags=UNRECOGNISED, type=1, len=12, value=bytes(12))] if number % 2 else []
             packet = STAMPSessionSenderTestUnauthenticated(
                 seq=number, ts=time.time() + NTP_1970, ssid=77, err_estimate=ErrorEstimate(S=1), tlv_objects=tlvs
             )
@@ -87,12 +89,13 @@ def reflect(job: dict[str, Any]) -> Any:
                 ts_rx=received,
                 ssid=asked.ssid,
                 seq_sender=asked.seq,
-                ts_sender=asked.ts,
                 err_estimate_sender=asked.err_estimate,
                 ttl_sender=64,
                 tlv_objects=asked.tlv_objects,
                 ts=time.time() + NTP_1970,
             )
+            # As it stands on the wire: its own conversion to seconds and back loses the last bit.
+            reply.fields["ts_sender"] = asked.fields["ts"]
             answered += 1
             if asked.seq not in job["lost_down"]:
                 opened.sendto(bytes(reply), source)

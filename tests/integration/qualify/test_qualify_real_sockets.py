@@ -26,6 +26,8 @@ from atlantis_netcfg.qualify.transport import UdpTransport
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from atlantis_netcfg.qualify.samples import Sample
+
 KEY = b"an example key, 32 octets long.."
 _NAMESPACE = 'ip link set lo up && exec "$@"'
 _STATISTICS = Path("/sys/class/net/lo/statistics")
@@ -129,7 +131,7 @@ def test_a_train_over_the_emulated_link(port: int, tmp_path: Path) -> None:
 
 
 def test_messages_over_the_emulated_link(port: int) -> None:
-    samples = []
+    samples: list[Sample] = []
     shape = LinkShape(rate_bps=2_000_000, delay_s=0.05, loss=0.02)
     with UdpRelay(("127.0.0.1", port), shape, shape, seed=2) as relay, UdpTransport(relay.address) as transport:
         peer = ReflectorPeer(KEY)
@@ -142,7 +144,7 @@ def test_messages_over_the_emulated_link(port: int) -> None:
 
 
 def test_nobody_there_is_silence_and_not_an_error() -> None:
-    samples = []
+    samples: list[Sample] = []
     with UdpTransport(("127.0.0.1", 9)) as transport:
         peer = ReflectorPeer(KEY)
         train = Train("t", TrainPlan(112, 0.02, 0.2, timeout_s=0.1), peer, transport, samples.append)

@@ -45,7 +45,8 @@ def _random_streams(draw: random.Random, net: SimulatedNetwork, peer: ReflectorP
     octets, rate = draw.randrange(1, 9000), draw.uniform(0.2, 2)
     pace = draw.choice([None, 200_000])
     plan = MessagePlan(octets, rate, 4, draw.random() < 0.5, pace, timeout_s=1, give_up_s=4)
-    return [train, MessageStream("m", plan, peer, net, write)][: draw.randrange(1, 3)]
+    streams: list[PacketStream] = [train, MessageStream("m", plan, peer, net, write)]
+    return streams[: draw.randrange(1, 3)]
 
 
 def _largest() -> int:

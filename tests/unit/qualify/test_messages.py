@@ -92,7 +92,7 @@ def _search(net: SimulatedNetwork, size: int, **more: float) -> SustainedRate:
     def measure(rate_hz: float) -> MessageFigures | None:
         return _sent(net, MessagePlan(size, rate_hz, 12))
 
-    return sustained_rate(size, measure, idle_latency_s=idle.latency.p50, **more)  # type: ignore[arg-type]
+    return sustained_rate(size, measure, idle_latency_s=idle.latency.p50, **more)
 
 
 @pytest.mark.parametrize("size", [1_000, 6_000, 20_000])
