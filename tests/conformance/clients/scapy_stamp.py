@@ -32,7 +32,7 @@ def main() -> None:
 
 def _plain(packet: Any) -> dict[str, Any]:
     """The fields of a packet, with whole numbers and texts for what JSON has not."""
-    fields = {}
+    fields: dict[str, Any] = {}
     for name, value in packet.fields.items():
         if name.startswith("err_estimate"):
             fields[name] = [int(value.S), int(value.Z), int(value.scale), int(value.multiplier)]
