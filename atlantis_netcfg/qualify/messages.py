@@ -104,7 +104,7 @@ class MessageStream:
     _open: dict[int, _OpenMessage] = field(default_factory=dict)
     _waits: list[tuple[int, int]] = field(default_factory=list)
     """A heap: when to look after which message; times that have moved are put right when they come up."""
-    _asked: dict[int, int] = field(default_factory=dict)
+    _charged: dict[int, int] = field(default_factory=dict)
     """Sequences that want an answer, with what was charged for it."""
 
     @property
@@ -217,24 +217,24 @@ class MessageStream:
         message.chunks_sent += 1
         self._sequence += 1
         if outgoing.answer:
-            self._asked[outgoing.sequence] = outgoing.answer
+            self._charged[outgoing.sequence] = outgoing.answer
         pace = self.plan.pace_bps
         wire = (outgoing.size + self.transport.headers) * 8
         self._free_at = max(self._free_at, now_ns) + (0 if pace is None else round(wire / pace * SECOND))
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
-        charged = self._asked.pop(packet.sender_sequence, 0)
+        charged = self._charged.pop(packet.sender_sequence, 0)
         for tlv in packet.tlvs:
             if tlv.type == CHUNK and not tlv.flags:
                 word = Acknowledgement.decode(tlv.value)
                 message = self._open.get(word.message)
                 if message is not None:
                     message.word, message.error = word, packet.error
-                    self._heard(message, word, arrival.at_ns)
+                    self._acknowledged(message, word, arrival.at_ns)
         return charged
 
-    def _heard(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
+    def _acknowledged(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
         if not word.missing:
             self._finish(message, at_ns)
         elif self.plan.resend and not message.queued:
@@ -243,7 +243,7 @@ class MessageStream:
 
     def _finish(self, message: _OpenMessage, at_ns: int | None = None, *, in_flight: bool = False) -> None:
         word = message.word
-        came = word is not None and word.first != 0
+        arrived = word is not None and word.first != 0
         del self._open[message.number]
         if message.sent_at < 0:
             return
@@ -257,8 +257,8 @@ class MessageStream:
                 message.sent_at - self._origin,
                 None if at_ns is None else at_ns - self._origin,
                 None if word is None else word.size,
-                unix_ns(word.first, message.error) if word is not None and came else None,
-                unix_ns(word.last, message.error) if word is not None and came else None,
+                unix_ns(word.first, message.error) if word is not None and arrived else None,
+                unix_ns(word.last, message.error) if word is not None and arrived else None,
                 in_flight=in_flight,
             )
         )

@@ -237,7 +237,7 @@ def run(
     origin = transport.now_ns()
     for stream in streams:
         stream.begin(origin)
-    under_way = _Run(transport, peer, streams, guard)
+    under_way = _RunningStreams(transport, peer, streams, guard)
     try:
         reason = under_way.until_ended(stop)
     except KeyboardInterrupt:
@@ -248,7 +248,7 @@ def run(
 
 
 @dataclass(slots=True)
-class _Run:
+class _RunningStreams:
     """Streams under way."""
 
     transport: DatagramTransport

@@ -80,12 +80,14 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
 
 def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
     """The first message's octets are the fence post: the time begins when they begin to arrive."""
-    came = [message for message in ended if message.first_ns is not None and message.last_ns is not None]
-    if not came:
+    arrived = [message for message in ended if message.first_ns is not None and message.last_ns is not None]
+    if not arrived:
         return None
-    first = min(message.first_ns or 0 for message in came)
-    last = max(message.last_ns or 0 for message in came)
-    octets = sum(message.received_size or 0 for message in came) - min(came[0].size, -(-came[0].size // came[0].chunks))
+    first = min(message.first_ns or 0 for message in arrived)
+    last = max(message.last_ns or 0 for message in arrived)
+    octets = sum(message.received_size or 0 for message in arrived) - min(
+        arrived[0].size, -(-arrived[0].size // arrived[0].chunks)
+    )
     return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
 
 

@@ -1,4 +1,4 @@
-"""irtt (Debian) beside our sender in one run, over an emulated link of the same shape, and as the judge of our figures."""
+"""irtt (Debian) beside our sender in one run, over a link of the same shape, and as the judge of our figures."""
 
 from __future__ import annotations
 
