@@ -114,12 +114,12 @@ def test_witnesses_are_pinned_and_nothing_of_the_product_needs_them() -> None:
     told = (ROOT / "docs" / "dependencies.md").read_text().partition("## Clients of others")[2].partition("\n## ")[0]
     pinned = locked("witnesses")
     node = json.loads((WITNESSES / "package.json").read_text())["dependencies"]
-    for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko"):
+    for name in ("ansible", "librouteros", "RouterOS-api", "napalm-ros", "netmiko", "scapy"):
         assert name in told
         assert normal(name) in pinned
     assert "--require-hashes" in (ROOT / "tools" / "strangers").read_text()
     assert all(name in told and re.fullmatch(r"[\d.]+", version) for name, version in node.items())
-    assert {"ansible", "napalm", "napalm-ros", "routeros-api"}.isdisjoint(locked("dev"))
+    assert {"ansible", "napalm", "napalm-ros", "routeros-api", "scapy"}.isdisjoint(locked("dev"))
 
 
 def test_the_lock_of_node_names_no_registry() -> None:
