@@ -195,10 +195,8 @@ def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
     made = Computer(spec(files=files, packages={"chrony": "4.3-2+deb12u1", "bash": "5.2.15-2+b8"}))
     packages = ("chrony", "gpsd")
     printed = {name: made.answer(question.argv) for name, question in record.questions(host, packages)}
-    assert printed["packages"] == (
-        *(1, "chrony=4.3-2+deb12u1=installed\n"),
-        "dpkg-query: no packages found matching gpsd\n",
-    )
+    lines = "chrony=4.3-2+deb12u1=installed\n"
+    assert printed["packages"] == (1, lines, "dpkg-query: no packages found matching gpsd\n")
     answers = {name: CommandResult(None, "", *answer) for name, answer in printed.items()}
     facts = record.read(host, answers, packages, {})
     assert facts.packages == {"chrony": "4.3-2+deb12u1", "gpsd": record.NOT_INSTALLED}
