@@ -166,6 +166,11 @@ class ComputerSpec(_Spec):
     """Participants that answer; that their ports are bound, `udp` says."""
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
     """Interface to the servers that answer on its segment."""
+    kernel: str = "6.1.0-28-arm64"
+    """Its release, as `uname -r` prints it."""
+    machine: str = "aarch64"
+    packages: dict[str, str] = Field(default_factory=dict)
+    """Installed package to its version; dpkg knows no other."""
     lacks: tuple[str, ...] = ()
     """Programs that are not installed."""
 
