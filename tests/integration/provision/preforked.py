@@ -45,7 +45,7 @@ PRELOADED = (
     *("atlantis_netcfg.operations.vault", "atlantis_netcfg.report.drift", "atlantis_netcfg.routeros.fleet"),
     *("cryptography.hazmat.primitives.kdf.pbkdf2", "cryptography.x509", "jinja2.nativetypes", "jinja2.sandbox"),
     *("multiprocessing.queues", "multiprocessing.shared_memory", "multiprocessing.synchronize", "packaging.tags"),
-    *("asyncssh", "curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
+    *("curses", "pprint", "pty", "syslog", "tarfile", "xml.dom.minidom", "xml.etree.ElementTree", "yaml"),
 )
 """What most commands import; no more than that, so that a command which forgets an import still fails."""
 _NEW_NETWORK = 0x40000000

@@ -24,6 +24,7 @@ import socket
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
+import asyncssh
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
     Encoding,
@@ -44,8 +45,6 @@ from atlantis_netcfg.emulator.routeros.wire.link import Chunk, FaultKind, LineEn
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Sequence
     from pathlib import Path
-
-    import asyncssh
 
 
 class Gone(Exception):
@@ -448,8 +447,6 @@ class SshShell:
 
     async def _converse(self, caller: Caller) -> None:
         """Feed the session until it or the terminal has had enough."""
-        import asyncssh  # noqa: PLC0415
-
         kind = self._channel.get_terminal_type()
         session = ConsoleSession(
             WireTalk(self._connection, caller), self._screen(kind), self._say, sized=kind is not None
