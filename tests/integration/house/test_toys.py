@@ -22,15 +22,15 @@ pytestmark = pytest.mark.slow
 
 @dataclass
 class Copy:
-    """A copy of the product into which somebody writes."""
+    """A copy of the product into which somebody writes; what is compiled comes along, and is seen to be out of date."""
 
     folder: Path
 
     def __post_init__(self) -> None:
         for name in CARRIED:
             if (CHECKOUT / name).is_dir():
-                ignored = shutil.ignore_patterns("__pycache__")
-                shutil.copytree(CHECKOUT / name, self.folder / name, ignore=ignored)
+                being_compiled = shutil.ignore_patterns("*.pyc.*")
+                shutil.copytree(CHECKOUT / name, self.folder / name, ignore=being_compiled)
             else:
                 shutil.copy(CHECKOUT / name, self.folder)
 
