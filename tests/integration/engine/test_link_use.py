@@ -49,7 +49,7 @@ HASTY = Patience(reach_s=30)
 
 def router(tmp_path: Path, **more: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec
     """The router of the coastal site, as declared; its own address is there since its adoption."""
-    made = bench(tmp_path, "coastal-router")
+    made = bench(tmp_path, "coastal-router", **more)
     adopted = "add address=10.64.101.1/24 "
     seed = "".join(line for line in made.text.splitlines(keepends=True) if not line.startswith(adopted))
     return bench(tmp_path, "coastal-router", seed=seed, **more)
