@@ -134,17 +134,17 @@ class _DataReaches:
 
     def _silence(self, far: FarComputer, sent: int, results: Mapping[str, Answer]) -> BearerFinding:
         """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
-        bearer = active_bearer(self.site, results)
-        over = f"{self._over(results)}, and the item `vpn` tells whether its server answers"
-        message = f"{far.name} has answered none of {sent} messages to {far.address}"
+        bearer, none_of = active_bearer(self.site, results), f"none of {sent} messages to {far.address}"
         if bearer is not None and bearer.kind.traits.allow_list:
             hint = "repeat the check; three silent rounds are more than a pause of the satellite"
-            return unknown("far-end-silent-satellite", f"{message}, over a satellite that may pause for 70 s", hint)
-        if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
-            hint = f"is {far.name} switched on? the checklist of {far.site} looks from its end"
-            return unknown("gateway-silent", f"{message}: it may be switched off", hint)
+            message = f"{far.name} has answered {none_of}, over a satellite that may pause for 70 s"
+            return unknown("far-end-silent-satellite", message, hint)
         hint = f"is {far.name} switched on? the checklist of {far.site} looks from its end"
-        return fail("far-end-silent", f"{message} {over}", hint)
+        if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
+            return unknown("gateway-silent", f"{far.name} has answered {none_of}: it may be off", hint)
+        over = self._over(results)
+        message = f"{far.name} has answered {none_of} {over}, and the item `vpn` tells whether its server answers"
+        return fail("far-end-silent", message, hint)
 
     def _counted(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
@@ -152,7 +152,7 @@ class _DataReaches:
         emulated = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
         text = (
             f"{far.name} has answered {len(delays)} of {len(answer.tokens)} messages {self._over(results)}"
-            f", the last in {worst * 1000:.0f} ms{emulated}"
+            f", the slowest in {worst * 1000:.0f} ms{emulated}"
         )
         if limit is not None and worst > limit:
             message = f"{text}, and `answer_within_s` is {limit:g}"

@@ -49,15 +49,14 @@ def told(**silent: ReflectResult) -> list[str]:
 
 def test_every_gateway_is_asked_and_has_its_finding() -> None:
     assert told() == [
-        f"PASS data-reaches: {name} has answered 3 of 3 messages through the VPN over uplink, the last in 700 ms"
+        f"PASS data-reaches: {name} has answered 3 of 3 messages through the VPN over uplink, the slowest in 700 ms"
         for name in GATEWAYS
     ]
 
 
 def test_a_gateway_that_is_silent_may_be_switched_off() -> None:
     assert told(te4sea_gateway=ReflectResult(None, "", TOKENS))[1:] == [
-        "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages to 10.80.0.22: "
-        "it may be switched off"
+        "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages to 10.80.0.22: it may be off"
     ]
 
 
