@@ -20,6 +20,7 @@ import sys
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,7 +111,7 @@ class Chain:
         end = time.monotonic() + _MEET_S
         for speaker, listener in sorted(pairs):
             participant = self.participants[listener]
-            participant.wait(lambda at=participant, of=speaker: self._heard(at, of, after), end)
+            participant.wait(partial(self._heard, participant, speaker, after), end)
         return {
             (speaker, listener)
             for listener, participant in self.participants.items()

@@ -101,7 +101,7 @@ def test_everybody_is_seen_both_ways_over_each_link(made: Chain, bearer: str) ->
     )
     delays = [float(one.value.partition(" ms")[0]) for one in result.evidence if one.what.startswith("message ")]
     assert len(delays) == 3
-    assert all((delay > 600) == (bearer == "satellite") for delay in delays), delays
+    assert bearer != "satellite" or min(delays) > 600, delays
     assert all("from 10.80.0.21 by tun0, back by tun0" in one.value for one in result.evidence[1:])
 
 

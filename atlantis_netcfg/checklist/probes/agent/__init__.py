@@ -133,7 +133,10 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
         datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
         return DdsDiscoverResult(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
     if isinstance(question, ReflectRequest):
-        answers = tuple(Reflected(*row[:3], _bytes(row[3])) for row in result.get("answers", ()))
+        answers = tuple(
+            Reflected(sender, interface, delay_s, _bytes(data))
+            for sender, interface, delay_s, data in result.get("answers", ())
+        )
         return ReflectResult(trouble, words, tuple(result.get("tokens", ())), answers)
     return DhcpOffers(trouble, words, tuple(_offers(result.get("offers", ()))))
 

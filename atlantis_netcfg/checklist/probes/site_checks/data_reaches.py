@@ -93,7 +93,7 @@ class _DataReaches:
         return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
 
     def asks(self) -> tuple[Question, ...]:
-        far = [
+        far: list[Question] = [
             question
             for item in self.far
             for question in (
@@ -134,17 +134,24 @@ class _DataReaches:
 
     def _silence(self, far: FarComputer, sent: int, results: Mapping[str, Answer]) -> BearerFinding:
         """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
-        bearer, none_of = active_bearer(self.site, results), f"none of {sent} messages to {far.address}"
+        bearer, over = active_bearer(self.site, results), self._over(results)
         if bearer is not None and bearer.kind.traits.allow_list:
-            hint = "repeat the check; three silent rounds are more than a pause of the satellite"
-            message = f"{far.name} has answered {none_of}, over a satellite that may pause for 70 s"
-            return unknown("far-end-silent-satellite", message, hint)
-        hint = f"is {far.name} switched on? the checklist of {far.site} looks from its end"
+            return unknown(
+                "far-end-silent-satellite",
+                f"{far.name} has answered none of {sent} messages, over a satellite that may pause for 70 s",
+                "repeat the check; three silent rounds are more than a pause of the satellite",
+            )
         if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
-            return unknown("gateway-silent", f"{far.name} has answered {none_of}: it may be off", hint)
-        over = self._over(results)
-        message = f"{far.name} has answered {none_of} {over}, and the item `vpn` tells whether its server answers"
-        return fail("far-end-silent", message, hint)
+            return unknown(
+                "gateway-silent",
+                f"{far.name} has answered none of {sent} messages: it may be off",
+                f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+            )
+        return fail(
+            "far-end-silent",
+            f"{far.name} has answered none of {sent} messages {over}; the item `vpn` tells whether its server answers",
+            f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+        )
 
     def _counted(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
@@ -182,25 +189,37 @@ class _DataReaches:
 def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | None:
     """Why nothing that is sent would pass the VPN; None: it would."""
     if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
-        hint = f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again"
-        return fail("no-way", f"{name} has no route to {far.name} at {far.address}", hint)
+        return fail(
+            "no-way",
+            f"{name} has no route to {far.name} at {far.address}",
+            f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
+        )
     way = parsed(answer, name, "its way to the other end")
     if isinstance(way, BearerFinding):
         return way
-    device = str(way[0].get("dev", "?")) if way else "?"
+    device = str(way[0].get("dev")) if way else "another way"
     if device == TUNNEL:
         return None
-    hint = f"on {name}: `ip route get {far.address}` shows the route; remove the one that somebody has added"
-    return fail("way-outside-vpn", f"data for {far.name} would leave {name} by {device}, and not through the VPN", hint)
+    return fail(
+        "way-outside-vpn",
+        f"data for {far.name} would leave {name} by {device}, and not through the VPN",
+        f"on {name}: `ip route get {far.address}` shows the route; remove the one that somebody has added",
+    )
 
 
 def _not_sent(name: str, far: FarComputer, answer: ReflectResult) -> BearerFinding:
     if answer.trouble is Trouble.REFUSED:
-        hint = f"on {far.name}: `systemctl status atlantis-reflector`; a run of {far.site} starts it"
-        return fail("nobody-answers-data", f"{far.name} is there, and nothing at it answers messages", hint)
+        return fail(
+            "nobody-answers-data",
+            f"{far.name} is there, and nothing at it answers messages",
+            f"on {far.name}: `systemctl status atlantis-reflector`; a run of {far.site} starts it",
+        )
     if answer.trouble is Trouble.UNREACHABLE:
-        hint = f"on {name}: `ip route get {far.address}`; the item `vpn` tells whether the tunnel is up"
-        return fail("data-not-sent", f"{name} could not send to {far.name}: {answer.words}", hint)
+        return fail(
+            "data-not-sent",
+            f"{name} could not send to {far.name}: {answer.words}",
+            f"on {name}: `ip route get {far.address}`; the item `vpn` tells whether the tunnel is up",
+        )
     return silent(name, answer.trouble or Trouble.SILENT, answer.words)
 
 
@@ -217,19 +236,28 @@ def _strange(far: FarComputer, own: str, item: Reflected, result: ReflectResult)
     """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:
-        hint = f"find out who answers at {far.address}: run the site of {far.name}, then repeat the check"
-        return fail("other-data", f"somebody at {item.sender} answers with something else than what was sent", hint)
-    if item.sender != far.address or row.get("to") != far.address:
-        hint = f"no address may be translated inside the VPN: look at NAT rules between here and {far.name}"
-        return fail("answered-elsewhere", f"{item.sender} answers what was sent to {far.address}", hint)
-    if row.get("host") != far.name:
-        hint = "each address of the VPN belongs to one member: `provision vpn status` shows who has it"
-        return fail("other-computer", f"{row.get('host')} answers at {far.address}, the address of {far.name}", hint)
-    if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != own:
-        message = (
-            f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
-            f"and its answer came back by {item.interface}"
+        return fail(
+            "other-data",
+            f"somebody at {item.sender} answers with something else than what was sent",
+            f"find out who answers at {far.address}: run the site of {far.name}, then repeat the check",
         )
-        hint = f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {own}` there"
-        return fail("answered-outside-vpn", message, hint)
+    if item.sender != far.address or row.get("to") != far.address:
+        return fail(
+            "answered-elsewhere",
+            f"{item.sender} answers what was sent to {far.address}",
+            f"no address may be translated inside the VPN: look at NAT rules between here and {far.name}",
+        )
+    if row.get("host") != far.name:
+        return fail(
+            "other-computer",
+            f"{row.get('host')} answers at {far.address}, the address of {far.name}",
+            "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
+        )
+    if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != own:
+        return fail(
+            "answered-outside-vpn",
+            f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
+            f"and its answer came back by {item.interface}",
+            f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {own}` there",
+        )
     return None

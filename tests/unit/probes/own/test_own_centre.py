@@ -56,7 +56,7 @@ def test_every_gateway_is_asked_and_has_its_finding() -> None:
 
 def test_a_gateway_that_is_silent_may_be_switched_off() -> None:
     assert told(te4sea_gateway=ReflectResult(None, "", TOKENS))[1:] == [
-        "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages to 10.80.0.22: it may be off"
+        "INCONCLUSIVE gateway-silent: te4sea-gateway has answered none of 3 messages: it may be off"
     ]
 
 
