@@ -93,15 +93,12 @@ class _DataReaches:
         return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
 
     def asks(self) -> tuple[Question, ...]:
-        far: list[Question] = [
-            question
-            for item in self.far
-            for question in (
-                *run(f"way {item.name}", self.site, f"ip -j route get {item.address}"),
-                ReflectRequest(f"data {item.name}", Place.GATEWAY, self._own[1], item.address, REFLECTOR_PORT),
-            )
-        ]
+        far = (question for item in self.far for question in self._questions(item))
         return (*run("addresses", self.site, "ip -j addr show"), *far, *bearer_requests(self.site))
+
+    def _questions(self, far: FarComputer) -> tuple[Question, ...]:
+        way = run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
+        return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._own[1], far.address, REFLECTOR_PORT))
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
         name, own = self._own
