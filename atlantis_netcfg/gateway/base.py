@@ -14,6 +14,7 @@ from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import (
+    REFLECTOR_PORT,
     DdsPath,
     GpsTime,
     SeenFrom,
@@ -37,6 +38,7 @@ from atlantis_netcfg.gateway.parts import (
     WayIn,
     computer_network,
 )
+from atlantis_netcfg.gateway.reflector import reflector
 from atlantis_netcfg.gateway.services import services
 from atlantis_netcfg.render import environment
 
@@ -196,7 +198,10 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
 
 
 def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
-    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far."""
+    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far.
+
+    Then what our own computers of other sites ask it for their checklists, and what vehicles send.
+    """
     vpn = declaration.pilot.vpn
     ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
     for service in device.services:
@@ -208,6 +213,8 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
     for offered in vpn.services:
         if offered.host == host:
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
+    if device.vpn_address is not None:
+        yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
     yield from _streams(declaration, host, lan)
 
 
@@ -308,7 +315,9 @@ def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = Fals
             brought=air.brought,
             checks=(*CHECKS, *air.checks),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
-        ).joined(services(host.device.services)),
+        )
+        .joined(reflector(host))
+        .joined(services(host.device.services)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,

@@ -36,7 +36,7 @@ for path in {_UNITS}/atlantis-service-*.service; do
 done
 exec systemctl daemon-reload
 """
-_HOLDS_PORT = """\
+HOLDS_PORT = """\
 unit="$1" kind="$2" port="$3" tries=0
 while [ "$tries" -lt 30 ]; do
     case "$(systemctl show --property ActiveState --value "$unit")" in active | activating) ;; *) exit 1 ;; esac
@@ -132,7 +132,7 @@ def _check(hosted: _Hosted, service: HostedService) -> Check:
         return Check(("sh", "-c", _RUNS, "sh", hosted.unit), f"the service `{service.name}` does not stay up", hint)
     kind = "t" if service.transport.value == "tcp" else "u"
     return Check(
-        ("sh", "-c", _HOLDS_PORT, "sh", hosted.unit, kind, str(service.port)),
+        ("sh", "-c", HOLDS_PORT, "sh", hosted.unit, kind, str(service.port)),
         f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
         hint,
     )

@@ -36,6 +36,7 @@ from atlantis_netcfg.declaration.model.checklist import (
     VehicleChecklist,
 )
 from atlantis_netcfg.declaration.model.computer import (
+    REFLECTOR_PORT,
     AddressBy,
     ComputerNetwork,
     ControlCentre,
@@ -152,6 +153,7 @@ from atlantis_netcfg.declaration.model.site import (
 __all__ = [
     "BEARER_TRAITS",
     "ETHERNET",
+    "REFLECTOR_PORT",
     "Access",
     "AcousticDriver",
     "AcousticEndpoint",

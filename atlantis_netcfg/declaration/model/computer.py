@@ -28,6 +28,8 @@ from atlantis_netcfg.declaration.model._base import (
     wrong,
 )
 
+REFLECTOR_PORT = 6862
+"""UDP port at which gateways and control centres answer one another's checklists, in the VPN alone."""
 _KINDS = (
     "ssh-ed25519",
     "sk-ssh-ed25519@openssh.com",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import (
+    REFLECTOR_PORT,
     ControlCentre,
     Gateway,
     HostedService,
@@ -69,6 +70,8 @@ def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, st
     }
     if draft.pilot is None:
         return taken
+    if device.vpn_address is not None:
+        taken[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
     if draft.pilot.dds is not None:
         taken |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
     for index, service in enumerate(draft.pilot.vpn.services):

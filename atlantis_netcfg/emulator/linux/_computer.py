@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import struct
 import time
@@ -12,7 +13,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._ip import ip, iw, ping
+from atlantis_netcfg.emulator.linux._ip import ip, iw, lost, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
     CertificateSpec,
@@ -273,6 +274,23 @@ class Computer:
         return tuple(
             (address, message) for number, dds in enumerate(there) for message in answers(number, dds, asked_by)
         )
+
+    def reflected(
+        self, source: str, address: str, tokens: Sequence[str]
+    ) -> tuple[tuple[str, str, float, bytes], ...] | None:
+        """Sender, interface, delay in seconds and text of the answers to messages with these tokens.
+
+        None: no interface has the source address. Each answer says that it is emulated.
+        """
+        own, way, there = self.spec.holding(source), self.spec.towards(address), self.spec.reflectors.get(address)
+        if own is None:
+            return None
+        if way is None or there is None:
+            return ()
+        kept = [token for number, token in enumerate(tokens, start=1) if not lost(number, there.loss_percent)]
+        rows = {"host": there.host, "from": source, "to": address, "by": there.arrives_by, "emulated": True}
+        texts = (json.dumps({"token": token, **rows}).encode() for token in kept)
+        return tuple((address, way[0], there.rtt_ms / 1000, text) for text in texts)
 
 
 _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], Printed]] = {

@@ -258,12 +258,13 @@ def _is_address(text: str) -> bool:
 
 def _answers(target: str, echo: EchoSpec, count: int) -> tuple[str, int]:
     """The share that is lost is lost evenly, beginning with the last of each run."""
-    kept = [number for number in range(1, count + 1) if not _lost(number, echo.loss_percent)]
+    kept = [number for number in range(1, count + 1) if not lost(number, echo.loss_percent)]
     lines = (f"64 bytes from {target}: icmp_seq={number} ttl=64 time={_time(echo.rtt_ms)} ms\n" for number in kept)
     return "".join(lines), len(kept)
 
 
-def _lost(number: int, percent: float) -> bool:
+def lost(number: int, percent: float) -> bool:
+    """Whether a message is one of the share that is lost."""
     return int(number * percent / 100) > int((number - 1) * percent / 100)
 
 

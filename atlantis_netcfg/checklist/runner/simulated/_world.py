@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
+from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.declaration.model import (
     AcousticDriver,
     Column,
@@ -35,6 +36,7 @@ from atlantis_netcfg.emulator.linux import (
     DdsSpec,
     EchoSpec,
     InterfaceSpec,
+    ReflectorSpec,
     UdpSpec,
     lan_computer,
 )
@@ -67,7 +69,9 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
         mac=device.mac,
         router=(str(lan.gateway), ROUTER_MAC),
         others={str(reserved[key].address): reserved[key].mac for key in vehicles if key in reserved},
-        tunnel=f"{device.vpn_address}/32" if device.vpn_address is not None else None,
+        tunnel=f"{device.vpn_address}/{declaration.pilot.vpn.network.prefixlen}"
+        if device.vpn_address is not None
+        else None,
         server=str(server.vpn_address) if isinstance(server, VpnServer) else None,
     )
     radios = tuple(_radios(declaration, vehicles))
@@ -78,6 +82,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             "udp": tuple(_participants(declaration)),
             "dds": tuple(_answering(declaration, device)),
             "certificates": _identity(host),
+            "reflectors": {item.address: ReflectorSpec(host=item.name) for item in far_computers(declaration, device)},
             "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
         }
     )
