@@ -131,6 +131,7 @@ from atlantis_netcfg.declaration.model.pilot import (
 )
 from atlantis_netcfg.declaration.model.site import (
     BEARER_TRAITS,
+    LONGEST_PAUSE_S,
     AllowedTarget,
     Bearer,
     BearerKind,
@@ -152,6 +153,7 @@ from atlantis_netcfg.declaration.model.site import (
 __all__ = [
     "BEARER_TRAITS",
     "ETHERNET",
+    "LONGEST_PAUSE_S",
     "Access",
     "AcousticDriver",
     "AcousticEndpoint",
