@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 from quay_world import INVENTORY, World, shipped
 
+from atlantis_netcfg import rsc
 from atlantis_netcfg.bearers.standing import TrafficSource
 from atlantis_netcfg.declaration import InventoryInvalid, load
 from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.render import router, router_view
 
-if TYPE_CHECKING:
-    from pathlib import Path
+sys.path.append(str(Path(__file__).parents[2] / "unit" / "render"))
+from render_walk import Packet, Walk
 
 TERMINAL = "10.10.2.1"
-
-
 CANARIES = ("198.51.100.41", "198.51.100.42")
 HOLD_DOWN_S, FAIL_BACK_S = 90, 120
 BUDGET_MB, BUDGET_EUR, PAUSE_S = 10.0, 80.0, 88
@@ -145,3 +147,20 @@ def test_a_budget_in_euro_is_one_in_bytes_and_without_one_nobody_may_be_asked(
         return
     with pytest.raises(InventoryInvalid, match="pinging them would be billed day and night"):
         load(root)
+
+
+def test_the_routers_pings_to_them_pass_its_allow_list_and_nothing_else() -> None:
+    quay = budgeted()
+    host = quay.declaration.hosts["coastal-router"]
+    view = router_view(quay.declaration, host)
+    walk = Walk(rsc.parse(router(quay.declaration, host), host.name))
+    port, own = view.uplinks[0].port, view.uplinks[0].address
+    for canary in CANARIES:
+        ping = Packet(own, canary, out_interface=port, protocol="icmp")
+        assert walk.accepts("output", ping)
+        assert not walk.accepts("output", replace(ping, protocol="udp", dst_port=53))
+        assert not walk.accepts("forward", replace(ping, src="10.64.1.21", in_interface=view.bridge))
+        answer = Packet(canary, own, in_interface=port, protocol="icmp", state="established")
+        assert walk.accepts("input", answer)
+        assert not walk.accepts("input", replace(answer, state="new"))
+    assert not walk.accepts("output", Packet(own, "198.51.100.43", out_interface=port, protocol="icmp"))
