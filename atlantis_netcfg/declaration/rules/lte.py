@@ -212,16 +212,26 @@ def satellites_are_asked_within_a_budget(draft: Draft) -> Iterator[Finding]:
         for index, bearer in enumerate(site.bearers):
             if not (bearer.kind.traits.allow_list and bearer.canaries):
                 continue
-            part, path = Part("site", name), ("bearers", index, "canaries")
-            what, last = f"link `{bearer.name}` is a satellite and has canaries", index == len(site.bearers) - 1
+            part, path, last = Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
+            hold_s = site.failover.hold_down_s
             hint = f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
             if bearer.canary_budget_bytes is None:
-                more = "" if last else ". Or declare what they may take in a month: `canary_budget_mb: 2`"
-                yield draft.wrong(part, path, f"{what}: pinging them would be billed day and night", f"{hint}{more}")
+                message = (
+                    f"link `{bearer.name}` is a satellite and has canaries: pinging them would be billed day and night"
+                )
+                budget = (
+                    f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it. "
+                    "Or declare what they may take in a month: `canary_budget_mb: 2`"
+                )
+                yield draft.wrong(part, path, message, hint if last else budget)
             elif last:
-                yield draft.wrong(part, path, f"{what}, and no link comes after it: nobody would be asked", hint)
-            elif site.failover.hold_down_s < _SATELLITE_HOLD_S:
-                message = f"{what}, and would be left after {site.failover.hold_down_s} s: its own gaps take up to 70 s"
+                message = f"link `{bearer.name}` is a satellite and the last one: nobody would ask its canaries"
+                yield draft.wrong(part, path, message, hint)
+            elif hold_s < _SATELLITE_HOLD_S:
+                message = (
+                    f"link `{bearer.name}` is a satellite, whose own gaps take up to 70 s, and would be left after "
+                    f"{hold_s} s without an answer of its canaries"
+                )
                 longer = f"let `hold_down_s` below `failover:` be {_SATELLITE_HOLD_S} or more"
                 yield draft.wrong(part, path, message, longer)
 
