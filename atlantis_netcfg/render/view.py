@@ -134,6 +134,8 @@ class JudgedBearer:
     steady_gap_s: float
     daily_bytes: int
     """What both canaries cost a day while all is well, answers included."""
+    unsteady_bytes: int | None
+    """At most, on a day on which the link comes and goes all the time; None: its canaries have no budget."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,6 +132,7 @@ from atlantis_netcfg.declaration.model.pilot import (
 )
 from atlantis_netcfg.declaration.model.site import (
     BEARER_TRAITS,
+    LONGEST_PAUSE_S,
     AllowedTarget,
     Bearer,
     BearerKind,
@@ -153,6 +154,7 @@ from atlantis_netcfg.declaration.model.site import (
 __all__ = [
     "BEARER_TRAITS",
     "ETHERNET",
+    "LONGEST_PAUSE_S",
     "REFLECTOR_PORT",
     "Access",
     "AcousticDriver",

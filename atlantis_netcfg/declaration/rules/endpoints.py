@@ -219,7 +219,7 @@ _PAIR = 2
 def two_or_none(draft: Draft) -> Iterator[Finding]:
     """One silent canary must not take a link down: two of them, or the link is not probed.
 
-    A satellite has none wherever it stands in the order: its port and its terminal are watched, which costs nothing.
+    A satellite may have none wherever it stands in the order: its port and its terminal are watched, which is for free.
     """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
