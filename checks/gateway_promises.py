@@ -15,8 +15,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
 )
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Gateway, ServerComputer
-from atlantis_netcfg.gateway.dds import ENVIRONMENT
-from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
+from atlantis_netcfg.gateway.interop import PREFIX
+from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import IDENTITY, SERVICE

@@ -31,6 +31,7 @@ from atlantis_netcfg.declaration.model import (
 )
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
+from atlantis_netcfg.gateway.services import ENVIRONMENT
 from atlantis_netcfg.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
@@ -314,8 +315,6 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     return found
 
 
-ENVIRONMENT = "/etc/atlantis/ros.env"
-"""What services take as their `EnvironmentFile=`."""
 LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 """The same for people who log in; `~/.bashrc` stays theirs.
 

@@ -3,6 +3,8 @@
 The program is its partner's, who brings it; the unit, the account, the folder and the bounds are ours. Whom its port is
 open to stands in the computer's firewall (`gateway.base`), and for partners also in that of the VPN's server
 (`vpn.policy`). That a program answers well is not looked at here: only that it runs and holds its port.
+
+`StartedService` is what any unit of ours is made of; one that takes part in DDS lives as long as the VPN's interface.
 """
 
 from __future__ import annotations
@@ -58,35 +60,89 @@ case "$before" in *ActiveState=active*) ;; *) exit 1 ;; esac
 """Of a service without a port: it runs, and a second later it is the same process."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Hosted:
-    """A service that is started here; what the template of its unit sees."""
+VPN_INTERFACE = "tun0"
+"""Of OpenVPN on a gateway."""
+ENVIRONMENT = "/etc/atlantis/ros.env"
+"""Domain, middleware and profile: written by the part `gateway_dds`, which restarts what has read it."""
+_DEVICE = f"sys-subsystem-net-devices-{VPN_INTERFACE}.device"
+_UP_OR_DOWN = f"""\
+if [ -e "{_UNITS}/$1" ]; then
+    systemctl --quiet is-active {_DEVICE} || exit 0
+    exec systemctl --no-block start "$1"
+fi
+rm -f {_UNITS}/*.wants/"$1"
+systemctl daemon-reload
+exec systemctl stop "$1"
+"""
+"""systemd starts it with the interface; where that is up already, this does."""
+_RUNS_WITH_THE_VPN = f"""\
+systemctl --quiet is-active {_DEVICE} || exit 0
+tries=0
+while [ "$tries" -lt 30 ]; do
+    if systemctl --quiet is-active "$1"; then exit 0; fi
+    tries=$((tries + 1))
+    sleep 0.5
+done
+exit 1
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartedService:
+    """What the template of a unit sees."""
 
     name: str
-    program: ServiceProgram
-    is_privileged: bool
+    """Of the unit, with its ending."""
+    title: str
+    user: str
+    folder: str
+    """The only one that it may write to."""
+    command: str
+    memory_mb: int | None = None
+    restart: str = "always"
+    stop_s: int = 20
+    ends_itself: bool = False
+    """It is the program that ends whatever it has started."""
+    is_privileged: bool = False
+    """It listens at a port of root's."""
+    dds: bool = False
+    """It takes part in DDS over the VPN."""
 
     @property
-    def unit(self) -> str:
-        return f"atlantis-service-{self.name}.service"
+    def path(self) -> str:
+        """Of its unit."""
+        return f"{_UNITS}/{self.name}"
 
-    @property
-    def user(self) -> str:
-        return self.program.user or f"svc-{self.name}"
+    def unit(self) -> File:
+        """Its unit."""
+        template = environment().get_template("gateway/service.service.j2")
+        return File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
-    @property
-    def data(self) -> str:
-        return self.program.data or f"/var/lib/svc-{self.name}"
+
+def with_the_vpn(what: str, service: str) -> ConvergeStep:
+    """Start what has a unit, and end what has none, in words for people and by the name of the unit."""
+    run = ("sh", "-c", _UP_OR_DOWN, "sh", service)
+    return ConvergeStep(f"start {what} with the VPN, or take it away", run, (f"{_UNITS}/{service}",))
+
+
+def runs_with_the_vpn(what: str, service: str) -> Check:
+    """It runs as long as the VPN's interface is there."""
+    return Check(
+        ("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service),
+        f"{what} does not run, though the VPN's interface is there",
+        _tells_why(service),
+    )
+
+
+def _tells_why(unit: str) -> str:
+    return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` tell why"
 
 
 def services(declared: Iterable[HostedService]) -> Configuration:
     """Pure. Without a service that is started here: what is taken away."""
     started = [(service, service.program) for service in declared if service.program is not None]
-    hosted = {
-        service.name: _Hosted(service.name, program, service.port is not None and service.port < _PRIVILEGED_PORT)
-        for service, program in started
-    }
-    files = tuple(_files(hosted.values())) if hosted else ()
+    hosted = [_hosted(service, program) for service, program in started]
+    files = tuple(_files(hosted)) if hosted else ()
     laid = {file.path for file in files}
     return Configuration(
         files=files,
@@ -100,39 +156,51 @@ def services(declared: Iterable[HostedService]) -> Configuration:
             ),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
         ),
-        units=tuple(
-            Unit(each.unit, enabled=True, active=True, after=(f"{_UNITS}/{each.unit}",), wait=False)
-            for each in hosted.values()
-        ),
-        brought=tuple(Brought(each.program.path, _not_brought(each)) for each in hosted.values()),
-        checks=tuple(_check(hosted[service.name], service) for service, _ in started),
+        units=tuple(Unit(each.name, enabled=True, active=True, after=(each.path,), wait=False) for each in hosted),
+        brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in started),
+        checks=tuple(_check(service) for service, _ in started),
     )
 
 
-def _files(hosted: Iterable[_Hosted]) -> Iterator[File]:
+def _unit(service: HostedService) -> str:
+    return f"atlantis-service-{service.name}.service"
+
+
+def _hosted(service: HostedService, program: ServiceProgram) -> StartedService:
+    return StartedService(
+        name=_unit(service),
+        title=f"service {service.name}",
+        user=program.user or f"svc-{service.name}",
+        folder=program.data or f"/var/lib/svc-{service.name}",
+        command=program.command,
+        memory_mb=program.memory_mb,
+        restart=program.restart.value,
+        is_privileged=service.port is not None and service.port < _PRIVILEGED_PORT,
+    )
+
+
+def _files(hosted: Iterable[StartedService]) -> Iterator[File]:
     each_one = tuple(hosted)
-    accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.data}\n' for each in each_one}
+    accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.folder}\n' for each in each_one}
     yield File(_ACCOUNTS, "".join(accounts.values()))
-    yield File(_FOLDERS, "".join(f"d {each.data} 0750 {each.user} {each.user} -\n" for each in each_one))
-    yield File(LIST, "".join(f"{each.unit}\n" for each in each_one))
-    template = environment().get_template("gateway/service.service.j2")
+    yield File(_FOLDERS, "".join(f"d {each.folder} 0750 {each.user} {each.user} -\n" for each in each_one))
+    yield File(LIST, "".join(f"{each.name}\n" for each in each_one))
     for each in each_one:
-        yield File(f"{_UNITS}/{each.unit}", template.render(service=each))
+        yield each.unit()
 
 
-def _not_brought(hosted: _Hosted) -> str:
-    return (
-        f"{hosted.program.path} of the service `{hosted.name}` is not there: once its partner has brought it, it starts"
-    )
+def _not_brought(service: HostedService, program: ServiceProgram) -> str:
+    return f"{program.path} of the service `{service.name}` is not there: once its partner has brought it, it starts"
 
 
-def _check(hosted: _Hosted, service: HostedService) -> Check:
-    hint = f"on the computer: `systemctl status {hosted.unit}` and `journalctl -eu {hosted.unit}` tell why"
+def _check(service: HostedService) -> Check:
+    unit = _unit(service)
+    hint = _tells_why(unit)
     if service.port is None:
-        return Check(("sh", "-c", _RUNS, "sh", hosted.unit), f"the service `{service.name}` does not stay up", hint)
+        return Check(("sh", "-c", _RUNS, "sh", unit), f"the service `{service.name}` does not stay up", hint)
     kind = "t" if service.transport.value == "tcp" else "u"
     return Check(
-        ("sh", "-c", _HOLDS_PORT, "sh", hosted.unit, kind, str(service.port)),
+        ("sh", "-c", _HOLDS_PORT, "sh", unit, kind, str(service.port)),
         f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
         hint,
     )
