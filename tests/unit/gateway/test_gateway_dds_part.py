@@ -59,8 +59,8 @@ def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
         *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
         ENVIRONMENT,
     ]
-    readers = ("atlantis-data-gateway.service", "atlantis-recording.service")
-    assert configure["units"] == [{"name": name, "wait": False, "after": read} for name in readers]
+    names = ("atlantis-data-gateway", "atlantis-recording", "atlantis-service-ros1-bridge")
+    assert configure["units"] == [{"name": f"{name}.service", "wait": False, "after": read} for name in names]
     assert configure["only"] == ["/etc/atlantis/dds"]
 
 
