@@ -104,7 +104,7 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
         steps=(
             ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
             ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            with_the_vpn("the data gateway", SERVICE),
+            with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
         ),
         units=units if _UNIT in laid else (),
         checks=_CHECKS if _UNIT in laid else (),

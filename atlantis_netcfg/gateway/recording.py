@@ -21,6 +21,7 @@ _PROGRAM = "/usr/local/lib/atlantis/recording.py"
 _ACCOUNT = "/usr/lib/sysusers.d/atlantis-recording.conf"
 _FOLDER = "/etc/tmpfiles.d/atlantis-recording.conf"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
+_NOT_RUNNING = "the recording does not run, though the VPN's interface is there"
 _CLOSE_S = 30
 """The recorder closes its bag."""
 
@@ -42,10 +43,10 @@ def recording(declared: Recording | None, release: str) -> Configuration:
         steps=(
             ConvergeStep("make the recording's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             ConvergeStep("make the recording's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
-            with_the_vpn("the recording", SERVICE),
+            with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
         ),
         units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
-        checks=(runs_with_the_vpn("the recording", SERVICE),) if files else (),
+        checks=(runs_with_the_vpn("start the recording with the VPN, or take it away", SERVICE),) if files else (),
     )
 
 

@@ -131,19 +131,14 @@ class StartedService:
         return File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
 
-def with_the_vpn(what: str, service: str) -> ConvergeStep:
-    """Start what has a unit, and end what has none, in words for people and by the name of the unit."""
-    run = ("sh", "-c", _UP_OR_DOWN, "sh", service)
-    return ConvergeStep(f"start {what} with the VPN, or take it away", run, (f"{_UNITS}/{service}",))
+def with_the_vpn(words: str, service: str) -> ConvergeStep:
+    """Start what has a unit, and end what has none; `service` is the name of the unit."""
+    return ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
 
 
-def runs_with_the_vpn(what: str, service: str) -> Check:
+def runs_with_the_vpn(finding: str, service: str) -> Check:
     """It runs as long as the VPN's interface is there."""
-    return Check(
-        ("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service),
-        f"{what} does not run, though the VPN's interface is there",
-        _tells_why(service),
-    )
+    return Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
 
 
 def _tells_why(unit: str) -> str:
@@ -179,14 +174,14 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
             ),
             *(box.step() for box in boxes),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
-            *(with_the_vpn(f"the {each.title}", each.name) for each in hosted.values() if each.dds),
+            *(with_the_vpn(_START_BRIDGE, each.name) for each in hosted.values() if each.dds),
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_started, hosted.values())),
         brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in programs),
         checks=(
             *(box.check() for box in boxes),
             *(check for service in computer.services if service.started is not None for check in _checks(service)),
-            *(runs_with_the_vpn(f"the {each.title}", each.name) for each in hosted.values() if each.dds),
+            *(runs_with_the_vpn(_NO_BRIDGE, each.name) for each in hosted.values() if each.dds),
         ),
     )
 
@@ -260,7 +255,9 @@ def _is_privileged(service: HostedService) -> bool:
 
 
 BRIDGE = "atlantis-service-ros1-bridge.service"
-"""Its unit."""
+"""The unit of the bridge to ROS 1."""
+_START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
+_NO_BRIDGE = "the bridge to ROS 1 does not run, though the VPN's interface is there"
 _QUEUE = 10
 """Messages that the bridge keeps for a topic on its way back to ROS 1."""
 _SCRATCH = "/tmp"  # noqa: S108 - inside the container, where it is its own and in memory

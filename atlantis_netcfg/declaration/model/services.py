@@ -28,6 +28,8 @@ from atlantis_netcfg.declaration.model._base import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pydantic_core import PydanticCustomError
+
 
 def _command(value: object) -> str:
     text = plain(value)
@@ -38,13 +40,13 @@ def _command(value: object) -> str:
     return text
 
 
-def _matching(pattern: str, refusal: Callable[[str], str], hint: str) -> BeforeValidator:
+def _matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> BeforeValidator:
     """A validator of texts that one pattern describes."""
 
     def validated(value: object) -> str:
         text = plain(value)
         if ".." in text or not re.fullmatch(pattern.strip("^$"), text):
-            raise wrong(refusal(text), hint)
+            raise refused(text)
         return text
 
     return BeforeValidator(validated)
@@ -69,22 +71,24 @@ _TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 _FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 Topic = Annotated[
     str,
-    _matching(_TOPIC, lambda text: f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose"),
+    _matching(_TOPIC, lambda text: wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")),
     text_like(_TOPIC),
 ]
 DataFolder = Annotated[
     str,
     _matching(
         _FOLDER,
-        lambda text: f"`{text}` is no folder for a service's data",
-        "its whole path below /srv, /var/lib or /mnt",
+        lambda text: wrong(
+            f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"
+        ),
     ),
     text_like(_FOLDER),
 ]
 ArchiveName = Annotated[
     str,
     _matching(
-        _ARCHIVE, lambda text: f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"
+        _ARCHIVE,
+        lambda text: wrong(f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"),
     ),
     text_like(_ARCHIVE),
 ]
@@ -92,27 +96,32 @@ ContainerPath = Annotated[
     str,
     _matching(
         _INSIDE,
-        lambda text: f"`{text}` is no place in a container",
-        "like /data, or below /home, /mnt, /opt, /srv or /var",
+        lambda text: wrong(
+            f"`{text}` is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"
+        ),
     ),
     text_like(_INSIDE),
 ]
 VariableName = Annotated[
     str,
-    _matching(_VARIABLE, lambda text: f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB"),
+    _matching(
+        _VARIABLE, lambda text: wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB")
+    ),
     text_like(_VARIABLE),
 ]
 Arguments = Annotated[
     str,
     _matching(
-        _ARGUMENTS, lambda text: f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"
+        _ARGUMENTS,
+        lambda text: wrong(f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"),
     ),
     text_like(_ARGUMENTS),
 ]
 MessageType = Annotated[
     str,
     _matching(
-        _MESSAGE_TYPE, lambda text: f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"
+        _MESSAGE_TYPE,
+        lambda text: wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
     ),
     text_like(_MESSAGE_TYPE),
 ]

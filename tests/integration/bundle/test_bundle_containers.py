@@ -25,16 +25,21 @@ def laptop(tmp_path: Path) -> Laptop:
     return Laptop(tmp_path)
 
 
-def with_archive(laptop: Laptop, data: bytes, sha256: str | None = None) -> HostRequirements:
-    """What the host wants, with an archive whose file holds `data`."""
-    (laptop.folder / "backend.tar").write_bytes(data)
-    declared = ContainerArchive(laptop.folder / "backend.tar", sha256 or hashlib.sha256(data).hexdigest())
-    wish = laptop.wish(laptop.archive((arm64("chrony", "3.5"),)), "chrony")
-    return replace(wish, archives=(declared,))
+@pytest.fixture
+def plain(laptop: Laptop) -> HostRequirements:
+    """What the host wants besides."""
+    return laptop.wish(laptop.archive((arm64("chrony", "3.5"),)), "chrony")
 
 
-def test_an_archive_is_carried_by_its_hash(laptop: Laptop) -> None:
-    wish = with_archive(laptop, b"image")
+def with_archive(plain: HostRequirements, folder: Path, data: bytes, sha256: str | None = None) -> HostRequirements:
+    """The same, and an archive whose file holds `data`."""
+    (folder / "backend.tar").write_bytes(data)
+    declared = ContainerArchive(folder / "backend.tar", sha256 or hashlib.sha256(data).hexdigest())
+    return replace(plain, archives=(declared,))
+
+
+def test_an_archive_is_carried_by_its_hash(laptop: Laptop, plain: HostRequirements) -> None:
+    wish = with_archive(plain, laptop.folder, b"image")
     manifest = laptop.make(wish)
     path = f"images/{wish.archives[0].sha256}.tar"
     assert manifest.hosts[HOST].held[path] == path
@@ -43,19 +48,19 @@ def test_an_archive_is_carried_by_its_hash(laptop: Laptop) -> None:
     assert open_bundle(laptop.place, laptop.keys, [wish]).manifest == manifest
 
 
-def test_another_archive_makes_no_bundle(laptop: Laptop) -> None:
+def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements) -> None:
     with pytest.raises(BundleRefused, match=r"has the SHA-256 .*, and b{64} is declared"):
-        laptop.make(with_archive(laptop, b"image", "b" * 64))
-    wish = with_archive(laptop, b"image")
+        laptop.make(with_archive(plain, laptop.folder, b"image", "b" * 64))
+    wish = with_archive(plain, laptop.folder, b"image")
     wish.archives[0].path.unlink()
     with pytest.raises(BundleRefused, match=r"there is no .*backend\.tar"):
         laptop.make(wish)
     assert not laptop.place.exists()
 
 
-def test_a_bundle_of_an_older_image_does_not_do(laptop: Laptop) -> None:
-    laptop.make(with_archive(laptop, b"image"))
-    newer = with_archive(laptop, b"newer image")
+def test_a_bundle_of_an_older_image_does_not_do(laptop: Laptop, plain: HostRequirements) -> None:
+    laptop.make(with_archive(plain, laptop.folder, b"image"))
+    newer = with_archive(plain, laptop.folder, b"newer image")
     with pytest.raises(BundleRefused, match=r"backend\.tar with the SHA-256 .*: it is not in the bundle"):
         open_bundle(laptop.place, laptop.keys, [newer])
 
