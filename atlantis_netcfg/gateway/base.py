@@ -25,6 +25,7 @@ from atlantis_netcfg.declaration.model import (
     Transport,
 )
 from atlantis_netcfg.gateway import radios
+from atlantis_netcfg.gateway import services as hosted
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
@@ -39,7 +40,6 @@ from atlantis_netcfg.gateway.parts import (
     computer_network,
 )
 from atlantis_netcfg.gateway.reflector import reflector
-from atlantis_netcfg.gateway.services import services
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -121,7 +121,8 @@ class OpenPort:
     name: str
     """Of the service."""
     transport: Transport
-    port: int
+    port: int | str
+    """Or a range of them, as nft(8) writes it."""
     admitted: tuple[str, ...]
 
 
@@ -215,7 +216,13 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
     if device.vpn_address is not None:
         yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
+    if device.ros1_bridge is not None:
+        yield OpenPort("ROS 1", Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
     yield from _streams(declaration, host, lan)
+
+
+_EPHEMERAL = "32768-60999"
+"""Nodes of ROS 1 listen at ports that the kernel chooses: net.ipv4.ip_local_port_range as Linux has it."""
 
 
 def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
@@ -282,6 +289,8 @@ class GatewayBase:
     """Word in a file to the vehicle whose key of its access point stands there."""
     own_secret: str | None
     """The word in the place of the key of the gateway's own access point; None: it has none."""
+    service_secrets: tuple[str, ...]
+    """Words in the places of the secrets of containers, in the order in which these are declared."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
@@ -289,19 +298,28 @@ class GatewayBase:
         network = None if self.network is None else self.network.as_dict()
         parts = {"configure": self.configuration.as_dict(), "network": network}
         values = {"packages": {"packages": packages}, **{name: part for name, part in parts.items() if part}}
-        keys = {"secrets": dict(self.secrets), "own_secret": self.own_secret}
+        keys = {
+            "secrets": dict(self.secrets),
+            "own_secret": self.own_secret,
+            "service_secrets": list(self.service_secrets),
+        }
         return {**values, **keys} if "configure" in values else values
 
 
-def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
-    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own."""
+def gateway_base(
+    declaration: Declaration, host: Host, *, rehearsed: bool = False, images: Mapping[str, str] | None = None
+) -> GatewayBase:
+    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own.
+
+    `images`: of a rehearsal, name of a service to the SHA-256 of the archive that stands for its image.
+    """
     assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
     network = None if rehearsed else computer_network(declaration, host)
     if not isinstance(host.device, ServerComputer):
-        return GatewayBase((), Configuration(), network, secrets={}, own_secret=None)
+        return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
-    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
+    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *hosted.packages(host.device))
     return GatewayBase(
         packages=(*(Package(name) for name in packages), *air.packages),
         configuration=Configuration(
@@ -317,10 +335,11 @@ def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = Fals
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
         .joined(reflector(host))
-        .joined(services(host.device.services)),
+        .joined(hosted.services(host.device, images)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,
+        service_secrets=hosted.secret_words(host.device),
     )
 
 

@@ -70,6 +70,13 @@ def _port(value: object) -> str:
     return text
 
 
+def _account(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
+        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
+    return text
+
+
 def _secret(value: object) -> Secret:
     if isinstance(value, Secret):
         return value
@@ -235,6 +242,7 @@ Text = Annotated[str, BeforeValidator(_line), text_like(r"^[^\x00-\x1f\x7f]*[^\s
 """One line for people."""
 Ssid = Annotated[str, BeforeValidator(_ssid), text_like(r"\S", maxLength=_SSID_BYTES)]
 """At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
+Account = Annotated[str, BeforeValidator(_account), text_like("^[a-z_][a-z0-9_-]{0,31}$")]
 SecretText = Annotated[
     Secret,
     BeforeValidator(_secret),
