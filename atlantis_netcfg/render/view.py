@@ -306,6 +306,8 @@ class RouterView:
     forwards: tuple[Forwarded, ...]
     access_point: RadioView | None = None
     """Its own radio, where vehicles join it."""
+    switches: tuple[Named, ...] = ()
+    """Of the LAN: who manages them by way of this router has its address there."""
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:
@@ -388,4 +390,4 @@ def address_in_site(device: Device, site: Site) -> str:
     """Return the address by which the hosts of its site know a device."""
     if device.kind == "router":
         return str(site.lan.gateway)
-    return str(device.access.address if device.kind == "cpe" else device.address)
+    return str(device.access.address if device.kind in {"cpe", "switch"} else device.address)
