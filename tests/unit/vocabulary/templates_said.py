@@ -107,7 +107,7 @@ def lte_boxes() -> Iterator[LteView]:
 
 
 def switches() -> Iterator[SwitchView]:
-    """Yield the views of a switch of the shipped inventory's coastal site, with a radio of either family and without."""
+    """Yield the views of a switch at the coastal site, with a radio of either family and without."""
     declaration = load(ROOT / "inventory")
     router = declaration.hosts["coastal-router"]
     for radio in (None, {"menus": "wifi"}, {"menus": "wireless"}):
