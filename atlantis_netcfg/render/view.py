@@ -390,4 +390,6 @@ def address_in_site(device: Device, site: Site) -> str:
     """Return the address by which the hosts of its site know a device."""
     if device.kind == "router":
         return str(site.lan.gateway)
-    return str(device.access.address if device.kind in {"cpe", "switch"} else device.address)
+    if device.kind == "switch":
+        return str(device.access.address)
+    return str(device.access.address if device.kind == "cpe" else device.address)

@@ -37,7 +37,8 @@ def names(draft: Draft) -> Iterator[Finding]:
     """A port stands once in the list."""
     for host, device in draft.devices.items():
         part, seen = Part("device", host), dict[str, int]()
-        for index, port in enumerate(device.ports if isinstance(device, Router | Switch) else ()):
+        ports: tuple[Port | SwitchPort, ...] = device.ports if isinstance(device, Router | Switch) else ()
+        for index, port in enumerate(ports):
             first = seen.setdefault(port.name, index)
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line

@@ -110,7 +110,7 @@ def switches() -> Iterator[SwitchView]:
     """Yield the views of a switch at the coastal site, with a radio of either family and without."""
     declaration = load(ROOT / "inventory")
     router = declaration.hosts["coastal-router"]
-    for radio in (None, {"menus": "wifi"}, {"menus": "wireless"}):
+    for menus in (None, "wifi", "wireless"):
         device = {
             "kind": "switch",
             "access": {"address": "10.64.1.5", "password": "EXAMPLE-switch"},
@@ -119,7 +119,7 @@ def switches() -> Iterator[SwitchView]:
                 {"name": "ether2", "use": "lan", "isolated": True, "poe": {}},
                 {"name": "ether3", "use": "off"},
             ],
-            "access_point": radio and {**_ACCESS_POINT, **radio},
+            "access_point": menus and {**_ACCESS_POINT, "menus": menus},
         }
         yield switch_view(declaration, replace(router, name="coastal-switch", device=Switch.model_validate(device)))
 
