@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import GatewayAccessPoint
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
@@ -137,6 +138,17 @@ class DeclaredNeighbour:
 
 
 @dataclass(frozen=True, slots=True)
+class WayOut:
+    """Where the stations of the gateway's access point get through it: to the server of the VPN."""
+
+    network: str
+    """Of the stations."""
+    server: str
+    transport: Transport
+    port: int
+
+
+@dataclass(frozen=True, slots=True)
 class BaseView:
     """One computer."""
 
@@ -160,6 +172,8 @@ class BaseView:
     """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
     opened: str | None
     """The one of them that opens a network, and gives its stations their addresses."""
+    way_out: WayOut | None
+    """None: nothing is forwarded from or to any of them."""
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
@@ -187,7 +201,13 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         neighbours=_neighbours(declaration, host),
         radios=radios.interfaces(declaration, host),
         opened=None if opened is None else opened.interface,
+        way_out=None if opened is None or not opened.vpn else _way_out(declaration, opened),
     )
+
+
+def _way_out(declaration: Declaration, opened: GatewayAccessPoint) -> WayOut:
+    vpn = declaration.pilot.vpn
+    return WayOut(str(opened.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
 
 def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | None:

@@ -34,7 +34,7 @@ from atlantis_netcfg.bearers.standing import (
 )
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding
-from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router
+from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router, Switch
 from atlantis_netcfg.gateway.dds import profile_in_use
 from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.render import router_view
@@ -106,7 +106,7 @@ def _router(declaration: Declaration, site: str) -> Host | None:
 
 def _shared(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic."""
-    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Gateway)]
+    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
     if declaration.hosts[declaration.pilot.vpn.server].site != site:
         yield from _through_the_vpn(declaration, site)

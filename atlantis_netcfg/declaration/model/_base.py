@@ -256,7 +256,7 @@ class PowerSource(Model):
     """The PoE port that feeds a device."""
 
     device: HostName
-    """The router of the same site."""
+    """The router or a switch of the same site."""
     port: PortName
     """A port of it that has `poe`."""
 
@@ -285,7 +285,7 @@ class Access(Model):
     """How the toolkit reaches a RouterOS device."""
 
     address: Address
-    """A router's on its management port, a CPE's in the network of its link."""
+    """A router's on its management port, a switch's in the LAN, a CPE's in the network of its link."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 8729
     """Of service `api-ssl`."""
     user: Text = "provision"

@@ -239,11 +239,13 @@ class GatewayAccessPoint(WifiRadio):
     interface: Interface
     """The radio: `iw dev` on the gateway lists them, like wlan3."""
     network: Network
-    """Of the stations, by DHCP: no other network of the pilot. Nothing is forwarded from it or to it."""
+    """Of the stations, by DHCP: no other network of the pilot."""
     address: Address
     """Of the gateway in it."""
     isolated: StrictBool = True
     """Stations do not reach one another through it."""
+    vpn: StrictBool = False
+    """Stations reach the server of the VPN by way of the gateway, and nothing else: its policy says who meets whom."""
 
 
 class Gateway(ServerComputer):

@@ -25,6 +25,7 @@ from atlantis_netcfg.declaration.model import (
     Router,
     SeenFrom,
     Site,
+    Switch,
     UsblEndpoint,
     Vehicle,
 )
@@ -128,7 +129,9 @@ def _routeros(draft: Draft) -> list[str]:
 
 
 def _is_routeros(device: Device | None) -> bool:
-    return isinstance(device, Router | Cpe) or (isinstance(device, LteRouter) and device.driver is LteDriver.ROUTEROS)
+    return isinstance(device, Router | Switch | Cpe) or (
+        isinstance(device, LteRouter) and device.driver is LteDriver.ROUTEROS
+    )
 
 
 def another_modem(draft: Draft) -> Iterator[Finding]:

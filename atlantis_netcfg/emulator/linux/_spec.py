@@ -59,7 +59,9 @@ class InterfaceSpec(_Spec):
     type: str = "managed"
     """Of a wireless one: `managed`, `AP`, `monitor`."""
     association: AssociationSpec | None = None
-    """Of a wireless one; None: it is associated with nobody."""
+    """Of a wireless one; None: it is associated with nobody. Of an access point: the network that it opens."""
+    stations: tuple[AssociationSpec, ...] = ()
+    """Of an access point: who has joined it."""
     rx_errors: int = 0
     tx_errors: int = 0
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes.site_checks.access_point import access_point_check
 from atlantis_netcfg.checklist.probes.site_checks.addresses import (
     duplicate_addresses_check,
     one_subnet_twice_check,
@@ -54,12 +55,15 @@ NAMES = tuple(_CHECKS)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
-    """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name."""
+    """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name.
+
+    One more where a radio of the gateway opens a network.
+    """
     site = own_site(cell)
     if site.router is None:
         do = "Look at it yourself: the site has no router of ours that could be asked."
         return tuple(by_hand(name, name.replace("-", " "), do, _HOLDS.format(name), (site.name,)) for name in NAMES)
-    return tuple(make(site) for make in _CHECKS.values())
+    return (*(make(site) for make in _CHECKS.values()), *access_point_check(site))
 
 
 _HOLDS = "What docs/check.md says of `{}` holds."

@@ -18,6 +18,10 @@ set [ find default-name=ether5 ] comment="atlantis: off" disabled=yes name=ether
 set [ find default-name=ether6 ] comment="atlantis: off" disabled=yes name=ether6
 set [ find default-name=ether7 ] comment="atlantis: off" disabled=yes name=ether7
 set [ find default-name=ether8 ] comment="atlantis: management" disabled=no name=ether8
+# Access point for vehicles that are stations. It is a port of the LAN, so that they get their reserved addresses and the way
+# into the VPN. An isolated one hands nothing from one station to another.
+/interface wifi
+set [ find default-name=wifi1 ] channel.band=5ghz-ax channel.frequency=5540 channel.skip-dfs-channels=10min-cac channel.width=20mhz comment="atlantis: access point" configuration.country=Portugal configuration.installation=outdoor configuration.mode=ap configuration.ssid=EXAMPLE-ATLANTIS-TE4SEA datapath.client-isolation=yes disabled=no name=wifi1 security.authentication-types=wpa2-psk security.passphrase=EXAMPLE-te4sea-access-point security.wps=disable
 # LAN: one bridge over the LAN ports. rstp, because on a quay a cable is soon plugged in twice, and one loop would stop the
 # whole site. The management port never joins the bridge: it is the way in when the bridge is at fault.
 /interface bridge
@@ -26,6 +30,7 @@ add comment="atlantis: LAN" name=bridge-lan protocol-mode=rstp
 /interface bridge port
 add bridge=bridge-lan comment="atlantis: LAN" interface=ether3
 add bridge=bridge-lan comment="atlantis: LAN" interface=ether4
+add bridge=bridge-lan comment="atlantis: access point" interface=wifi1
 /ip address
 add address=10.64.2.1/24 comment="atlantis: LAN" interface=bridge-lan
 # The technician's port. This address stands on an adopted router already, and the session that provisions it uses it.
