@@ -217,13 +217,18 @@ def _hosted(service: HostedService) -> StartedService | None:
     if started is None:
         return None
     user, folder = started.user or f"svc-{service.name}", started.data or f"/var/lib/svc-{service.name}"
-    box = _container(service, started, user, folder) if isinstance(started, ServiceContainer) else None
+    box: Container | None = None
+    if isinstance(started, ServiceContainer):
+        box = _container(service, started, user, folder)
+        command = f"{box.script} run"
+    else:
+        command = started.command
     return StartedService(
         name=f"{_stem(service.name)}.service",
         title=f"service {service.name}",
         user=user,
         folder=folder,
-        command=f"{box.script} run" if isinstance(started, ServiceContainer) else started.command,
+        command=command,
         memory_mb=started.memory_mb,
         restart=started.restart.value,
         ends_itself=box is not None,

@@ -18,7 +18,16 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import ROS1_BRIDGE, HostedService, Model, ServerComputer, ServiceProgram, SshHost
+from atlantis_netcfg.declaration.model import (
+    ROS1_BRIDGE,
+    HostedService,
+    Model,
+    Ros1Bridge,
+    ServerComputer,
+    ServiceContainer,
+    ServiceProgram,
+    SshHost,
+)
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.image import NOT_REHEARSED as NO_IMAGES
@@ -198,7 +207,9 @@ def _imaged(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
     """Bring stand-ins for the images of its containers to where a person brings the real ones."""
     if not isinstance(device, ServerComputer):
         return {}
-    declared = {each.name: (each.container, each.transport.value, each.port or 0) for each in device.services}
+    declared: dict[str, tuple[ServiceContainer | Ros1Bridge | None, str, int]] = {
+        each.name: (each.container, each.transport.value, each.port or 0) for each in device.services
+    }
     declared[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
     images = {}
     for name, (box, kind, port) in declared.items():

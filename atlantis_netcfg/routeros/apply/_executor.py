@@ -251,19 +251,19 @@ async def _read_fitting(work: RunContext) -> None:
     """
     fitting = work.job.fitting
     if fitting is None or len(fitting.states) > 1:
-        work.job = await fitted(work.session, work.job)
+        work.job = await fitted(work.channel, work.job)
         await _read(work)
         return
     (menu,) = fitting.states
     try:
         await _read(work)
     except MenuMissing:
-        await fitted(work.session, work.job)  # says so if it is that of the radio
+        await fitted(work.channel, work.job)  # says so if it is that of the radio
         raise
-    if any(row.get("default-name") for row in work.before.rows[menu]):
+    if any(row.get("default-name") for row in work.seen.rows[menu]):
         work.job = replace(work.job, fitting=None)
     else:
-        work.job = await fitted(work.session, work.job)
+        work.job = await fitted(work.channel, work.job)
 
 
 def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
