@@ -41,7 +41,7 @@ for path in {_UNITS}/atlantis-service-*.service; do
 done
 systemctl daemon-reload || exit 1
 command -v podman > /dev/null || exit 0
-for image in $(podman images --format '{{{{.Repository}}}}:{{{{.Tag}}}}' 'localhost/atlantis/*'); do
+for image in $(podman images --noheading 'localhost/atlantis/*' | awk '{{ print $1 ":" $2 }}'); do
     unit="${{image#localhost/atlantis/}}"
     grep -qsx "${{unit%%:*}}.service" {LIST} || podman image rm --force "$image" || exit 1
 done
