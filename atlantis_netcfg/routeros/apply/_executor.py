@@ -260,7 +260,7 @@ async def _read_fitting(work: RunContext) -> None:
     except MenuMissing:
         await fitted(work.channel, work.job)  # says so if it is that of the radio
         raise
-    if any(row.get("default-name") for row in work.seen.rows[menu]):
+    if menu not in work.job.desired.menus or any(row.get("default-name") for row in work.seen.rows[menu]):
         work.job = replace(work.job, fitting=None)
     else:
         work.job = await fitted(work.channel, work.job)

@@ -73,7 +73,7 @@ def inventory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     _edit(
         folder / "hosts.yml",
         ("            coastal-gateway:\n", f"            coastal-gateway:\n{here}"),
-        ("    cpes:\n", f"    switches:\n      hosts:\n{group}    cpes:\n"),
+        ("    switches:\n      hosts: {} # none in this example\n", f"    switches:\n      hosts:\n{group}"),
     )
     for name, text in zip(names, (SWITCH, BUOY), strict=True):
         (folder / f"host_vars/{name}.yml").write_text(text, encoding="utf-8")
