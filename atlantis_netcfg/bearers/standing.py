@@ -172,7 +172,7 @@ class StandingTraffic:
     link: MeteredLink
     flows: tuple[StandingFlow, ...]
     """Of each source one, in the order of `TrafficSource`."""
-    asked: str = ""
+    pace: str = ""
     """How its canaries keep to their budget, where they have one."""
 
     @property
@@ -203,8 +203,8 @@ class StandingTraffic:
         lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
         if self.flows:
             lines.append(f"of a day: {parts}")
-        if self.asked:
-            lines.append(self.asked)
+        if self.pace:
+            lines.append(self.pace)
         if self.bill.billed_bytes > self.month_bytes:
             lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
         if self.idle_day_bytes:

@@ -583,9 +583,9 @@ def _hold_archives(requirements: HostRequirements) -> None:
 def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) -> HostPart:
     """Put the images of a host's containers into the bundle."""
     for archive in purpose.requirements.archives:
-        _copied(work, archive.path, archive.held)
-    held = {archive.held: archive.held for archive in purpose.requirements.archives}
-    return part.model_copy(update={"held": {**part.held, **held}})
+        _copied(work, archive.path, archive.packed)
+    images = {archive.packed: archive.packed for archive in purpose.requirements.archives}
+    return part.model_copy(update={"held": {**part.held, **images}})
 
 
 def _copied(work: StagingDirectory, file: Path, path: str) -> None:

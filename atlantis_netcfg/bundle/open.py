@@ -133,7 +133,7 @@ def _uncovered(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
             yield f"{request.host}: package {package.apt_argument}: {_other(has or installed)}"
     yield from _libraries(part, request)
     for archive in request.archives:
-        if archive.held not in part.held:
+        if archive.packed not in part.held:
             yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_other(None)}"
 
 

@@ -73,7 +73,7 @@ class ContainerArchive:
     sha256: str
 
     @property
-    def held(self) -> str:
+    def packed(self) -> str:
         """Its path on the board, below the bundle, and in the bundle."""
         return f"images/{self.sha256}.tar"
 

@@ -44,8 +44,8 @@ def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
     """Everything that a satellite link admits, what is derived first; nothing for other links."""
     if not bearer.kind.traits.allow_list:
         return ()
-    asked = (AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
-    return (*derived(pilot), *bearer.allow, *asked)
+    canaries = (AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
+    return (*derived(pilot), *bearer.allow, *canaries)
 
 
 def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:

@@ -37,7 +37,7 @@ UNITS = tuple(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Container:
+class PodmanContainer:
     """What the template of its script sees."""
 
     name: str

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import ROS1_BRIDGE, ServiceContainer
 from atlantis_netcfg.gateway import containers
-from atlantis_netcfg.gateway.containers import Container
+from atlantis_netcfg.gateway.containers import PodmanContainer
 from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
 from atlantis_netcfg.render import environment
 
@@ -117,7 +117,7 @@ class StartedService:
     """It listens at a port of root's."""
     dds: bool = False
     """It takes part in DDS over the VPN."""
-    container: Container | None = None
+    container: PodmanContainer | None = None
     """In the place of a program."""
 
     @property
@@ -217,7 +217,7 @@ def _hosted(service: HostedService) -> StartedService | None:
     if started is None:
         return None
     user, folder = started.user or f"svc-{service.name}", started.data or f"/var/lib/svc-{service.name}"
-    box: Container | None = None
+    box: PodmanContainer | None = None
     if isinstance(started, ServiceContainer):
         box = _container(service, started, user, folder)
         command = f"{box.script} run"
@@ -237,12 +237,12 @@ def _hosted(service: HostedService) -> StartedService | None:
     )
 
 
-def _container(service: HostedService, declared: ServiceContainer, user: str, folder: str) -> Container:
+def _container(service: HostedService, declared: ServiceContainer, user: str, folder: str) -> PodmanContainer:
     variables = tuple(
         (each.name, secret_word(service.name, each.name) if each.value is None else each.value)
         for each in declared.environment
     )
-    return Container(
+    return PodmanContainer(
         name=_stem(service.name),
         service=service.name,
         archive=declared.archive,
@@ -277,7 +277,7 @@ def _bridge(declared: Ros1Bridge) -> StartedService:
         f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in declared.topics
     )
     topics = f"{containers.FOLDER}/{stem}.yaml"
-    box = Container(
+    box = PodmanContainer(
         name=stem,
         service=ROS1_BRIDGE,
         archive=declared.archive,

@@ -282,8 +282,8 @@ class Computer:
 
         None: no interface has the source address. Each answer says that it is emulated.
         """
-        own, way, there = self.spec.holding(source), self.spec.towards(address), self.spec.reflectors.get(address)
-        if own is None:
+        interface, way, there = self.spec.holding(source), self.spec.towards(address), self.spec.reflectors.get(address)
+        if interface is None:
             return None
         if way is None or there is None:
             return ()

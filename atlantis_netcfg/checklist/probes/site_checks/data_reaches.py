@@ -87,7 +87,7 @@ class _DataReaches:
     far: tuple[FarComputer, ...]
 
     @property
-    def _own(self) -> tuple[str, str]:
+    def _asking(self) -> tuple[str, str]:
         """Name and address in the VPN of the computer that asks."""
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
         return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
@@ -98,16 +98,18 @@ class _DataReaches:
 
     def _questions(self, far: FarComputer) -> tuple[Question, ...]:
         way = run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
-        return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._own[1], far.address, REFLECTOR_PORT))
+        return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._asking[1], far.address, REFLECTOR_PORT))
 
     def judge(self, results: Mapping[str, Answer]) -> Judged:
-        name, own = self._own
+        name, address = self._asking
         current = addresses(results["addresses"], name)
         if isinstance(current, BearerFinding):
             return Judged((current,))
-        if own not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
+        if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
             hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
-            message = f"{name} is not in the VPN: {TUNNEL} does not have {own}, so that nothing can be sent through it"
+            message = (
+                f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
+            )
             return Judged((fail("no-vpn", message, hint),))
         found = [self._of(item, results) for item in self.far]
         evidence = [each for item in self.far for each in self._evidence(item, results)]
@@ -115,7 +117,7 @@ class _DataReaches:
 
     def _of(self, far: FarComputer, results: Mapping[str, Answer]) -> BearerFinding:
         """What the way there and the answers come to."""
-        name = self._own[0]
+        name = self._asking[0]
         wrong = _wrong_way(name, far, results[f"way {far.name}"])
         if wrong is not None:
             return wrong
@@ -126,7 +128,7 @@ class _DataReaches:
             return _not_sent(name, far, answer)
         if not answer.answers:
             return self._silence(far, len(answer.tokens), results)
-        strange = next(filter(None, (_strange(far, self._own[1], item, answer) for item in answer.answers)), None)
+        strange = next(filter(None, (_strange(far, self._asking[1], item, answer) for item in answer.answers)), None)
         return strange or self._counted(far, answer, results)
 
     def _silence(self, far: FarComputer, sent: int, results: Mapping[str, Answer]) -> BearerFinding:
@@ -172,7 +174,7 @@ class _DataReaches:
         return f"through the VPN over {over}"
 
     def _evidence(self, far: FarComputer, results: Mapping[str, Answer]) -> Iterator[Evidence]:
-        name, own = self._own
+        name, address = self._asking
         answer = results[f"data {far.name}"]
         way = parsed(results[f"way {far.name}"], name, "its way")
         if not isinstance(way, BearerFinding) and way:
@@ -180,7 +182,7 @@ class _DataReaches:
         for item in answer.answers if isinstance(answer, ReflectResult) else ():
             row = _row(item)
             there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
-            yield measured(f"message {own} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}")
+            yield measured(f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}")
 
 
 def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | None:
@@ -229,7 +231,7 @@ def _row(item: Reflected) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _strange(far: FarComputer, own: str, item: Reflected, result: ReflectResult) -> BearerFinding | None:
+def _strange(far: FarComputer, asking: str, item: Reflected, result: ReflectResult) -> BearerFinding | None:
     """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:
@@ -250,11 +252,11 @@ def _strange(far: FarComputer, own: str, item: Reflected, result: ReflectResult)
             f"{row.get('host')} answers at {far.address}, the address of {far.name}",
             "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
         )
-    if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != own:
+    if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != asking:
         return fail(
             "answered-outside-vpn",
             f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
             f"and its answer came back by {item.interface}",
-            f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {own}` there",
+            f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {asking}` there",
         )
     return None

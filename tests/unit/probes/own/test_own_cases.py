@@ -89,7 +89,7 @@ def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
     hosts = {**declaration().hosts, control.name: replace(control, device=operators)}
     every = steps(Cell(replace(declaration(), hosts=hosts), "scc", None, "site"))
     found = {step.name: step for step in every if step.kind is ItemKind.PERSON}
-    assert set(found) == {"rogue-dhcp", "vpn", "dds"}
+    assert set(found) == {"rogue-dhcp", "vpn", "dds", "data-reaches-scc"}
     assert "no gateway computer and no control centre" in found["rogue-dhcp"].do
     assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
     assert found["vpn"].do.startswith("On scc-vpn and scc-control, ")
