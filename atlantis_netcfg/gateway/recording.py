@@ -46,7 +46,7 @@ def recording(declared: Recording | None, release: str) -> Configuration:
             with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
         ),
         units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
-        checks=(runs_with_the_vpn("start the recording with the VPN, or take it away", SERVICE),) if files else (),
+        checks=(runs_with_the_vpn(_NOT_RUNNING, SERVICE),) if files else (),
     )
 
 
