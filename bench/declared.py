@@ -42,12 +42,18 @@ class Declared:
 
     @classmethod
     def make(cls, folder: Path) -> Declared:
-        """Write a copy of the shipped inventory in which nothing is an example, and secrets are vaulted."""
+        """Write a copy of the shipped inventory in which nothing is an example, and secrets are vaulted.
+
+        Without the router's access point: community.routeros has no name for one of its fields.
+        """
         root, word = folder / "inventory", folder / "vault-password"
         word.write_bytes(_VAULT_PASSWORD)
         shutil.copytree(CHECKOUT / "inventory", root)
         for path in root.rglob("*.yml"):
             path.write_text(_real(path.read_text(encoding="utf-8")), encoding="utf-8")
+        device = root / "host_vars" / f"{ROUTER}.yml"
+        text = device.read_text(encoding="utf-8")
+        device.write_text(re.sub(r"^  access_point:.*\n(?:    .*\n)+", "", text, flags=re.MULTILINE), encoding="utf-8")
         return cls(root, word, load(root, decrypt=lambda text: str(_VAULT.decrypt(text.encode()).decode())))
 
     @property

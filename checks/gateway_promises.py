@@ -15,8 +15,8 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.env_con
 )
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.declaration.model import Gateway, ServerComputer
-from atlantis_netcfg.gateway.dds import ENVIRONMENT
-from atlantis_netcfg.gateway.interop import PREFIX, VPN_INTERFACE
+from atlantis_netcfg.gateway.interop import PREFIX
+from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, secret_word
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns
 from atlantis_netcfg.operations.request import Request
 from atlantis_netcfg.vpn.client import IDENTITY, SERVICE
@@ -163,6 +163,9 @@ def _secrets(declaration: Declaration, host: Host, values: Mapping[str, Any]) ->
     opened = host.device.access_point if isinstance(host.device, Gateway) else None
     if opened is not None and values.get("own_secret"):
         found[values["own_secret"]] = opened.key
+    declared = host.device.services if isinstance(host.device, ServerComputer) else ()
+    boxes = [(each.name, each.container.environment) for each in declared if each.container is not None]
+    found |= {secret_word(name, each.name): each.secret for name, rows in boxes for each in rows if each.secret}
     return found
 
 

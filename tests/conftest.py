@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator
@@ -56,6 +57,9 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["PATH"] = os.pathsep.join(dict.fromkeys([*os.environ["PATH"].split(os.pathsep), *SYSTEM_PROGRAMS]))
     for marker in MARKERS:
         config.addinivalue_line("markers", marker)
+    # How long an example takes is a matter of what else the machine does: no property of ours is about that.
+    settings.register_profile("house", settings.default, deadline=None)
+    settings.load_profile("house")
 
 
 @pytest.hookimpl(wrapper=True)

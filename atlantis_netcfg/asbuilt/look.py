@@ -21,9 +21,12 @@ from atlantis_netcfg.declaration.model import (
     Cpe,
     LteDriver,
     LteRouter,
+    Port,
     PortUse,
     Router,
     SatelliteTerminal,
+    Switch,
+    SwitchPortUse,
 )
 from atlantis_netcfg.journal import Purpose, Run, Store
 from atlantis_netcfg.operations.bearers import PATIENCE_S
@@ -233,12 +236,21 @@ def _declared(host: Host) -> dict[str, Fact]:
     return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
 
 
+_USES: Mapping[str, str] = {
+    PortUse.LAN: "LAN of the site",
+    PortUse.MANAGEMENT: "the technician's laptop",
+    PortUse.OFF: "nothing: off",
+    SwitchPortUse.UPLINK: "the cable to the router",
+}
+"""What belongs in a port, by its use; `lan` and `off` of a switch are those of a router."""
+
+
 def places(declaration: Declaration, host: Host) -> dict[str, str]:
     """Port to what belongs there by the declaration."""
     device = host.device
     if isinstance(device, Cpe):
         return {device.port: "the cable to the router, which also feeds it"}
-    if not isinstance(device, Router):
+    if not isinstance(device, Router | Switch):
         return {}
     fed = {
         other.device.powered_by.port: other.name
@@ -249,10 +261,10 @@ def places(declaration: Declaration, host: Host) -> dict[str, str]:
     boxes = {bearer.name: bearer.device for bearer in site.bearers} | {
         link.name: link.device for link in site.served_links
     }
-    words = {PortUse.LAN: "LAN of the site", PortUse.MANAGEMENT: "the technician's laptop", PortUse.OFF: "nothing: off"}
     found = {}
     for port in device.ports:
-        what = words.get(port.use) or f"link {port.link}: {boxes.get(port.link or '') or 'a cable'}"
+        link = port.link if isinstance(port, Port) else None
+        what = _USES.get(port.use) or f"link {link}: {boxes.get(link or '') or 'a cable'}"
         power = f", power for {fed[port.name]}" if port.name in fed and fed[port.name] not in what else ""
         found[port.name] = f"{what}{power}"
     return found

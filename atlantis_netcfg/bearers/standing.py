@@ -16,14 +16,13 @@ from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.bearers.cost import Bill, MeteredLink, bill, size
+from atlantis_netcfg.core.packets import ECHO_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 DAY_S: Final = 24 * 3600
 MONTH_DAYS: Final = 30
-ECHO_BYTES: Final = 84
-"""Of one echo request as an IP packet with RouterOS' usual 56 bytes of data (20 IP, 8 ICMP); the answer is as long."""
 NTP_BYTES: Final = 76
 """A question to a time server, and its answer: 48 of NTP, 28 of UDP and IP."""
 PING_BYTES: Final = 68
@@ -173,6 +172,8 @@ class StandingTraffic:
     link: MeteredLink
     flows: tuple[StandingFlow, ...]
     """Of each source one, in the order of `TrafficSource`."""
+    pace: str = ""
+    """How its canaries keep to their budget, where they have one."""
 
     @property
     def day_bytes(self) -> int:
@@ -202,6 +203,8 @@ class StandingTraffic:
         lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
         if self.flows:
             lines.append(f"of a day: {parts}")
+        if self.pace:
+            lines.append(self.pace)
         if self.bill.billed_bytes > self.month_bytes:
             lines.append(f"a month is billed as {size(self.bill.billed_bytes)}, {self.bill.basis}")
         if self.idle_day_bytes:

@@ -8,7 +8,7 @@ What lies where in a bundle:
 - `pool/*.deb`: packages, of all hosts together
 - `hosts/HOST/repository/`: the index of those that this host gets
 - `sources/git/SERVER/PATH/`: repositories of the libraries
-- `images/`: the vendor's image, where one was given
+- `images/`: the vendor's image, where one was given, and the images of containers
 
 The sources of a library for a place without internet: each repository, and whatever its submodules point to.
 
@@ -438,6 +438,8 @@ class BundleSize:
 def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[BundleSize], None]) -> Manifest:
     """Make the bundle; `sized` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
     with workshop(order.place) as work:
+        for each in order.purposes:
+            _hold_archives(each.requirements)
         tell("asking what there is", None)
         roots = {each.requirements.host: _root(work, each) for each in order.purposes}
         lacking = {
@@ -454,7 +456,7 @@ def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[
         hosts = {}
         for each in order.purposes:
             part = _packages(work, signer, each, lacking[each.requirements.host])
-            hosts[each.requirements.host] = _libraries(work, part, each, libraries)
+            hosts[each.requirements.host] = _containers(work, _libraries(work, part, each, libraries), each)
         manifest = _signed(work, order, signer, hosts)
         work.finish()
     return manifest
@@ -567,15 +569,39 @@ def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, g
     return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
 
+def _hold_archives(requirements: HostRequirements) -> None:
+    """Hold that the archives of containers are there and the declared ones, before anything is fetched."""
+    for archive in requirements.archives:
+        hint = f"the partner's archive belongs in {archive.path.parent}; `sha256sum` says which one it is"
+        if not archive.path.is_file():
+            raise BundleRefused(f"{requirements.host}: there is no {archive.path}", hint=hint)
+        if (found := sha256_of(archive.path)) != archive.sha256:
+            words = f"{archive.path} has the SHA-256 {found}, and {archive.sha256} is declared"
+            raise BundleRefused(f"{requirements.host}: {words}", hint=hint)
+
+
+def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) -> HostPart:
+    """Put the images of a host's containers into the bundle."""
+    for archive in purpose.requirements.archives:
+        _copied(work, archive.path, archive.packed)
+    images = {archive.packed: archive.packed for archive in purpose.requirements.archives}
+    return part.model_copy(update={"held": {**part.held, **images}})
+
+
+def _copied(work: StagingDirectory, file: Path, path: str) -> None:
+    """Copy a large file into the bundle, unless it stands there already."""
+    place = work.folder / path
+    if not (place.is_file() and place.stat().st_size == file.stat().st_size and sha256_of(place) == sha256_of(file)):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file, place)
+    work.add(path, place)
+
+
 def _image(work: StagingDirectory, image: Path | None) -> BundleImage | None:
     if image is None:
         return None
     path = f"images/{image.name}"
-    place = work.folder / path
-    if not (place.is_file() and place.stat().st_size == image.stat().st_size and sha256_of(place) == sha256_of(image)):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(image, place)
-    work.add(path, place)
+    _copied(work, image, path)
     return BundleImage(name=image.name, sha256=work.files[path].sha256, path=path)
 
 

@@ -132,6 +132,9 @@ def _uncovered(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
         if not package.fits(has) and not package.fits(installed):
             yield f"{request.host}: package {package.apt_argument}: {_other(has or installed)}"
     yield from _libraries(part, request)
+    for archive in request.archives:
+        if archive.packed not in part.held:
+            yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_other(None)}"
 
 
 def _libraries(part: HostPart, request: HostRequirements) -> Iterator[str]:

@@ -15,6 +15,7 @@ from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,19 @@ class Library:
 
 
 @dataclass(frozen=True, slots=True)
+class ContainerArchive:
+    """An archive with the image of a container: a file of the declaration's, by the SHA-256 that is declared for it."""
+
+    path: Path
+    sha256: str
+
+    @property
+    def packed(self) -> str:
+        """Its path on the board, below the bundle, and in the bundle."""
+        return f"images/{self.sha256}.tar"
+
+
+@dataclass(frozen=True, slots=True)
 class HostRequirements:
     """Everything that the roles of one host take from elsewhere."""
 
@@ -74,6 +88,7 @@ class HostRequirements:
     keys: tuple[RequirementKey, ...] = ()
     pins: tuple[PackageSource, ...] = ()
     libraries: tuple[Library, ...] = ()
+    archives: tuple[ContainerArchive, ...] = ()
     distribution: str | None = None
     codename: str | None = None
     """What the declaration expects of the board; None: nothing."""

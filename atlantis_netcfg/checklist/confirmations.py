@@ -42,7 +42,7 @@ _HINTS = {
     Verdict.FAIL: "mend it and answer again, or override it with a reason",
     Verdict.INCONCLUSIVE: "look again when it can be seen, or override it with a reason",
 }
-_ALWAYS = frozenset({"vpn", "dds"})
+_ALWAYS = frozenset({"vpn", "data-reaches-scc", "dds"})
 """Checks of the site that apply everywhere: who may look and does not is not green."""
 _NAME_LENGTH = 100
 _TEXT_LENGTH = 2000

@@ -377,7 +377,9 @@ class _Drawn:
     def _vehicles(self) -> Iterator[DrawnNode]:
         for row in self._robots():
             items = tuple(entry.item.id for entry in self._entries if entry.item.vehicle == row.key)
-            yield DrawnNode(key=row.key, label=row.name, kind="vehicle", items=items, detail=row.kind.upper())
+            yield DrawnNode(
+                key=row.key, label=row.name, kind="vehicle", items=items, detail=row.kind.upper().replace("_", " ")
+            )
 
     def _robots(self) -> Iterator[Row]:
         return (row for row in self._rows if row.kind != "location")

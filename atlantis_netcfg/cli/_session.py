@@ -120,6 +120,7 @@ class CommandSession:
             rehearsed=self.rehearsed,
             targets=self.rehearsal.targets if self.rehearsal else {},
             standins=self.rehearsal.computers.stubs if self.rehearsal else None,
+            images=self.rehearsal.computers.images if self.rehearsal else {},
             authority=self.rehearsal.computers.authority if self.rehearsal else None,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,

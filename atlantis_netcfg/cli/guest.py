@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
@@ -17,6 +17,7 @@ from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from contextlib import AbstractContextManager
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration
@@ -73,7 +74,12 @@ GUEST_ADD = CommandSpec(
 
 
 def run_guest_add(arguments: Arguments) -> ExitCode:
-    """Check everything, declare, issue, hand out, tell the server."""
+    """Check everything, declare, issue, hand out, tell the server. Raises SiteBusy while another one does so."""
+    with _alone(arguments):
+        return _add(arguments)
+
+
+def _add(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common, members
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.vpn.members import Onboarding, refuse_example_authority
@@ -104,6 +110,17 @@ def run_guest_add(arguments: Arguments) -> ExitCode:
     _say(arguments, _lines_of_add(entry, already=text is None))
     more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
     return members.close(arguments, declaration, handed, server, authority, more=more)
+
+
+def _alone(arguments: Arguments) -> AbstractContextManager[object]:
+    """The lock of whoever changes guests on this computer: of two at once, one would write away what the other has."""
+    if arguments.flag("plan"):
+        return nullcontext()
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.journal import SiteLock
+
+    command = f"provision {arguments.command.name} name={arguments.word('name')}"
+    return SiteLock(paths.state_dir() / "guests.lock", "the file of guests", command)
 
 
 def _entry(arguments: Arguments) -> GuestEntry:
@@ -258,7 +275,12 @@ GUEST_END = CommandSpec(
 
 
 def run_guest_end(arguments: Arguments) -> ExitCode:
-    """Ask, revoke, take the entry away, tell the server, look."""
+    """Ask, revoke, take the entry away, tell the server, look. Raises SiteBusy while another one does so."""
+    with _alone(arguments):
+        return _end(arguments)
+
+
+def _end(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.vpn.members import reason_of

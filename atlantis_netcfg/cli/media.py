@@ -1,6 +1,6 @@
 """Commands that write media for a site: `image` (a gateway's card) and `bundle` (packages for a site without internet).
 
-`provision image`: make the card of a gateway computer.
+`provision image`: make the card of a computer.
 
 `provision bundle`: everything that the gateways of a site take from elsewhere, for a place without internet.
 """

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 KIND_GROUPS = {
     "routers": "router",
+    "switches": "switch",
     "cpes": "cpe",
     "lte_routers": "lte_router",
     "satellite_terminals": "satellite_terminal",

@@ -3,6 +3,7 @@
 Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
 satellite needs both: TLS refuses certificates while the clock is wrong. The declaration names no DNS servers (the
 router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived. `allow` of the bearer holds additions.
+Canaries of a satellite pass as well: the router's own pings to them, and nothing of the LAN.
 """
 
 from __future__ import annotations
@@ -41,7 +42,10 @@ def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
 
 def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
     """Everything that a satellite link admits, what is derived first; nothing for other links."""
-    return (*derived(pilot), *bearer.allow) if bearer.kind.traits.allow_list else ()
+    if not bearer.kind.traits.allow_list:
+        return ()
+    canaries = (AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
+    return (*derived(pilot), *bearer.allow, *canaries)
 
 
 def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:

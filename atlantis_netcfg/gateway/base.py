@@ -14,6 +14,7 @@ from ipaddress import IPv4Network, collapse_addresses
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import (
+    REFLECTOR_PORT,
     DdsPath,
     GpsTime,
     SeenFrom,
@@ -24,6 +25,7 @@ from atlantis_netcfg.declaration.model import (
     Transport,
 )
 from atlantis_netcfg.gateway import radios
+from atlantis_netcfg.gateway import services as hosted
 from atlantis_netcfg.gateway.parts import (
     Check,
     Configuration,
@@ -37,13 +39,14 @@ from atlantis_netcfg.gateway.parts import (
     WayIn,
     computer_network,
 )
-from atlantis_netcfg.gateway.services import services
+from atlantis_netcfg.gateway.reflector import reflector
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import GatewayAccessPoint
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
@@ -119,7 +122,8 @@ class OpenPort:
     name: str
     """Of the service."""
     transport: Transport
-    port: int
+    port: int | str
+    """Or a range of them, as nft(8) writes it."""
     admitted: tuple[str, ...]
 
 
@@ -131,6 +135,17 @@ class DeclaredNeighbour:
     address: str
     domain: str | None
     """Of its LAN; None where it is reached over the VPN."""
+
+
+@dataclass(frozen=True, slots=True)
+class WayOut:
+    """Where the stations of the gateway's access point get through it: to the server of the VPN."""
+
+    network: str
+    """Of the stations."""
+    server: str
+    transport: Transport
+    port: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +172,8 @@ class BaseView:
     """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
     opened: str | None
     """The one of them that opens a network, and gives its stations their addresses."""
+    way_out: WayOut | None
+    """None: nothing is forwarded from or to any of them."""
 
 
 def base_view(declaration: Declaration, host: Host) -> BaseView:
@@ -184,7 +201,13 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         neighbours=_neighbours(declaration, host),
         radios=radios.interfaces(declaration, host),
         opened=None if opened is None else opened.interface,
+        way_out=None if opened is None or not opened.vpn else _way_out(declaration, opened),
     )
+
+
+def _way_out(declaration: Declaration, opened: GatewayAccessPoint) -> WayOut:
+    vpn = declaration.pilot.vpn
+    return WayOut(str(opened.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
 
 def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | None:
@@ -196,7 +219,10 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
 
 
 def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
-    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far."""
+    """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far.
+
+    Then what our own computers of other sites ask it for their checklists, and what vehicles send.
+    """
     vpn = declaration.pilot.vpn
     ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
     for service in device.services:
@@ -208,7 +234,15 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
     for offered in vpn.services:
         if offered.host == host:
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
+    if device.vpn_address is not None:
+        yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
+    if device.ros1_bridge is not None:
+        yield OpenPort("ROS 1", Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
     yield from _streams(declaration, host, lan)
+
+
+_EPHEMERAL = "32768-60999"
+"""Nodes of ROS 1 listen at ports that the kernel chooses: net.ipv4.ip_local_port_range as Linux has it."""
 
 
 def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
@@ -275,6 +309,8 @@ class GatewayBase:
     """Word in a file to the vehicle whose key of its access point stands there."""
     own_secret: str | None
     """The word in the place of the key of the gateway's own access point; None: it has none."""
+    service_secrets: tuple[str, ...]
+    """Words in the places of the secrets of containers, in the order in which these are declared."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
@@ -282,19 +318,28 @@ class GatewayBase:
         network = None if self.network is None else self.network.as_dict()
         parts = {"configure": self.configuration.as_dict(), "network": network}
         values = {"packages": {"packages": packages}, **{name: part for name, part in parts.items() if part}}
-        keys = {"secrets": dict(self.secrets), "own_secret": self.own_secret}
+        keys = {
+            "secrets": dict(self.secrets),
+            "own_secret": self.own_secret,
+            "service_secrets": list(self.service_secrets),
+        }
         return {**values, **keys} if "configure" in values else values
 
 
-def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayBase:
-    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own."""
+def gateway_base(
+    declaration: Declaration, host: Host, *, rehearsed: bool = False, images: Mapping[str, str] | None = None
+) -> GatewayBase:
+    """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own.
+
+    `images`: of a rehearsal, name of a service to the SHA-256 of the archive that stands for its image.
+    """
     assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
     network = None if rehearsed else computer_network(declaration, host)
     if not isinstance(host.device, ServerComputer):
-        return GatewayBase((), Configuration(), network, secrets={}, own_secret=None)
+        return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
-    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()))
+    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *hosted.packages(host.device))
     return GatewayBase(
         packages=(*(Package(name) for name in packages), *air.packages),
         configuration=Configuration(
@@ -308,10 +353,13 @@ def gateway_base(declaration: Declaration, host: Host, *, rehearsed: bool = Fals
             brought=air.brought,
             checks=(*CHECKS, *air.checks),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
-        ).joined(services(host.device.services)),
+        )
+        .joined(reflector(host))
+        .joined(hosted.services(host.device, images)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,
+        service_secrets=hosted.secret_words(host.device),
     )
 
 

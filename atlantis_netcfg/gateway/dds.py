@@ -31,6 +31,7 @@ from atlantis_netcfg.declaration.model import (
 )
 from atlantis_netcfg.gateway.interop import SERVICE
 from atlantis_netcfg.gateway.recording import SERVICE as RECORDING
+from atlantis_netcfg.gateway.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.render import compiled, environment, template_folder
 
 if TYPE_CHECKING:
@@ -40,13 +41,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
 
 
-FOLDER = "/etc/atlantis/dds"
 """Where the files stand on the computer; each link has a folder of its own below."""
 
 
 def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
-    """Name below `FOLDER` -> text, of one link; `templates` overrides where the templates are looked for."""
-    folder = f"{FOLDER}/{view.bearer}"
+    """Name below `PROFILES` -> text, of one link; `templates` overrides where the templates are looked for."""
+    folder = f"{PROFILES}/{view.bearer}"
     return {f"{view.bearer}/{name}": text for name, text in _files(view, folder, templates).items()}
 
 
@@ -273,8 +273,8 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
 
 
 def member_files(view: ProfileView) -> dict[str, str]:
-    """What such a computer puts into `FOLDER`: name -> text."""
-    return _files(view, FOLDER)
+    """What such a computer puts into `PROFILES`: name -> text."""
+    return _files(view, PROFILES)
 
 
 def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:
@@ -314,14 +314,12 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     return found
 
 
-ENVIRONMENT = "/etc/atlantis/ros.env"
-"""What services take as their `EnvironmentFile=`."""
 LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 """The same for people who log in; `~/.bashrc` stays theirs.
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = (SERVICE, RECORDING)
+_READERS = (SERVICE, RECORDING, BRIDGE)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """
@@ -342,13 +340,13 @@ class GatewayDds:
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of the role's tasks."""
-        read = [path for path in self.files if path.startswith(f"{FOLDER}/{self.in_use}/") or path == ENVIRONMENT]
+        read = [path for path in self.files if path.startswith(f"{PROFILES}/{self.in_use}/") or path == ENVIRONMENT]
         return {
             "in_use": self.in_use,
             "configure": {
                 "files": [{"path": path, "content": content} for path, content in self.files.items()],
                 "absent": [path for path in (ENVIRONMENT, LOGIN) if path not in self.files],
-                "only": [FOLDER],
+                "only": [PROFILES],
                 "units": [{"name": name, "after": read or [ENVIRONMENT], "wait": False} for name in _READERS],
             },
             "elsewhere": {"variables": dict(self.alone), "ours": [ENVIRONMENT, LOGIN]},
@@ -361,8 +359,8 @@ def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
         return GatewayDds()
     views = profile_views(declaration, host)
     slowest = _slowest(views)
-    files = {f"{FOLDER}/{name}": text for view in views for name, text in profiles(view).items()}
-    files[ENVIRONMENT] = files[f"{FOLDER}/{slowest.bearer}/ros.env"]
+    files = {f"{PROFILES}/{name}": text for view in views for name, text in profiles(view).items()}
+    files[ENVIRONMENT] = files[f"{PROFILES}/{slowest.bearer}/ros.env"]
     files[LOGIN] = environment().get_template("gateway/ros-profile.sh.j2").render(environment=ENVIRONMENT)
     return GatewayDds(slowest.bearer, files, {**_NARROWS, **slowest.release.environment})
 

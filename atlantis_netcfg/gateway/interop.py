@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.declaration.model import ServerComputer
 from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Package, Unit
+from atlantis_netcfg.gateway.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
 
 PREFIX = "/opt/atlantis/interop"
 SERVICE = "atlantis-data-gateway.service"
-VPN_INTERFACE = "tun0"
-"""Of OpenVPN on a gateway."""
-ENVIRONMENT = "/etc/atlantis/ros.env"
-"""Domain, middleware and profile: written by the part `gateway_dds`, which restarts the service when it changes."""
 USER = "atlantis-interop"
 
 _PACKAGES = ("ca-certificates", "cmake", "git")
@@ -34,17 +31,6 @@ _COMMAND = "/usr/local/lib/atlantis/data-gateway"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
 _LOGS = "/etc/tmpfiles.d/atlantis-interop.conf"
 _BUILT = f"{PREFIX}/current/build.json"
-
-_UP_OR_DOWN = f"""\
-if [ -e {_UNIT} ]; then
-    systemctl --quiet is-active sys-subsystem-net-devices-{VPN_INTERFACE}.device || exit 0
-    exec systemctl --no-block start {SERVICE}
-fi
-rm -f /etc/systemd/system/*.wants/{SERVICE}
-systemctl daemon-reload
-exec systemctl stop {SERVICE}
-"""
-"""systemd starts the service with the interface; where that is up already, this does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +104,7 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
         steps=(
             ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
             ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            ConvergeStep("start the data gateway with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
+            with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
         ),
         units=units if _UNIT in laid else (),
         checks=_CHECKS if _UNIT in laid else (),

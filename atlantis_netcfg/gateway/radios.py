@@ -2,9 +2,9 @@
 
 One more may be an access point itself, for vehicles that are stations. A unit of systemd for each radio runs
 wpa_supplicant or hostapd as long as the radio is there; systemd-networkd gives it its address, and takes no route,
-name server or time from a robot. The firewall forwards nothing from or to a radio: robots
-of different partners meet in the VPN alone, where its policy says who may reach whom. The keys are no part of this: a
-file has a word in the place of each, and the role puts the key there.
+name server or time from a robot. The firewall forwards nothing from or to a radio, but to the server of the VPN where
+that is declared: robots of different partners meet in the VPN alone, where its policy says who may reach whom. The keys
+are no part of this: a file has a word in the place of each, and the role puts the key there.
 """
 
 from __future__ import annotations
@@ -216,7 +216,7 @@ class GatewayRadios:
         if self.opened is not None:
             text = _render("access-point.conf.j2", opened=self.opened, country=self.country)
             yield File(self.opened.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
-            yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER))
+            yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER, opened=self.opened))
             yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
 
     @property

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.interop import ENVIRONMENT, VPN_INTERFACE
-from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.gateway.parts import Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.gateway.services import StartedService, runs_with_the_vpn, with_the_vpn
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -21,26 +21,9 @@ _PROGRAM = "/usr/local/lib/atlantis/recording.py"
 _ACCOUNT = "/usr/lib/sysusers.d/atlantis-recording.conf"
 _FOLDER = "/etc/tmpfiles.d/atlantis-recording.conf"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
-
-_UP_OR_DOWN = f"""\
-if [ -e {_UNIT} ]; then
-    systemctl --quiet is-active sys-subsystem-net-devices-{VPN_INTERFACE}.device || exit 0
-    exec systemctl --no-block start {SERVICE}
-fi
-rm -f /etc/systemd/system/*.wants/{SERVICE}
-systemctl daemon-reload
-exec systemctl stop {SERVICE}
-"""
-_RUNS_WITH_THE_VPN = f"""\
-systemctl --quiet is-active sys-subsystem-net-devices-{VPN_INTERFACE}.device || exit 0
-tries=0
-while [ "$tries" -lt 30 ]; do
-    if systemctl --quiet is-active {SERVICE}; then exit 0; fi
-    tries=$((tries + 1))
-    sleep 0.5
-done
-exit 1
-"""
+_NOT_RUNNING = "the recording does not run, though the VPN's interface is there"
+_CLOSE_S = 30
+"""The recorder closes its bag."""
 
 
 def packages(release: str) -> tuple[str, ...]:
@@ -60,28 +43,28 @@ def recording(declared: Recording | None, release: str) -> Configuration:
         steps=(
             ConvergeStep("make the recording's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             ConvergeStep("make the recording's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
-            ConvergeStep("start the recording with the VPN, or take it away", ("sh", "-c", _UP_OR_DOWN), (_UNIT,)),
+            with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
         ),
         units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
-        checks=_CHECKS if files else (),
+        checks=(runs_with_the_vpn(_NOT_RUNNING, SERVICE),) if files else (),
     )
 
 
-_CHECKS = (
-    Check(
-        ("sh", "-c", _RUNS_WITH_THE_VPN),
-        "the recording does not run, though the VPN's interface is there",
-        f"on the computer: `systemctl status {SERVICE}` and `journalctl -eu {SERVICE}` tell why",
-    ),
-)
-
-
 def _files(declared: Recording, release: str) -> tuple[File, ...]:
-    names = {"user": USER, "program": _PROGRAM, "environment": ENVIRONMENT, "interface": VPN_INTERFACE}
-    unit = environment().get_template("gateway/recording.service.j2")
+    words = (f"/opt/ros/{release}/setup.sh", declared.folder, str(declared.budget_mb), *declared.topics)
+    started = StartedService(
+        name=SERVICE,
+        title="recording",
+        user=USER,
+        folder=declared.folder,
+        command=f"/usr/bin/python3 {_PROGRAM} {' '.join(words)}",
+        stop_s=_CLOSE_S,
+        ends_itself=True,
+        dds=True,
+    )
     return (
         File(_ACCOUNT, f'u {USER} - "ATLANTIS recording" {declared.folder}\n'),
         File(_FOLDER, f"d {declared.folder} 0750 {USER} {USER} -\n"),
         File(_PROGRAM, environment().get_template("gateway/recording.py").render()),
-        File(_UNIT, unit.render(recording=declared, setup=f"/opt/ros/{release}/setup.sh", **names)),
+        started.unit(),
     )

@@ -3,20 +3,25 @@
 The program is its partner's, who brings it; the unit, the account, the folder and the bounds are ours. Whom its port is
 open to stands in the computer's firewall (`gateway.base`), and for partners also in that of the VPN's server
 (`vpn.policy`). That a program answers well is not looked at here: only that it runs and holds its port.
+
+`StartedService` is what any unit of ours is made of; one that takes part in DDS lives as long as the VPN's interface.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.declaration.model import ROS1_BRIDGE, ServiceContainer
+from atlantis_netcfg.gateway import containers
+from atlantis_netcfg.gateway.containers import PodmanContainer
+from atlantis_netcfg.gateway.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.declaration.model import HostedService, ServiceProgram
+    from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer, ServiceProgram
 
 LIST = "/etc/atlantis/services"
 """The units that are declared, one a line: whatever else of that name stands on the computer is taken away."""
@@ -34,9 +39,14 @@ for path in {_UNITS}/atlantis-service-*.service; do
     systemctl --quiet disable --now "$unit" || exit 1
     rm -f "$path" || exit 1
 done
-exec systemctl daemon-reload
+systemctl daemon-reload || exit 1
+command -v podman > /dev/null || exit 0
+for image in $(podman images --noheading 'localhost/atlantis/*' | awk '{{ print $1 ":" $2 }}'); do
+    unit="${{image#localhost/atlantis/}}"
+    grep -qsx "${{unit%%:*}}.service" {LIST} || podman image rm --force "$image" || exit 1
+done
 """
-_HOLDS_PORT = """\
+HOLDS_PORT = """\
 unit="$1" kind="$2" port="$3" tries=0
 while [ "$tries" -lt 30 ]; do
     case "$(systemctl show --property ActiveState --value "$unit")" in active | activating) ;; *) exit 1 ;; esac
@@ -58,39 +68,103 @@ case "$before" in *ActiveState=active*) ;; *) exit 1 ;; esac
 """Of a service without a port: it runs, and a second later it is the same process."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Hosted:
-    """A service that is started here; what the template of its unit sees."""
+VPN_INTERFACE = "tun0"
+"""Of OpenVPN on a gateway."""
+ENVIRONMENT = "/etc/atlantis/ros.env"
+"""Domain, middleware and profile: written by the part `gateway_dds`, which restarts what has read it."""
+PROFILES = "/etc/atlantis/dds"
+"""Where the part `gateway_dds` lays the profiles down."""
+_DEVICE = f"sys-subsystem-net-devices-{VPN_INTERFACE}.device"
+_UP_OR_DOWN = f"""\
+if [ -e "{_UNITS}/$1" ]; then
+    systemctl --quiet is-active {_DEVICE} || exit 0
+    exec systemctl --no-block start "$1"
+fi
+rm -f {_UNITS}/*.wants/"$1"
+systemctl daemon-reload
+exec systemctl stop "$1"
+"""
+"""systemd starts it with the interface; where that is up already, this does."""
+_RUNS_WITH_THE_VPN = f"""\
+systemctl --quiet is-active {_DEVICE} || exit 0
+tries=0
+while [ "$tries" -lt 30 ]; do
+    if systemctl --quiet is-active "$1"; then exit 0; fi
+    tries=$((tries + 1))
+    sleep 0.5
+done
+exit 1
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartedService:
+    """What the template of a unit sees."""
 
     name: str
-    program: ServiceProgram
-    is_privileged: bool
+    """Of the unit, with its ending."""
+    title: str
+    user: str
+    folder: str
+    """The only one that it may write to."""
+    command: str
+    memory_mb: int | None = None
+    restart: str = "always"
+    stop_s: int = 20
+    ends_itself: bool = False
+    """It is the program that ends whatever it has started."""
+    is_privileged: bool = False
+    """It listens at a port of root's."""
+    dds: bool = False
+    """It takes part in DDS over the VPN."""
+    container: PodmanContainer | None = None
+    """In the place of a program."""
 
     @property
-    def unit(self) -> str:
-        return f"atlantis-service-{self.name}.service"
+    def path(self) -> str:
+        """Of its unit."""
+        return f"{_UNITS}/{self.name}"
 
-    @property
-    def user(self) -> str:
-        return self.program.user or f"svc-{self.name}"
-
-    @property
-    def data(self) -> str:
-        return self.program.data or f"/var/lib/svc-{self.name}"
+    def unit(self) -> File:
+        """Its unit."""
+        template = environment().get_template("gateway/service.service.j2")
+        return File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
 
-def services(declared: Iterable[HostedService]) -> Configuration:
-    """Pure. Without a service that is started here: what is taken away."""
-    started = [(service, service.program) for service in declared if service.program is not None]
-    hosted = {
-        service.name: _Hosted(service.name, program, service.port is not None and service.port < _PRIVILEGED_PORT)
-        for service, program in started
-    }
+def with_the_vpn(words: str, service: str) -> ConvergeStep:
+    """Start what has a unit, and end what has none; `service` is the name of the unit."""
+    return ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
+
+
+def runs_with_the_vpn(finding: str, service: str) -> Check:
+    """It runs as long as the VPN's interface is there."""
+    return Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
+
+
+def _tells_why(unit: str) -> str:
+    return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` tell why"
+
+
+def services(computer: ServerComputer, images: Mapping[str, str] | None = None) -> Configuration:
+    """Pure. Without a service that is started here: what is taken away.
+
+    `images`: a rehearsal's archives, name of a service -> SHA-256.
+    """
+    hosted = {service.name: made for service in computer.services if (made := _hosted(service)) is not None}
+    if computer.ros1_bridge is not None:
+        hosted[ROS1_BRIDGE] = _bridge(computer.ros1_bridge)
+    for name, sha256 in (images or {}).items():
+        if (declared := hosted[name].container) is not None:
+            hosted[name] = replace(hosted[name], container=replace(declared, sha256=sha256))
+    boxes = [each.container for each in hosted.values() if each.container is not None]
     files = tuple(_files(hosted.values())) if hosted else ()
     laid = {file.path for file in files}
+    programs = [(each, each.program) for each in computer.services if each.program is not None]
     return Configuration(
+        directories=(Directory(containers.IMAGES, mode="0700"),) if boxes else (),
         files=files,
         absent=tuple(path for path in (LIST, _ACCOUNTS, _FOLDERS) if path not in laid),
+        only=(containers.FOLDER,),
         steps=(
             ConvergeStep("make the accounts of services", run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)),
             ConvergeStep(
@@ -98,41 +172,172 @@ def services(declared: Iterable[HostedService]) -> Configuration:
                 run_on(_FOLDERS, "systemd-tmpfiles", "--create"),
                 (_FOLDERS,),
             ),
+            *(box.step() for box in boxes),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
+            *(with_the_vpn(_START_BRIDGE, each.name) for each in hosted.values() if each.dds),
         ),
-        units=tuple(
-            Unit(each.unit, enabled=True, active=True, after=(f"{_UNITS}/{each.unit}",), wait=False)
-            for each in hosted.values()
+        units=(*(containers.UNITS if boxes else ()), *map(_started, hosted.values())),
+        brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in programs),
+        checks=(
+            *(box.check() for box in boxes),
+            *(check for service in computer.services if service.started is not None for check in _checks(service)),
+            *(runs_with_the_vpn(_NO_BRIDGE, each.name) for each in hosted.values() if each.dds),
         ),
-        brought=tuple(Brought(each.program.path, _not_brought(each)) for each in hosted.values()),
-        checks=tuple(_check(hosted[service.name], service) for service, _ in started),
     )
 
 
-def _files(hosted: Iterable[_Hosted]) -> Iterator[File]:
+def packages(computer: ServerComputer) -> tuple[str, ...]:
+    """What runs containers, where one is declared."""
+    declared = any(service.container is not None for service in computer.services)
+    return containers.PACKAGES if declared or computer.ros1_bridge is not None else ()
+
+
+def secret_word(service: str, variable: str) -> str:
+    """What stands in a file for a secret of a service's environment."""
+    return f"@secret {variable} of {service}@"
+
+
+def secret_words(computer: ServerComputer) -> tuple[str, ...]:
+    """All of a computer, in the order in which the secrets are declared."""
+    return tuple(
+        secret_word(service.name, variable.name)
+        for service in computer.services
+        if service.container is not None
+        for variable in service.container.environment
+        if variable.secret is not None
+    )
+
+
+def _stem(name: str) -> str:
+    return f"atlantis-service-{name}"
+
+
+def _hosted(service: HostedService) -> StartedService | None:
+    started = service.started
+    if started is None:
+        return None
+    user, folder = started.user or f"svc-{service.name}", started.data or f"/var/lib/svc-{service.name}"
+    box: PodmanContainer | None = None
+    if isinstance(started, ServiceContainer):
+        box = _container(service, started, user, folder)
+        command = f"{box.script} run"
+    else:
+        command = started.command
+    return StartedService(
+        name=f"{_stem(service.name)}.service",
+        title=f"service {service.name}",
+        user=user,
+        folder=folder,
+        command=command,
+        memory_mb=started.memory_mb,
+        restart=started.restart.value,
+        ends_itself=box is not None,
+        is_privileged=_is_privileged(service),
+        container=box,
+    )
+
+
+def _container(service: HostedService, declared: ServiceContainer, user: str, folder: str) -> PodmanContainer:
+    variables = tuple(
+        (each.name, secret_word(service.name, each.name) if each.value is None else each.value)
+        for each in declared.environment
+    )
+    return PodmanContainer(
+        name=_stem(service.name),
+        service=service.name,
+        archive=declared.archive,
+        sha256=declared.sha256.lower(),
+        user=user,
+        arguments=declared.arguments or "",
+        volumes=(f"{folder}:{declared.data_at}",),
+        variables=variables,
+        is_privileged=_is_privileged(service),
+    )
+
+
+def _is_privileged(service: HostedService) -> bool:
+    return service.port is not None and service.port < _PRIVILEGED_PORT
+
+
+BRIDGE = "atlantis-service-ros1-bridge.service"
+"""The unit of the bridge to ROS 1."""
+_START_BRIDGE = "start the bridge to ROS 1 with the VPN, or take it away"
+_NO_BRIDGE = "the bridge to ROS 1 does not run, though the VPN's interface is there"
+_QUEUE = 10
+"""Messages that the bridge keeps for a topic on its way back to ROS 1."""
+_SCRATCH = "/tmp"  # noqa: S108 - inside the container, where it is its own and in memory
+_ALL_TOPICS = "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics"
+_DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge parameter_bridge'"
+
+
+def _bridge(declared: Ros1Bridge) -> StartedService:
+    """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
+    user, stem = f"svc-{ROS1_BRIDGE}", _stem(ROS1_BRIDGE)
+    rows = "".join(
+        f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in declared.topics
+    )
+    topics = f"{containers.FOLDER}/{stem}.yaml"
+    box = PodmanContainer(
+        name=stem,
+        service=ROS1_BRIDGE,
+        archive=declared.archive,
+        sha256=declared.sha256.lower(),
+        user=user,
+        arguments=_DECLARED_TOPICS.format(topics=topics) if declared.topics else _ALL_TOPICS,
+        volumes=(f"{PROFILES}:{PROFILES}:ro", *((f"{topics}:{topics}:ro",) if declared.topics else ())),
+        variables=(("ROS_MASTER_URI", declared.master_uri), ("HOME", _SCRATCH), ("ROS_LOG_DIR", f"{_SCRATCH}/log")),
+        env_files=(ENVIRONMENT,),
+        topics=f"topics:\n{rows}" if declared.topics else "",
+        master=declared.master,
+    )
+    return StartedService(
+        name=f"{stem}.service",
+        title="bridge to ROS 1",
+        user=user,
+        folder=f"/var/lib/{user}",
+        command=f"{box.script} run",
+        memory_mb=declared.memory_mb,
+        ends_itself=True,
+        dds=True,
+        container=box,
+    )
+
+
+def _files(hosted: Iterable[StartedService]) -> Iterator[File]:
     each_one = tuple(hosted)
-    accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.data}\n' for each in each_one}
+    accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.folder}\n' for each in each_one}
     yield File(_ACCOUNTS, "".join(accounts.values()))
-    yield File(_FOLDERS, "".join(f"d {each.data} 0750 {each.user} {each.user} -\n" for each in each_one))
-    yield File(LIST, "".join(f"{each.unit}\n" for each in each_one))
-    template = environment().get_template("gateway/service.service.j2")
+    yield File(_FOLDERS, "".join(f"d {each.folder} 0750 {each.user} {each.user} -\n" for each in each_one))
+    yield File(LIST, "".join(f"{each.name}\n" for each in each_one))
     for each in each_one:
-        yield File(f"{_UNITS}/{each.unit}", template.render(service=each))
+        yield each.unit()
+        if each.container is not None:
+            yield from each.container.files()
 
 
-def _not_brought(hosted: _Hosted) -> str:
-    return (
-        f"{hosted.program.path} of the service `{hosted.name}` is not there: once its partner has brought it, it starts"
-    )
+def _started(service: StartedService) -> Unit:
+    """One that lives with the VPN's interface is started by that."""
+    box = service.container
+    after = (service.path, *(file.path for file in (box.files() if box is not None else ())))
+    return Unit(service.name, enabled=True, active=None if service.dds else True, after=after, wait=False)
 
 
-def _check(hosted: _Hosted, service: HostedService) -> Check:
-    hint = f"on the computer: `systemctl status {hosted.unit}` and `journalctl -eu {hosted.unit}` tell why"
+def _not_brought(service: HostedService, program: ServiceProgram) -> str:
+    return f"{program.path} of the service `{service.name}` is not there: once its partner has brought it, it starts"
+
+
+def _checks(service: HostedService) -> Iterator[Check]:
+    unit = f"{_stem(service.name)}.service"
     if service.port is None:
-        return Check(("sh", "-c", _RUNS, "sh", hosted.unit), f"the service `{service.name}` does not stay up", hint)
-    kind = "t" if service.transport.value == "tcp" else "u"
-    return Check(
-        ("sh", "-c", _HOLDS_PORT, "sh", hosted.unit, kind, str(service.port)),
-        f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
-        hint,
-    )
+        finding = f"the service `{service.name}` does not stay up"
+        yield Check(("sh", "-c", _RUNS, "sh", unit), finding, _tells_why(unit))
+    else:
+        kind = "t" if service.transport.value == "tcp" else "u"
+        yield Check(
+            ("sh", "-c", HOLDS_PORT, "sh", unit, kind, str(service.port)),
+            f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
+            _tells_why(unit),
+        )
+    if service.container is not None:
+        folder = service.container.data or f"/var/lib/svc-{service.name}"
+        yield containers.within_budget(service.name, folder, service.container.budget_mb)

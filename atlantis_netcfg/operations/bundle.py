@@ -19,6 +19,7 @@ from atlantis_netcfg.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.bundle.requirements import (
     BundleRefused,
     BundleTarget,
+    ContainerArchive,
     HostRequirements,
     Library,
     PackageRequirement,
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+IMAGES = "images"
+"""Folder of the inventory with the archives of containers' images."""
 _STATUS = "/var/lib/dpkg/status"
 _READ_STATUS = f"gzip -9c {_STATUS}"
 
@@ -142,6 +145,7 @@ def wish_of(
         ),
         pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
         libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
+        archives=_archives(declaration, host),
         distribution=expected.get("distribution"),
         codename=expected.get("codename"),
     )
@@ -149,6 +153,15 @@ def wish_of(
 
 def _builds(host: Host) -> bool:
     return isinstance(host.device, ServerComputer) and host.device.has_interop
+
+
+def _archives(declaration: Declaration, host: Host) -> tuple[ContainerArchive, ...]:
+    """Of the containers of a computer, from the folder `images` of the inventory."""
+    if not isinstance(host.device, ServerComputer):
+        return ()
+    boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
+    found = [(declaration.root / IMAGES / box.archive, box.sha256.lower()) for box in boxes if box is not None]
+    return tuple(ContainerArchive(*each) for each in dict.fromkeys(found))
 
 
 def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:

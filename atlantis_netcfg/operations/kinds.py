@@ -17,11 +17,14 @@ from atlantis_netcfg.declaration.model import (
     Cpe,
     LteDriver,
     LteRouter,
+    Port,
     PortUse,
     Ptp,
     PtpProtocol,
     RadioMenus,
     Router,
+    Switch,
+    SwitchPort,
 )
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.render import (
@@ -36,15 +39,13 @@ from atlantis_netcfg.render import (
     prerequisites,
     radio_name,
     router,
+    switch,
+    switch_prerequisites,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from atlantis_netcfg.declaration import Declaration, Host
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
 
 
@@ -274,7 +275,51 @@ class ManagedLte(Managed):
         return Hardware(ports=(view.port,), modem=modem, board="LHG LTE6 kit")
 
 
-class ManagedRouter(Managed):
+class ManagedPorts(Managed):
+    """A box with declared ports and perhaps a radio of its own: router and switch."""
+
+    __slots__ = ()
+
+    @property
+    def _box(self) -> Router | Switch:
+        assert isinstance(self.host.device, Router | Switch)  # noqa: S101 - `takes` has said so
+        return self.host.device
+
+    @property
+    def access(self) -> Access:
+        """As declared."""
+        return self._box.access
+
+    @property
+    def hardware(self) -> Hardware:
+        """The declared ports."""
+        ports: tuple[Port | SwitchPort, ...] = self._box.ports
+        radio = self._box.access_point
+        hardware = Hardware(
+            ports=tuple(port.name for port in ports),
+            poe_ports=tuple(port.name for port in ports if port.poe is not None),
+        )
+        if radio is None:
+            return hardware
+        return replace(hardware, radios=(radio_name(radio.menus),), packages=("routeros", _PACKAGES[radio.menus]))
+
+    @property
+    def _radio(self) -> str:
+        """Menu in which the access point's radio has to be; empty: there is none."""
+        return "" if self._box.access_point is None else _MENUS[self._box.access_point.menus]
+
+    def unfit(self, radios: Collection[str]) -> tuple[str, str]:
+        """Say why: no driver, or the other one."""
+        name, radio = self.host.name, self._box.access_point
+        if not radios:
+            return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
+        there = "wifi" if _MENUS["wifi"] in radios else "wireless"
+        menus = "" if radio is None else radio.menus
+        why = f"{name} is declared with an access point in the `{menus}` menus, and its radio has the `{there}` ones"
+        return why, f"write `menus: {there}` under `access_point` in host_vars/{name}.yml"
+
+
+class ManagedRouter(ManagedPorts):
     """Managed from the technician's port."""
 
     __slots__ = ()
@@ -284,20 +329,9 @@ class ManagedRouter(Managed):
         """Tell whether a host is of this kind."""
         return isinstance(host.device, Router)
 
-    @property
-    def _router(self) -> Router:
-        assert isinstance(self.host.device, Router)  # noqa: S101 - `takes` has said so
-        return self.host.device
-
-    @property
-    def access(self) -> Access:
-        """As declared."""
-        return self._router.access
-
     def texts(self) -> tuple[KindText, ...]:
         """Return the one text; with an access point for a router with a radio in the declared menus alone."""
-        radio = self._router.access_point
-        return (KindText(router(self.declaration, self.host), "" if radio is None else _MENUS[radio.menus]),)
+        return (KindText(router(self.declaration, self.host), self._radio),)
 
     def prerequisites(self) -> tuple[Prerequisite, ...]:
         """Ports and certificates."""
@@ -309,34 +343,42 @@ class ManagedRouter(Managed):
         network = self.declaration.sites[self.host.site].management
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
-            port=next(port.name for port in self._router.ports if port.use is PortUse.MANAGEMENT),
+            port=next(port.name for port in self._box.ports if port.use == PortUse.MANAGEMENT),
             technician=str(network.technician),
         )
 
+
+class ManagedSwitch(ManagedPorts):
+    """Managed at its cable to the router."""
+
+    __slots__ = ()
+
+    @staticmethod
+    def takes(host: Host) -> bool:
+        """Tell whether a host is of this kind."""
+        return isinstance(host.device, Switch)
+
+    def texts(self) -> tuple[KindText, ...]:
+        """Return the one text; with an access point for a device with a radio in the declared menus alone."""
+        return (KindText(switch(self.declaration, self.host), self._radio),)
+
+    def prerequisites(self) -> tuple[Prerequisite, ...]:
+        """Ports, certificate and radio."""
+        return switch_prerequisites(self.host)
+
     @property
-    def hardware(self) -> Hardware:
-        """The declared ports."""
-        ports, radio = self._router.ports, self._router.access_point
-        hardware = Hardware(
-            ports=tuple(port.name for port in ports),
-            poe_ports=tuple(port.name for port in ports if port.poe is not None),
+    def place(self) -> HostPlace:
+        """The cable to the router, which masquerades: a laptop in its place has its address."""
+        lan = self.declaration.sites[self.host.site].lan
+        assert isinstance(self.host.device, Switch)  # noqa: S101 - `takes` has said so
+        return HostPlace(
+            address=str(IPv4Interface(f"{self.access.address}/{lan.network.prefixlen}")),
+            port=self.host.device.uplink,
+            technician=str(lan.gateway),
         )
-        if radio is None:
-            return hardware
-        return replace(hardware, radios=(radio_name(radio.menus),), packages=("routeros", _PACKAGES[radio.menus]))
-
-    def unfit(self, radios: Collection[str]) -> tuple[str, str]:
-        """Say why: no driver, or the other one."""
-        name, radio = self.host.name, self._router.access_point
-        if not radios:
-            return f"{name} has no radio that is driven, and an access point is declared", _INSTALL
-        there = "wifi" if _MENUS["wifi"] in radios else "wireless"
-        menus = "" if radio is None else radio.menus
-        why = f"{name} is declared with an access point in the `{menus}` menus, and its radio has the `{there}` ones"
-        return why, f"write `menus: {there}` under `access_point` in host_vars/{name}.yml"
 
 
-_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedCpe, ManagedLte)
+_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedSwitch, ManagedCpe, ManagedLte)
 
 
 def handled(host: Host) -> bool:

@@ -132,6 +132,8 @@ class Request(_Data):
     targets: dict[str, Target] = {}
     """Rehearsal: host name to twin; a device without a twin is not contacted."""
     standins: StandIns | None = None
+    images: dict[str, dict[str, str]] = {}
+    """Rehearsal: host name and service to the SHA-256 of the archive that stands for the service's image."""
     authority: Path | None = None
     """Folder of the VPN's authority; None: the technician's own, below `state`. A rehearsal has one of its own."""
     via: dict[str, str] = {}

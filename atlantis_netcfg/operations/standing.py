@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.bearers.standing import (
+    MONTH_DAYS,
     StandingFlow,
     StandingTraffic,
     TrafficSource,
@@ -33,7 +34,7 @@ from atlantis_netcfg.bearers.standing import (
 )
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import Finding
-from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router
+from atlantis_netcfg.declaration.model import ControlCentre, DdsPath, Gateway, Router, Switch
 from atlantis_netcfg.gateway.dds import profile_in_use
 from atlantis_netcfg.operations.costs import links_of
 from atlantis_netcfg.render import router_view
@@ -41,11 +42,12 @@ from atlantis_netcfg.vpn.client import site_link
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer, TelemetryTopic
     from atlantis_netcfg.gateway.dds import ProfileView
+    from atlantis_netcfg.render.view import Uplink
 
 _CHECK_GATEWAY_S: Final = 10.0
 """How often `check-gateway=ping` asks, on links that cost nothing (MikroTik manual, IP Routing)."""
@@ -57,18 +59,39 @@ def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraff
     """Of each bearer of a site, in order of preference."""
     links = links_of(declaration, site)
     shared = tuple(_shared(declaration, site))
-    probed = _of_canaries(declaration, site)
+    uplinks = _uplinks(declaration, site)
+    probed, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
     return tuple(
-        StandingTraffic(links[bearer.name], added_up((*probed.get(bearer.name, ()), *shared)))
+        StandingTraffic(
+            links[bearer.name], added_up((*probed.get(bearer.name, ()), *shared)), budgets.get(bearer.name, "")
+        )
         for bearer in declaration.sites[site].bearers
     )
 
 
-def _of_canaries(declaration: Declaration, site: str) -> dict[str, tuple[StandingFlow, ...]]:
-    """Bearer to what its canaries are asked."""
+def _uplinks(declaration: Declaration, site: str) -> tuple[Uplink, ...]:
     router = _router(declaration, site)
+    return router_view(declaration, router).uplinks if router is not None else ()
+
+
+def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> Iterator[tuple[str, str]]:
+    """Bearer to how its canaries keep to their budget, in words, of those that have one."""
+    budgets = {bearer.name: bearer.canary_budget_bytes for bearer in declaration.sites[site].bearers}
+    for uplink in uplinks:
+        judged, budget = uplink.judged, budgets[uplink.name]
+        if judged is not None and judged.unsteady_bytes is not None and budget is not None:
+            month = size(MONTH_DAYS * judged.daily_bytes)
+            words = (
+                f"each canary is asked every {judged.watch_s:.0f} s: {month} of the {size(round(budget))} a month that "
+                f"are declared for it; on a day on which the link comes and goes, up to {size(judged.unsteady_bytes)}"
+            )
+            yield uplink.name, words
+
+
+def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...]]:
+    """Bearer to what its canaries are asked."""
     found: dict[str, tuple[StandingFlow, ...]] = {}
-    for uplink in router_view(declaration, router).uplinks if router is not None else ():
+    for uplink in uplinks:
         if uplink.judged is not None:
             asking = [canaries(len(uplink.canaries), uplink.judged.watch_s)]
             if uplink.judged.checked:
@@ -83,7 +106,7 @@ def _router(declaration: Declaration, site: str) -> Host | None:
 
 def _shared(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic."""
-    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Gateway)]
+    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
     if declaration.hosts[declaration.pilot.vpn.server].site != site:
         yield from _through_the_vpn(declaration, site)

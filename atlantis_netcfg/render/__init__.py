@@ -10,6 +10,7 @@ from atlantis_netcfg.render._cpe import CpeView, cpe, cpe_prerequisites, cpe_vie
 from atlantis_netcfg.render._environment import compiled, environment, nft_comment, template_folder
 from atlantis_netcfg.render._links import LteView, lte, lte_bearer, lte_prerequisites, lte_view
 from atlantis_netcfg.render._router import prerequisites, router, router_view
+from atlantis_netcfg.render._switch import switch, switch_prerequisites
 from atlantis_netcfg.render.view import Prerequisite, RadioView, RenderError, RouterView
 
 __all__ = [
@@ -33,5 +34,7 @@ __all__ = [
     "radio_name",
     "router",
     "router_view",
+    "switch",
+    "switch_prerequisites",
     "template_folder",
 ]

@@ -34,7 +34,7 @@ from atlantis_netcfg.render.view import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from jinja2 import Template
 
@@ -53,8 +53,10 @@ if TYPE_CHECKING:
 WATCH_S = 5.0
 """Below the 10 s of `check-gateway`, so that a link is held before that has missed it twice (11 s at the least)."""
 _TIMEOUT_S, _METERED_TIMEOUT_S = 1.0, 3.0
+_DEAR_GAP_S = 30.0
+"""Between two packets of a test over a link whose canaries have a budget, or over any other:"""
 _GAP_S = 5.0
-"""The usual time between two packets; a test has so many packets at most:"""
+"""A test has so many packets at most:"""
 _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
@@ -64,19 +66,23 @@ def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
     From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
     of netwatch waits before it begins, the packets, the last time-out. At most one interval of the watch comes on top.
     """
-    silence = min(max(2, ceil(failover.hold_down_s / _GAP_S)), _MOST_SILENT)
+    budgeted = bearer.canary_budget_bytes is not None
+    usual_s = _DEAR_GAP_S if budgeted else _GAP_S
+    silence = min(max(2, ceil(failover.hold_down_s / usual_s)), _MOST_SILENT)
     gap_s = failover.hold_down_s / silence
-    steady = min(max(2, ceil(failover.fail_back_s / _GAP_S) + 1), _MOST_STEADY)
-    watch_s = float(failover.metered_probe_s) if bearer.metered else WATCH_S
+    steady = min(max(2, ceil(failover.fail_back_s / usual_s) + 1), _MOST_STEADY)
+    watch_s = float(max(failover.metered_probe_s, bearer.canary_pause_s)) if bearer.metered else WATCH_S
+    daily_bytes, testing_bytes = (canaries(len(bearer.canaries), each).both for each in (watch_s, usual_s))
     return JudgedBearer(
         checked=not bearer.metered,
         watch_s=watch_s,
         timeout_s=_METERED_TIMEOUT_S if bearer.metered else _TIMEOUT_S,
         silence=silence,
-        silence_gap_s=gap_s if gap_s <= _GAP_S else failover.hold_down_s / (silence - 1),
+        silence_gap_s=gap_s if gap_s <= usual_s and not budgeted else failover.hold_down_s / (silence - 1),
         steady=steady,
         steady_gap_s=max(1.0, failover.fail_back_s / (steady - 1)),
-        daily_bytes=round(canaries(len(bearer.canaries), watch_s).both),
+        daily_bytes=round(daily_bytes),
+        unsteady_bytes=round(daily_bytes + testing_bytes) if budgeted else None,
     )
 
 
@@ -143,7 +149,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
         kind=bearer.kind,
         place=place,
         canaries=tuple(str(canary) for canary in bearer.canaries),
-        targets=tuple(_targets(admitted)),
+        targets=tuple(_targets(target for target in admitted if target.address not in bearer.canaries)),
         judged=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
@@ -151,7 +157,7 @@ def _uplink(site: Site, place: int, port: str, admitted: tuple[AllowedTarget, ..
     )
 
 
-def _targets(admitted: tuple[AllowedTarget, ...]) -> Iterator[PingTarget]:
+def _targets(admitted: Iterable[AllowedTarget]) -> Iterator[PingTarget]:
     for target in admitted:
         transport = None if target.port is None else target.transport.value
         yield PingTarget(target.name, str(target.address), target.port, transport)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, TrafficClass
+from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, Switch, TrafficClass
 from atlantis_netcfg.render._cpe import access_point, radio_name
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
@@ -178,6 +178,11 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         names=tuple(_names(declaration, host.site)),
         forwards=forwards(declaration, host, device),
         access_point=None if device.access_point is None else access_point(device.access_point),
+        switches=tuple(
+            Named(other.name, str(other.device.access.address))
+            for other in hosts_of(declaration, host.site)
+            if isinstance(other.device, Switch)
+        ),
     )
 
 

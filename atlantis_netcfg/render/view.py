@@ -134,6 +134,8 @@ class JudgedBearer:
     steady_gap_s: float
     daily_bytes: int
     """What both canaries cost a day while all is well, answers included."""
+    unsteady_bytes: int | None
+    """At most, on a day on which the link comes and goes all the time; None: its canaries have no budget."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -306,6 +308,8 @@ class RouterView:
     forwards: tuple[Forwarded, ...]
     access_point: RadioView | None = None
     """Its own radio, where vehicles join it."""
+    switches: tuple[Named, ...] = ()
+    """Of the LAN: who manages them by way of this router has its address there."""
 
     @property
     def satellites(self) -> tuple[Uplink, ...]:
@@ -388,4 +392,6 @@ def address_in_site(device: Device, site: Site) -> str:
     """Return the address by which the hosts of its site know a device."""
     if device.kind == "router":
         return str(site.lan.gateway)
+    if device.kind == "switch":
+        return str(device.access.address)
     return str(device.access.address if device.kind == "cpe" else device.address)

@@ -7,14 +7,21 @@ What counts is what was read back: after a run the second plan is empty, or the 
     job = DeviceJob(name, endpoint, desired.read(text), site=..., journal=...)
     result = await converge(job, mode=Mode.APPLY)              # one device
     results = await fleet.run(jobs, mode=Mode.APPLY)           # all of a run
+
+A name is imported when it is asked for: an emulated router needs the table of menus, and nothing of the engine.
 """
 
 from __future__ import annotations
 
-from atlantis_netcfg.routeros import desired, fleet
-from atlantis_netcfg.routeros.api import Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Patience, Status, converge
-from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.lazy_imports import homes
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.routeros import desired, fleet
+    from atlantis_netcfg.routeros.api import Endpoint
+    from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Patience, Status, converge
+    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 
 __all__ = [
     "BearerProfile",
@@ -29,3 +36,12 @@ __all__ = [
     "desired",
     "fleet",
 ]
+
+__getattr__ = homes(
+    __name__,
+    {
+        "api": ("Endpoint",),
+        "apply": ("DeviceJob", "DeviceResult", "JobMode", "Patience", "Status", "converge"),
+        "estimate": ("BearerProfile", "Estimate"),
+    },
+)

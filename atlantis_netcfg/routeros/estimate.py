@@ -72,9 +72,10 @@ EXPORT_HEAD: Final = 200
 TYPICAL_MENUS: Final = tuple(
     path
     for path in MENUS
-    if path != "/routing/settings" and not path.startswith(("/interface/wi", "/interface/w60g", "/interface/lte"))
+    if path == "/interface/wifi"
+    or (path != "/routing/settings" and not path.startswith(("/interface/wi", "/interface/w60g", "/interface/lte")))
 )
-"""What a site's router needs: no radio, and not the settings whose arguments come with RouterOS 7.21."""
+"""What a router of a site needs: the radio of an access point; no settings whose arguments come with RouterOS 7.21."""
 TYPICAL_ROWS: Final = 55_000
 """Bytes of all rows of a configured router, where nothing was observed."""
 TYPICAL_EXPORT: Final = 32_000

@@ -101,6 +101,11 @@ def inventory(folder: Path) -> Path:
         .replace("        coastal-gateway:\n", "", 1)
     )
     (root / "host_vars/coastal-gateway.yml").unlink()
+    site = root / "group_vars/coastal.yml"
+    command = "            command: timedatectl show\n"
+    before = site.read_text(encoding="utf-8")
+    assert before.count(command) == 1
+    site.write_text(before.replace(command, f"{command}            seen_from: laptop\n"), encoding="utf-8")
     return root
 
 

@@ -20,6 +20,8 @@ SECRET = "password"
 """A field that is compared like any other: a user of group `full` may read it."""
 MENUS = tuple(desired.read(text()).items)
 """Every menu that the template emits."""
+NOT_IN_COMMUNITY = {"/interface/wifi": ("configuration.installation",)}
+"""Menu -> fields which RouterOS has from 7.17 on, and the tables of community.routeros do not have."""
 TAMPERED = {
     "added": "only for today",
     "renamed": "atlantis: 4g",
@@ -73,15 +75,19 @@ REFUSALS = (
 """The router's words for each of the calls."""
 
 
-def shortfalls(found: Rows) -> list[str]:
-    """Declared rows that a client has not seen as they are declared; the order counts where it means something."""
+def shortfalls(found: Rows, beyond: Mapping[str, Sequence[str]] | None = None) -> list[str]:
+    """Declared rows that a client has not seen as they are declared; the order counts where it means something.
+
+    `beyond`: menu -> fields that the client has no name for.
+    """
     state = desired.read(text())
     told = []
     for menu, items in state.items.items():
         rows = [_plain(row) for row in found[menu]]
         at = 0
         for item in items:
-            wanted = _plain(item.values)
+            unnamed = (beyond or {}).get(menu, ())
+            wanted = _plain({name: value for name, value in item.values.items() if name not in unnamed})
             hit = next((index for index, row in enumerate(rows) if wanted.items() <= row.items()), None)
             if hit is None:
                 near = min(rows, key=lambda row: len(wanted.items() - row.items()), default={})

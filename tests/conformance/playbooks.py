@@ -7,7 +7,7 @@ import subprocess
 from typing import TYPE_CHECKING, Any
 
 import yaml
-from intent import MENUS
+from intent import MENUS, NOT_IN_COMMUNITY
 from stand import STRANGERS, environment, text
 
 from atlantis_netcfg.routeros import desired
@@ -57,9 +57,10 @@ def intent_tasks() -> list[dict[str, Any]]:
 
 
 def _task(menu: str, rows: Sequence[Mapping[str, str | None]]) -> dict[str, Any]:
+    unnamed = NOT_IN_COMMUNITY.get(menu, ())
     data = [
         {
-            **{name: name == "blackhole" or _typed(value) for name, value in row.items()},
+            **{name: name == "blackhole" or _typed(value) for name, value in row.items() if name not in unnamed},
             **_ALSO.get(str(row.get("name")), {}),
         }
         for row in rows

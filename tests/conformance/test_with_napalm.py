@@ -34,7 +34,7 @@ def test_getters_find_what_provision_wrote(at: Stand) -> None:
     facts = told["get_facts"]
     assert (facts["hostname"], facts["model"]) == ("coastal-router", "RB5009UPr+S+")
     assert (facts["os_version"], facts["vendor"]) == ("7.18.2 (stable)", "MikroTik")
-    assert facts["serial_number"] == "HGX0A1B2C3D"
+    assert facts["serial_number"] == "TWINB537C6E0"
     ports = told["get_interfaces"]
     assert ports["ether2"]["description"] == "atlantis: 4g"
     assert (ports["ether7"]["is_enabled"], ports["ether8"]["is_enabled"]) == (False, True)

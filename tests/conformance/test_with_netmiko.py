@@ -39,7 +39,7 @@ def test_its_templates_read_the_tables(at: Stand) -> None:
     asked = ["/system identity print", "/system routerboard print", "/ip address print"]
     identity, (board,), addresses = at.ask(CLIENT, do="tables", commands=asked)
     assert identity == [{"name": "coastal-router"}]
-    assert (board["board_name"], board["serial_number"]) == ("RB5009UPr+S+", "HGX0A1B2C3D")
+    assert (board["board_name"], board["serial_number"]) == ("RB5009UPr+S+", "TWINB537C6E0")
     wanted = [("10.10.0.2", "29", "ether1", "atlantis: wifi-ptp"), ("10.64.1.1", "24", "bridge-lan", "atlantis: LAN")]
     assert set(wanted) < {(row["ip"], row["subnet"], row["interface"], row["comment"]) for row in addresses}
 

@@ -127,6 +127,24 @@ class DdsDiscoverRequest:
 
 
 @dataclass(frozen=True, slots=True)
+class ReflectRequest:
+    """Send messages to another computer of the pilot, which sends back what is in them (`gateway/reflector.py`).
+
+    They leave by whatever route the computer has for that address, as the data of any program do.
+    """
+
+    name: str
+    place: Place
+    source: str
+    """Address of the computer that asks, in the VPN."""
+    address: str
+    port: int
+    count: int = 3
+    within_s: float = 10.0
+    """How long the answers are waited for."""
+
+
+@dataclass(frozen=True, slots=True)
 class RouterOsQuery:
     """One reading command of RouterOS' API."""
 
@@ -159,6 +177,7 @@ Question = (
     | RunProgram
     | DhcpDiscoverRequest
     | DdsDiscoverRequest
+    | ReflectRequest
     | RouterOsQuery
     | LinkStatusRequest
     | AllowListTestRequest
@@ -296,7 +315,40 @@ class DdsDiscoverResult:
     """Address of the sender, and the message."""
 
 
-Answer = Transcript | CommandResult | Rows | LinkStatusResult | AllowListTestResult | DhcpOffers | DdsDiscoverResult
+@dataclass(frozen=True, slots=True)
+class Reflected:
+    """A datagram that came while answers were waited for."""
+
+    sender: str
+    """The address that it came from."""
+    interface: str
+    """By which it came in."""
+    delay_s: float
+    """Since the message left whose token it bears; since the first one where it bears none."""
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ReflectResult:
+    """What came back; nothing without trouble: nobody answered within the time."""
+
+    trouble: Trouble | None
+    words: str = ""
+    tokens: tuple[str, ...] = ()
+    """Of the messages that were sent, made up anew each time."""
+    answers: tuple[Reflected, ...] = ()
+
+
+Answer = (
+    Transcript
+    | CommandResult
+    | Rows
+    | LinkStatusResult
+    | AllowListTestResult
+    | DhcpOffers
+    | DdsDiscoverResult
+    | ReflectResult
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,6 +76,8 @@ _RATE = re.compile(r"(\d+(?:\.\d+)?) MBit/s")
 _MHZ = re.compile(r"(\d{4})(?:\.\d+)?")
 _ESCAPED = re.compile(r"\\x([0-9a-fA-F]{2})")
 _TYPE = re.compile(r"^\s*type (\S+)", re.MULTILINE)
+_SSID = re.compile(r"^\s*ssid (.+)$", re.MULTILINE)
+_CHANNEL = re.compile(r"^\s*channel \d+ \((\d+) MHz\)", re.MULTILINE)
 _WIDTH = re.compile(r"width: (\d+) MHz")
 _COUNTRY = re.compile(r"^country ([A-Z0-9]{2}):", re.MULTILINE)
 
@@ -102,6 +104,15 @@ class Station:
     chains_dbm: tuple[float, ...] = ()
     rx_mbps: float | None = None
     tx_mbps: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedRadio:
+    """Answer of `iw dev INTERFACE info` of an access point; None: it does not say."""
+
+    type: str | None
+    ssid: str | None
+    frequency_mhz: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,6 +164,21 @@ def read_type(out: str) -> str | None:
     """Read from `iw dev INTERFACE info` what the interface is: `managed`, `AP`, `monitor`."""
     found = _TYPE.search(out)
     return found[1] if found else None
+
+
+def read_opened(out: str) -> OpenedRadio:
+    """Read from `iw dev INTERFACE info` the network that an access point opens."""
+    mhz = _CHANNEL.search(out)
+    ssid = _SSID.search(out)
+    return OpenedRadio(read_type(out), _plain(ssid[1]) if ssid else None, int(mhz[1]) if mhz else None)
+
+
+def read_stations(out: str) -> tuple[str, ...]:
+    """Read from `iw dev INTERFACE station dump` who has joined an access point, and whose key was right."""
+    starts = [*_STATION.finditer(out)]
+    ends = (*(start.start() for start in starts[1:]), len(out))
+    blocks = ((start[1].upper(), out[start.end() : end]) for start, end in zip(starts, ends, strict=False))
+    return tuple(mac for mac, block in blocks if dict(_fields(block)).get("authorized", "yes") != "no")
 
 
 def read_width(out: str) -> int | None:

@@ -301,6 +301,7 @@ def _down(box: DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ..
 _KINDS = {
     "cpe": "Wi-Fi bridge",
     "router": "router",
+    "switch": "switch",
     "gateway": "gateway",
     "partner": "partners",
     "lte_router": "4G router",

@@ -119,7 +119,7 @@ class Row(_Data):
     name: str
     """As Table 3 prints it; of a location its title."""
     kind: str
-    """auv, asv, uav, rov, or `location`."""
+    """auv, asv, uav, rov, docking_station, or `location`."""
     aliases: tuple[str, ...] = ()
     table3: tuple[str, ...]
     """The columns that are marked, by the report or (a location) by the declaration."""

@@ -11,7 +11,14 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import DdsDiscoverRequest, DhcpDiscoverRequest, Listen, RouterOsQuery, RunProgram
+from atlantis_netcfg.checklist.probes import (
+    DdsDiscoverRequest,
+    DhcpDiscoverRequest,
+    Listen,
+    ReflectRequest,
+    RouterOsQuery,
+    RunProgram,
+)
 from atlantis_netcfg.checklist.probes.registry import refused
 from atlantis_netcfg.checklist.report import Item, ItemFinding, ItemKind
 from atlantis_netcfg.checklist.runner.results import unanswered
@@ -19,6 +26,7 @@ from atlantis_netcfg.core.crash_report import Crashed, crashed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
 from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -35,6 +43,7 @@ READING: Final = frozenset({"print", "monitor", "info", "show-capabilities"})
 PINGS: Final = frozenset({"/tool/ping"})
 """This as well, if it says how often; the `/ping` of the root left RouterOS' command tree at 7.23."""
 _LONGEST_S: Final = 900.0
+_MOST_MESSAGES: Final = 5
 
 
 def unfit(entry: PlanEntry, questions: Sequence[Question]) -> str | None:
@@ -53,8 +62,11 @@ def _unfit(entry: PlanEntry, question: Question) -> str | None:
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
         return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is ItemKind.ACTIVE)
-    if isinstance(question, DhcpDiscoverRequest | DdsDiscoverRequest) and question.within_s > _LONGEST_S:
+    timed = DhcpDiscoverRequest | DdsDiscoverRequest | ReflectRequest
+    if isinstance(question, timed) and question.within_s > _LONGEST_S:
         return "it would take too long"
+    if isinstance(question, ReflectRequest):
+        return _not_ours(entry.cell, question)
     return _foreign(entry.cell, question) if isinstance(question, DdsDiscoverRequest) else None
 
 
@@ -85,6 +97,16 @@ def _foreign(cell: Cell, question: DdsDiscoverRequest) -> str | None:
         return f"the address {question.address} is not that of the gateway computer of {cell.site}"
     dds = cell.declaration.pilot.dds
     return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
+
+
+def _not_ours(cell: Cell, question: ReflectRequest) -> str | None:
+    """Messages go to gateways and control centres of the pilot, and to the port of what answers them."""
+    if question.count > _MOST_MESSAGES:
+        return "it would send too much"
+    computers = [host.device for host in cell.declaration.hosts.values() if isinstance(host.device, ServerComputer)]
+    if question.address in {str(computer.vpn_address) for computer in computers} and question.port == REFLECTOR_PORT:
+        return None
+    return f"{question.address}, UDP port {question.port}, is no gateway or control centre in the VPN"
 
 
 def _addresses(cell: Cell) -> Iterator[object]:

@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.probes import (
     Listen,
     Place,
     Question,
+    ReflectRequest,
     RouterOsQuery,
     RunProgram,
 )
@@ -42,6 +43,8 @@ _RAN: Final = 1_500
 """What a reading program prints."""
 _PARTICIPANTS: Final = 3_000
 """What three DDS participants answer."""
+_MESSAGE: Final = 650
+"""A message that another computer sends back: both ways with the headers of IP, UDP and the VPN, then as JSON."""
 _ROUND_TRIPS: Final = 8
 _PACKED: Final = 1.4
 """JSON around what was heard; SSH packs it again, which is not counted on."""
@@ -131,6 +134,8 @@ def _most(listen: Listen) -> int:
 def _answer(question: object) -> int:
     if isinstance(question, Listen):
         return _most(question)
+    if isinstance(question, ReflectRequest):
+        return question.count * _MESSAGE
     return (
         _RAN if isinstance(question, RunProgram) else _PARTICIPANTS if isinstance(question, DdsDiscoverRequest) else 500
     )

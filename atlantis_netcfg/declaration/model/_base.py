@@ -70,6 +70,13 @@ def _port(value: object) -> str:
     return text
 
 
+def _account(value: object) -> str:
+    text = plain(value)
+    if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
+        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
+    return text
+
+
 def _secret(value: object) -> Secret:
     if isinstance(value, Secret):
         return value
@@ -235,6 +242,7 @@ Text = Annotated[str, BeforeValidator(_line), text_like(r"^[^\x00-\x1f\x7f]*[^\s
 """One line for people."""
 Ssid = Annotated[str, BeforeValidator(_ssid), text_like(r"\S", maxLength=_SSID_BYTES)]
 """At most 32 bytes (IEEE 802.11), which is fewer characters if they are not ASCII."""
+Account = Annotated[str, BeforeValidator(_account), text_like("^[a-z_][a-z0-9_-]{0,31}$")]
 SecretText = Annotated[
     Secret,
     BeforeValidator(_secret),
@@ -248,7 +256,7 @@ class PowerSource(Model):
     """The PoE port that feeds a device."""
 
     device: HostName
-    """The router of the same site."""
+    """The router or a switch of the same site."""
     port: PortName
     """A port of it that has `poe`."""
 
@@ -277,7 +285,7 @@ class Access(Model):
     """How the toolkit reaches a RouterOS device."""
 
     address: Address
-    """A router's on its management port, a CPE's in the network of its link."""
+    """A router's on its management port, a switch's in the LAN, a CPE's in the network of its link."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 8729
     """Of service `api-ssl`."""
     user: Text = "provision"

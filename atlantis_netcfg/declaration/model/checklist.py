@@ -181,6 +181,8 @@ class ChecklistSettings(Model):
     """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
     geofence: Geofence | None = None
     """Where they are then; None: positions are not compared with a place, and the report says so."""
+    answer_within_s: Annotated[StrictFloat, Field(gt=0, le=60)] | None = None
+    """What is sent to the control centre is answered in so many seconds, or the checklist fails; None: not judged."""
     items: tuple[SiteCheckItem, ...] = ()
     """What is asked here besides all else, in this order."""
     missions: tuple[Mission, ...] = ()

@@ -1,7 +1,5 @@
 """The Linux computers of a site: gateway, control centre, operator station, VPN server.
 
-A service of a computer is data: who may reach its port, and what is started for it. The software is its partner's.
-
 `host_vars/<host>.yml`, key `device`.
 """
 
@@ -15,19 +13,21 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, StrictBool, StrictInt
 
 from atlantis_netcfg.declaration.model._base import (
+    Account,
     Address,
     LanBox,
     Model,
-    Name,
     Network,
     Text,
-    Transport,
     WifiRadio,
     plain,
     text_like,
     wrong,
 )
+from atlantis_netcfg.declaration.model.services import HostedService, Recording, Ros1Bridge  # noqa: TC001 - pydantic reads them
 
+REFLECTOR_PORT = 6862
+"""UDP port at which gateways and control centres answer one another's checklists, in the VPN alone."""
 _KINDS = (
     "ssh-ed25519",
     "sk-ssh-ed25519@openssh.com",
@@ -71,13 +71,6 @@ def _interface(value: object) -> str:
     return text
 
 
-def _account(value: object) -> str:
-    text = plain(value)
-    if not re.fullmatch(r"[a-z_][a-z0-9_-]{0,31}", text):
-        raise wrong(f"`{text}` is no name of an account", "an account is like root or odroid")
-    return text
-
-
 def _receiver(value: object) -> str:
     text = plain(value)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
@@ -94,36 +87,9 @@ def _network_file(value: object) -> str:
     return text
 
 
-def _command(value: object) -> str:
-    text = plain(value)
-    if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
-        raise wrong(
-            f"`{text}` is no command", "the program's whole path and its arguments, like /opt/backend/run --port 8443"
-        )
-    return text
-
-
-def _folder(value: object) -> str:
-    text = plain(value)
-    if ".." in text or not re.fullmatch(r"/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+", text):
-        raise wrong(f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt")
-    return text
-
-
-def _topic(value: object) -> str:
-    text = plain(value)
-    if not re.fullmatch(_TOPIC[1:-1], text):
-        raise wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")
-    return text
-
-
-_TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
-_FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 _NETWORK_FILE = r"^/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+$"
 Interface = Annotated[str, BeforeValidator(_interface), text_like("^[a-z][a-z0-9]{0,14}$")]
 NetworkFile = Annotated[str, BeforeValidator(_network_file), text_like(_NETWORK_FILE)]
-Topic = Annotated[str, BeforeValidator(_topic), text_like(_TOPIC)]
-Account = Annotated[str, BeforeValidator(_account), text_like("^[a-z_][a-z0-9_-]{0,31}$")]
 
 
 class ImageLayout(StrEnum):
@@ -205,73 +171,6 @@ class GpsTime(Model):
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
-class ServiceNetwork(StrEnum):
-    """From which of our own networks a service is reached."""
-
-    LAN = "lan"
-    """The LAN of its site."""
-    VPN = "vpn"
-    """Our own computers in the VPN: the infrastructure's pool."""
-
-
-class ServiceRestart(StrEnum):
-    """systemd's words for `Restart=`."""
-
-    ALWAYS = "always"
-    ON_FAILURE = "on-failure"
-
-
-class ServiceProgram(Model):
-    """What the computer starts for a service, and within which bounds."""
-
-    command: Annotated[str, BeforeValidator(_command), text_like("^/[!-~ ]+$")]
-    """With its arguments, from the root; a partner brings the program."""
-    user: Account | None = None
-    """None: an account of its own, `svc-` and the service's name."""
-    data: (
-        Annotated[str, BeforeValidator(_folder), text_like(r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$")]
-        | None
-    ) = None
-    """Its folder, the only one that it may write to; None: `/var/lib/svc-` and the service's name."""
-    memory_mb: Annotated[StrictInt, Field(ge=16)] = 1024
-    """It is ended and started anew when it takes more."""
-    restart: ServiceRestart = ServiceRestart.ALWAYS
-    """When it is started anew after it has ended."""
-
-    @property
-    def path(self) -> str:
-        """The program itself, without its arguments."""
-        return self.command.split(" ", 1)[0]
-
-
-class HostedService(Model):
-    """A service on a computer of ours: the port that is opened for it, for whom, and what runs."""
-
-    name: Annotated[Name, Field(max_length=20)]
-    """Small letters, digits and hyphens, 20 characters at most: its unit and its account bear it."""
-    transport: Transport = Transport.TCP
-    """What the service speaks: web, REST, OGC, WebSocket and socket.IO are all `tcp`."""
-    port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
-    """At which it listens; None: at none."""
-    open_to: tuple[ServiceNetwork, ...] = ()
-    """Which of our own networks reach its port; none: the computer itself alone."""
-    partners: tuple[Name, ...] = ()
-    """Keys of `partners` whose devices reach its port through the VPN."""
-    program: ServiceProgram | None = None
-    """None: whoever brings the service also starts it, and only its port is opened here."""
-
-
-class Recording(Model):
-    """Topics of ROS 2 that are written to the disk, as bags of rosbag2."""
-
-    topics: Annotated[tuple[Topic, ...], Field(min_length=1)]
-    """By their whole names."""
-    folder: Annotated[str, BeforeValidator(_folder), text_like(_FOLDER)] = "/var/lib/svc-recording"
-    """Nothing else stands in it."""
-    budget_mb: Annotated[StrictInt, Field(ge=80)]
-    """The oldest file goes before the folder holds more, in 10^6 bytes; it must fit on the disk beside all else."""
-
-
 class SshHost(LanBox):
     """A computer that the toolkit logs in to by SSH."""
 
@@ -320,6 +219,8 @@ class ServerComputer(SiteComputer):
     """The board starts anew when its system has hung for so long, in seconds; None: its watchdog is not used."""
     services: tuple[HostedService, ...] = ()
     """What partners run here: web pages, interfaces, a back end, a database."""
+    ros1_bridge: Ros1Bridge | None = None
+    """None: no topics of ROS 1 are bridged."""
 
     @property
     def has_ros2(self) -> bool:
@@ -338,11 +239,13 @@ class GatewayAccessPoint(WifiRadio):
     interface: Interface
     """The radio: `iw dev` on the gateway lists them, like wlan3."""
     network: Network
-    """Of the stations, by DHCP: no other network of the pilot. Nothing is forwarded from it or to it."""
+    """Of the stations, by DHCP: no other network of the pilot."""
     address: Address
     """Of the gateway in it."""
     isolated: StrictBool = True
     """Stations do not reach one another through it."""
+    vpn: StrictBool = False
+    """Stations reach the server of the VPN by way of the gateway, and nothing else: its policy says who meets whom."""
 
 
 class Gateway(ServerComputer):

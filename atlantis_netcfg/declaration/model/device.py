@@ -6,6 +6,8 @@ One end of the directional Wi-Fi bridge. `host_vars/<host>.yml`, key `device`.
 
 A site's router. `host_vars/<host>.yml`, key `device`.
 
+A switch in a site's LAN, or a bridged access point. `host_vars/<host>.yml`, key `device`.
+
 The 4G unit of a site. `host_vars/<host>.yml`, key `device`.
 """
 
@@ -257,6 +259,44 @@ class Router(Box):
     """What the public address lets in."""
 
 
+class SwitchPortUse(StrEnum):
+    """What a port of a switch is for."""
+
+    UPLINK = "uplink"
+    LAN = "lan"
+    OFF = "off"
+
+
+class SwitchPort(Model):
+    """One Ethernet port of a switch."""
+
+    name: PortName
+    """The factory name (`default-name`), like ether1."""
+    use: SwitchPortUse
+    """`uplink`: the cable to the site's router, or to another switch on the way to it."""
+    isolated: StrictBool = False
+    """With `use: lan`: what is plugged in does not reach other isolated ports, nor stations of an isolated radio."""
+    poe: Poe | None = None
+    """Only for ports that can feed power."""
+
+
+class Switch(Box):
+    """A RouterOS device that bridges its ports, and its radio if it has one, into the site's LAN."""
+
+    kind: Literal["switch"]
+    """What the device is: it decides which keys the block has."""
+    access: Access
+    ports: Annotated[tuple[SwitchPort, ...], Field(min_length=1)]
+    """Every port of the box, also those that are off."""
+    access_point: RouterAccessPoint | None = None
+    """None: it has no radio, or one that nobody uses."""
+
+    @property
+    def uplink(self) -> str:
+        """The port towards the site's router."""
+        return next(port.name for port in self.ports if port.use is SwitchPortUse.UPLINK)
+
+
 class TerminalEvidence(Model):
     """What a person has seen on the terminal's own pages, and when."""
 
@@ -290,6 +330,6 @@ class SatelliteTerminal(Box):
 
 
 Device = Annotated[
-    Router | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre | OperatorStation,
+    Router | Switch | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre | OperatorStation,
     Field(discriminator="kind"),
 ]

@@ -92,12 +92,14 @@ class Partner(Model):
 
 
 class VehicleKind(StrEnum):
-    """The report's words for its robots."""
+    """The report's words for its robots, and for what they dock at."""
 
     AUV = "auv"
     ASV = "asv"
     UAV = "uav"
     ROV = "rov"
+    DOCKING_STATION = "docking_station"
+    """It has no row in Table 3 (2.2.2): its own needs no `table3_deviation`."""
 
 
 class Column(StrEnum):

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from math import ceil
 from typing import Annotated
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
+from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.declaration.model._base import (
     Address,
     Currency,
@@ -158,6 +160,10 @@ class Billing(Model):
     """Length of a session from which that floor holds."""
 
 
+LONGEST_PAUSE_S = 600
+"""Between two questions to a canary; more seldom asked, a dead link would carry the traffic for too long."""
+
+
 class Failover(Model):
     """When traffic leaves a link of the site, and when it comes back."""
 
@@ -165,7 +171,7 @@ class Failover(Model):
     """A link whose canaries have all been silent for so long is left for the next one, in seconds."""
     fail_back_s: Annotated[StrictInt, Field(ge=0, le=3600)] = 120
     """A better link is taken again when its canaries have answered for so long without a break, in seconds."""
-    metered_probe_s: Annotated[StrictInt, Field(ge=10, le=600)] = 30
+    metered_probe_s: Annotated[StrictInt, Field(ge=10, le=LONGEST_PAUSE_S)] = 30
     """How often each canary of a link that costs by the byte is asked while all is well, in seconds; others: 5 s."""
 
 
@@ -185,6 +191,7 @@ class AllowedTarget(Model):
 
 
 _THIN_KBPS = 2000.0
+_MONTH_S = 30 * 24 * 3600
 
 
 class Bearer(Model):
@@ -214,11 +221,29 @@ class Bearer(Model):
     """The next hop."""
     canaries: tuple[Address, ...] = ()
     """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
+    canary_budget_mb: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links only, a must for a satellite's canaries: what they may take in a month, in 10^6 bytes."""
+    canary_budget_eur: Annotated[StrictFloat, Field(gt=0)] | None = None
+    """Metered links with a tariff in EUR only: the same as money."""
     rate: LinkRate
     allow: tuple[AllowedTarget, ...] = ()
     """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
     refused_probes: tuple[AllowedTarget, ...] = ()
     """Satellite only: targets of our own outside the allow-list, to prove that they cannot be reached."""
+
+    @property
+    def canary_budget_bytes(self) -> float | None:
+        """What its canaries may take in 30 days, answers included; None: nothing is declared."""
+        most = [] if self.canary_budget_mb is None else [self.canary_budget_mb * 1e6]
+        if self.canary_budget_eur is not None and self.billing is not None and self.billing.price_per_mb:
+            most.append(self.canary_budget_eur / self.billing.price_per_mb * 1e6)
+        return min(most, default=None)
+
+    @property
+    def canary_pause_s(self) -> int:
+        """Seconds between two questions to a canary, of which the budget admits no more; 0 without one."""
+        budget = self.canary_budget_bytes
+        return 0 if budget is None else ceil(_MONTH_S * len(self.canaries) * 2 * ECHO_BYTES / budget)
 
     @property
     def thin(self) -> bool:

@@ -25,6 +25,7 @@ from atlantis_netcfg.declaration.model import (
     Router,
     SeenFrom,
     Site,
+    Switch,
     UsblEndpoint,
     Vehicle,
 )
@@ -128,7 +129,9 @@ def _routeros(draft: Draft) -> list[str]:
 
 
 def _is_routeros(device: Device | None) -> bool:
-    return isinstance(device, Router | Cpe) or (isinstance(device, LteRouter) and device.driver is LteDriver.ROUTEROS)
+    return isinstance(device, Router | Switch | Cpe) or (
+        isinstance(device, LteRouter) and device.driver is LteDriver.ROUTEROS
+    )
 
 
 def another_modem(draft: Draft) -> Iterator[Finding]:
@@ -219,7 +222,7 @@ _PAIR = 2
 def two_or_none(draft: Draft) -> Iterator[Finding]:
     """One silent canary must not take a link down: two of them, or the link is not probed.
 
-    A satellite has none wherever it stands in the order: its port and its terminal are watched, which costs nothing.
+    A satellite may have none wherever it stands in the order: its port and its terminal are watched, which is for free.
     """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):

@@ -18,6 +18,7 @@ from atlantis_netcfg.declaration.model import (
     Router,
     SatelliteTerminal,
     Site,
+    Switch,
     TrafficClass,
 )
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
@@ -230,7 +231,7 @@ def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
 
 
 def _of_device(device: Device) -> Iterator[tuple[object, tuple[str, ...]]]:
-    if isinstance(device, Router | Cpe):
+    if isinstance(device, Router | Switch | Cpe):
         yield device.access.address, ("access", "address")
     else:
         yield device.address, ("address",)

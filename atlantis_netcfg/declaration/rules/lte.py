@@ -163,6 +163,8 @@ def is_the_gateway(draft: Draft) -> Iterator[Finding]:
 RULES: tuple[Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)
 
 _MOST = 9
+_SATELLITE_HOLD_S = 90
+"""Longer than the 70 s for which Certus was seen to carry nothing (facts/devices.md, section 3)."""
 """Links are ten apart in distance, and a hundred more when they are given up: RouterOS has distances up to 255."""
 
 
@@ -201,18 +203,37 @@ def metered_links_to_ask_over(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("site", name), ("failover", "metered_probe_s"), message, hint)
 
 
-def satellites_are_not_asked(draft: Draft) -> Iterator[Finding]:
-    """Airtime is for traffic: a satellite is what is left when every other link is silent."""
+def satellites_are_asked_within_a_budget(draft: Draft) -> Iterator[Finding]:
+    """Airtime is for traffic: nobody is asked over a satellite unless it is declared what that may cost.
+
+    And it has to be of use: before another link, and not mistaken for a dead one in its own gaps.
+    """
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
-            if bearer.kind.traits.allow_list and bearer.canaries:
+            if not (bearer.kind.traits.allow_list and bearer.canaries):
+                continue
+            part, path, last = Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
+            hold_s = site.failover.hold_down_s
+            hint = f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
+            if bearer.canary_budget_bytes is None:
                 message = (
                     f"link `{bearer.name}` is a satellite and has canaries: pinging them would be billed day and night"
                 )
-                hint = (
-                    f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
+                budget = (
+                    f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it. "
+                    "Or declare what they may take in a month: `canary_budget_mb: 2`"
                 )
-                yield draft.wrong(Part("site", name), ("bearers", index, "canaries"), message, hint)
+                yield draft.wrong(part, path, message, hint if last else budget)
+            elif last:
+                message = f"link `{bearer.name}` is a satellite and the last one: nobody would ask its canaries"
+                yield draft.wrong(part, path, message, hint)
+            elif hold_s < _SATELLITE_HOLD_S:
+                message = (
+                    f"link `{bearer.name}` is a satellite, whose own gaps take up to 70 s, and would be left after "
+                    f"{hold_s} s without an answer of its canaries"
+                )
+                longer = f"let `hold_down_s` below `failover:` be {_SATELLITE_HOLD_S} or more"
+                yield draft.wrong(part, path, message, longer)
 
 
 def not_too_many_links(draft: Draft) -> Iterator[Finding]:
@@ -227,6 +248,6 @@ FAILOVER_RULES: tuple[Rule, ...] = (
     there_is_another_link,
     returns_no_sooner_than_it_leaves,
     metered_links_to_ask_over,
-    satellites_are_not_asked,
+    satellites_are_asked_within_a_budget,
     not_too_many_links,
 )

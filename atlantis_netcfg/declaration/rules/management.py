@@ -14,7 +14,7 @@ from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._hosts import KIND_GROUPS
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import Access, Cpe, Router, Site
+from atlantis_netcfg.declaration.model import Access, Cpe, Router, Site, Switch
 from atlantis_netcfg.declaration.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _by_tunnel(draft: Draft, site: str) -> bool:
 def _accesses(draft: Draft) -> Iterator[tuple[str, str, Access]]:
     """Host, site and access of every device that the toolkit drives."""
     for host, device in draft.devices.items():
-        if isinstance(device, Router | Cpe):
+        if isinstance(device, Router | Switch | Cpe):
             yield host, draft.layout.hosts[host], device.access
 
 
@@ -96,6 +96,21 @@ def router_in_network(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("device", host), ("access", "address"), message, hint)
 
 
+def switch_in_lan(draft: Draft) -> Iterator[Finding]:
+    """A switch is reached at an address of the LAN that DHCP gives to nobody else."""
+    for host, name, switch in draft.boxes(Switch):
+        site, address, part = draft.sites.get(name), switch.access.address, Part("device", host)
+        if site is None:
+            continue
+        if why := why_unusable(address, site.lan.network):
+            message = f"the management address {address} {why}, the LAN of `{name}`"
+            yield draft.wrong(part, ("access", "address"), message, example_in(site.lan.network))
+        elif site.lan.dhcp.first <= address <= site.lan.dhcp.last:
+            message = f"the management address {address} of `{host}` is inside the DHCP range of `{name}`"
+            hint = f"choose one outside {site.lan.dhcp.first} to {site.lan.dhcp.last}"
+            yield draft.wrong(part, ("access", "address"), message, hint)
+
+
 def via_known(draft: Draft) -> Iterator[Finding]:
     """`via` is the management port or a bearer of the site."""
     for host, name, access in _accesses(draft):
@@ -115,6 +130,7 @@ RULES: tuple[Rule, ...] = (
     vpn_admitted,
     partners_kept_out,
     router_in_network,
+    switch_in_lan,
     via_known,
 )
 

@@ -1,4 +1,4 @@
-"""The router's ports: one for management, some for the LAN, one for each link.
+"""The ports of a router: one for management, some for the LAN, one for each link. Those of a switch: one towards it.
 
 Power over Ethernet: who feeds whom.
 """
@@ -10,7 +10,19 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
-from atlantis_netcfg.declaration.model import Bearer, PoeMode, Port, PortUse, PowerSource, Router, ServedLink, Site
+from atlantis_netcfg.declaration.model import (
+    Bearer,
+    PoeMode,
+    Port,
+    PortUse,
+    PowerSource,
+    Router,
+    ServedLink,
+    Site,
+    Switch,
+    SwitchPort,
+    SwitchPortUse,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,9 +35,10 @@ def links_of(site: Site) -> list[str]:
 
 def names(draft: Draft) -> Iterator[Finding]:
     """A port stands once in the list."""
-    for host, _, router in draft.boxes(Router):
+    for host, device in draft.devices.items():
         part, seen = Part("device", host), dict[str, int]()
-        for index, port in enumerate(router.ports):
+        ports: tuple[Port | SwitchPort, ...] = device.ports if isinstance(device, Router | Switch) else ()
+        for index, port in enumerate(ports):
             first = seen.setdefault(port.name, index)
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line
@@ -105,6 +118,30 @@ def one_port_a_link(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, ("ports", index, "link"), message, "a link has one port")
 
 
+def one_uplink(draft: Draft) -> Iterator[Finding]:
+    """A switch has one cable towards the router, by which it is managed."""
+    for host, _, switch in draft.boxes(Switch):
+        part = Part("device", host)
+        used = [index for index, port in enumerate(switch.ports) if port.use is SwitchPortUse.UPLINK]
+        if not used:
+            message = f"`{host}` has no port towards the router: nobody could reach it"
+            yield draft.wrong(part, ("ports",), message, "give one port `use: uplink`")
+        for index in used[1:]:
+            message = f"`{host}` has a second uplink, the first is {switch.ports[used[0]].name}"
+            yield draft.wrong(part, ("ports", index, "use"), message, "keep one: two cables to one LAN make a loop")
+
+
+def isolated_in_the_lan(draft: Draft) -> Iterator[Finding]:
+    """What is isolated is plugged into a port of the LAN."""
+    for host, _, switch in draft.boxes(Switch):
+        for index, port in enumerate(switch.ports):
+            if port.isolated and port.use is not SwitchPortUse.LAN:
+                message = f"port {port.name} is isolated, but its use is {port.use}"
+                yield draft.wrong(
+                    Part("device", host), ("ports", index, "isolated"), message, "write `use: lan`, or remove it"
+                )
+
+
 def _unclear(use: PortUse, link: str | None, site: Site) -> bool:
     """A port that is told elsewhere: it may be the one that is missing here."""
     if use is PortUse.LINK:
@@ -112,7 +149,16 @@ def _unclear(use: PortUse, link: str | None, site: Site) -> bool:
     return link is not None
 
 
-RULES: tuple[Rule, ...] = (names, one_for_management, some_for_the_lan, link_and_use, known_links, one_port_a_link)
+RULES: tuple[Rule, ...] = (
+    names,
+    one_for_management,
+    some_for_the_lan,
+    link_and_use,
+    known_links,
+    one_port_a_link,
+    one_uplink,
+    isolated_in_the_lan,
+)
 
 
 def _fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
@@ -123,37 +169,41 @@ def _fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
 
 
 def _rightly_fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
-    """Those that name the router of their own site."""
+    """Those that name the router or a switch of their own site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             yield host, source
 
 
 def source_known(draft: Draft) -> Iterator[Finding]:
-    """The source is the router of the same site."""
+    """The source is the router or a switch of the same site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             continue
         site = draft.layout.hosts[host]
-        routers = [name for name, place in draft.layout.hosts.items() if place == site and _is_router(draft, name)]
-        if problem := _wrong_source(draft, host, source.device, routers):
+        able = [
+            name
+            for name, place in draft.layout.hosts.items()
+            if place == site and name != host and _can_feed(draft, name)
+        ]
+        if problem := _wrong_source(draft, host, source.device, able):
             yield draft.wrong(Part("device", host), ("powered_by", "device"), *problem)
 
 
-def _is_router(draft: Draft, host: str) -> bool:
-    return draft.kind_of(host) == "router"
+def _can_feed(draft: Draft, host: str) -> bool:
+    return draft.kind_of(host) in {"router", "switch"}
 
 
-def _wrong_source(draft: Draft, host: str, source: str, routers: list[str]) -> tuple[str, str] | None:
-    named = f"name the router of the site: {', '.join(routers)}" if routers else "remove `powered_by:`"
+def _wrong_source(draft: Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
+    named = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
     if source not in draft.layout.hosts:
-        return f"there is no host `{source}`", meant(source, routers, none=named)
+        return f"there is no host `{source}`", meant(source, able, none=named)
     if source == host:
         return f"`{host}` cannot feed itself", named
     if draft.layout.hosts[source] != draft.layout.hosts[host]:
         return f"`{source}` is at site `{draft.layout.hosts[source]}`, `{host}` is not", named
-    if draft.kind_of(source) is not None and not _is_router(draft, source):
-        return f"`{source}` is a {draft.kind_of(source)}: only a router feeds others", named
+    if draft.kind_of(source) is not None and not _can_feed(draft, source):
+        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch feeds others", named
     return None
 
 
@@ -163,15 +213,16 @@ def port_feeds(draft: Draft) -> Iterator[Finding]:
     for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
         shared = fed[source.device, source.port] > 1
-        if isinstance(router, Router) and (problem := _wrong_port(draft, host, source, router, shared=shared)):
+        if isinstance(router, Router | Switch) and (problem := _wrong_port(draft, host, source, router, shared=shared)):
             yield draft.wrong(Part("device", host), ("powered_by", "port"), *problem)
 
 
 def _wrong_port(
-    draft: Draft, host: str, source: PowerSource, router: Router, *, shared: bool
+    draft: Draft, host: str, source: PowerSource, router: Router | Switch, *, shared: bool
 ) -> tuple[str, str] | None:
-    port = next((port for port in router.ports if port.name == source.port), None)
-    feeding = ", ".join(item.name for item in router.ports if item.poe is not None and item.poe.out is not PoeMode.OFF)
+    ports: tuple[Port | SwitchPort, ...] = router.ports
+    port = next((port for port in ports if port.name == source.port), None)
+    feeding = ", ".join(item.name for item in ports if item.poe is not None and item.poe.out is not PoeMode.OFF)
     hint = f"ports of `{source.device}` that feed: {feeding or 'none'}"
     if port is None:
         return f"`{source.device}` has no port {source.port}", hint
@@ -181,8 +232,19 @@ def _wrong_port(
         return f"port {port.name} of `{source.device}` has its power switched off", hint
     if shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
+    return _other_cable(draft, host, source, router)
+
+
+def _other_cable(draft: Draft, host: str, source: PowerSource, router: Router | Switch) -> tuple[str, str] | None:
+    """Power and data use one cable: who carries a link hangs on the router's port of that link."""
     link = _link_of(draft, host)
-    if link is not None and port.use is PortUse.LINK and port.link in _links_at(draft, host) - {link}:
+    if link is None:
+        return None
+    if isinstance(router, Switch):
+        message = f"`{host}` carries link `{link}`, but port {source.port} of `{source.device}` is in the LAN"
+        return message, "power and data use one cable, and that of a link leads to the router"
+    port = next(port for port in router.ports if port.name == source.port)
+    if port.use is PortUse.LINK and port.link in _links_at(draft, host) - {link}:
         message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
         return message, "power and data use one cable: " + _cable(router.ports, link)
     return None

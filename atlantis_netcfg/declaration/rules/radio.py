@@ -17,7 +17,17 @@ from atlantis_netcfg.declaration import channels
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration._yaml import SealedSecret
 from atlantis_netcfg.declaration.findings import Finding, choices, meant
-from atlantis_netcfg.declaration.model import Cpe, Gateway, Ptp, PtpMode, PtpProtocol, RadioMenus, Router, WifiRadio
+from atlantis_netcfg.declaration.model import (
+    Cpe,
+    Gateway,
+    Ptp,
+    PtpMode,
+    PtpProtocol,
+    RadioMenus,
+    Router,
+    Switch,
+    WifiRadio,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,7 +51,7 @@ def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, WifiRadio]]:
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
     for host, device in draft.devices.items():
-        if isinstance(device, Router | Gateway) and device.access_point is not None:
+        if isinstance(device, Router | Switch | Gateway) and device.access_point is not None:
             yield Part("device", host), "access_point", device.access_point
 
 
@@ -97,8 +107,9 @@ def menus(draft: Draft) -> Iterator[Finding]:
 
 def menus_of_an_access_point(draft: Draft) -> Iterator[Finding]:
     """The older menus know neither 802.11ax nor WPA3."""
-    for host, _, router in draft.boxes(Router):
-        radio, part = router.access_point, Part("device", host)
+    for host, device in draft.devices.items():
+        radio = device.access_point if isinstance(device, Router | Switch) else None
+        part = Part("device", host)
         if radio is None or radio.menus != "wireless":
             continue
         for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):

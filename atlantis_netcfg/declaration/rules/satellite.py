@@ -6,10 +6,18 @@ What is declared of the cost of a link: a tariff and a cap have to mean somethin
 from __future__ import annotations
 
 from ipaddress import IPv4Address
+from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
-from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, LteRouter, SatelliteTerminal, Transport
+from atlantis_netcfg.declaration.model import (
+    LONGEST_PAUSE_S,
+    AllowedTarget,
+    Bearer,
+    LteRouter,
+    SatelliteTerminal,
+    Transport,
+)
 from atlantis_netcfg.declaration.satellite_allow_list import VPN_TARGET, admits, allowed, derived
 
 if TYPE_CHECKING:
@@ -131,6 +139,7 @@ RULES: tuple[Rule, ...] = (
     evidence_is_whole,
 )
 
+_CANARY_BUDGETS = ("canary_budget_mb", "canary_budget_eur")
 _LEAST_MB = 0.1
 """Reading one configured router comes to about 80 kB on the wire, before anything is changed."""
 
@@ -138,7 +147,7 @@ _LEAST_MB = 0.1
 def of_metered_links_only(draft: Draft) -> Iterator[Finding]:
     """Tariff, cap and budget of a link that costs nothing are a mistake: perhaps it does cost."""
     for name, index, bearer in _bearers(draft):
-        for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur"):
+        for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_CANARY_BUDGETS):
             if not bearer.metered and key in bearer.model_fields_set and getattr(bearer, key) is not None:
                 message = f"link `{bearer.name}` is declared as free (`metered: false`), so `{key}` means nothing"
                 hint = f"remove `{key}:`, or write `metered: true` if every byte costs"
@@ -167,16 +176,39 @@ def a_floor_has_a_rate(draft: Draft) -> Iterator[Finding]:
 def a_budget_in_euro_has_a_tariff(draft: Draft) -> Iterator[Finding]:
     """What goes over a link by itself can be compared with a budget in EUR only where its price is known in EUR."""
     for name, index, bearer in _bearers(draft):
-        if not bearer.metered or bearer.standing_budget_eur is None:
+        for key in ("standing_budget_eur", "canary_budget_eur"):
+            if not bearer.metered or getattr(bearer, key) is None:
+                continue
+            billing, path, in_mb = bearer.billing, ("bearers", index, key), key.replace("_eur", "_mb")
+            if billing is None:
+                message = (
+                    f"link `{bearer.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
+                )
+                hint = f"add `billing:` from the contract, or write `{in_mb}:`"
+                yield draft.wrong(Part("site", name), path, message, hint)
+            elif billing.currency != "EUR":
+                message = f"the tariff of link `{bearer.name}` is in {billing.currency}, and its budget in EUR"
+                yield draft.wrong(Part("site", name), path, message, f"write `{in_mb}:` in its place")
+
+
+def a_budget_of_canaries_is_of_use(draft: Draft) -> Iterator[Finding]:
+    """There is somebody to ask, and often enough that a dead link is noticed."""
+    for name, index, bearer in _bearers(draft):
+        key = next((key for key in _CANARY_BUDGETS if getattr(bearer, key) is not None), None)
+        if not bearer.metered or key is None:
             continue
-        billing, path = bearer.billing, ("bearers", index, "standing_budget_eur")
-        if billing is None:
-            message = f"link `{bearer.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
-            hint = "add `billing:` from the contract, or write `standing_budget_mb:`"
+        path = ("bearers", index, key)
+        if not bearer.canaries:
+            message = f"link `{bearer.name}` has a budget for canaries, and no canaries"
+            yield draft.wrong(Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
+        elif bearer.canary_pause_s > LONGEST_PAUSE_S and bearer.canary_budget_bytes is not None:
+            least_mb = ceil(bearer.canary_budget_bytes / 1e4 * bearer.canary_pause_s / LONGEST_PAUSE_S) / 100
+            message = (
+                f"the budget of the canaries of link `{bearer.name}` admits one question in "
+                f"{bearer.canary_pause_s / 60:.0f} min, too seldom to notice that it is dead"
+            )
+            hint = f"once in {LONGEST_PAUSE_S // 60} min takes {least_mb:.2f} MB a month: let `{key}` admit that"
             yield draft.wrong(Part("site", name), path, message, hint)
-        elif billing.currency != "EUR":
-            message = f"the tariff of link `{bearer.name}` is in {billing.currency}, and its budget in EUR"
-            yield draft.wrong(Part("site", name), path, message, "write `standing_budget_mb:` in its place")
 
 
 def _bearers(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
@@ -190,4 +222,5 @@ COST_RULES: tuple[Rule, ...] = (
     leaves_room_to_read,
     a_floor_has_a_rate,
     a_budget_in_euro_has_a_tariff,
+    a_budget_of_canaries_is_of_use,
 )

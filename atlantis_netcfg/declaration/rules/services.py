@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.declaration._draft import Draft, Part, Rule
 from atlantis_netcfg.declaration.findings import Finding, meant
 from atlantis_netcfg.declaration.model import (
+    REFLECTOR_PORT,
+    ROS1_BRIDGE,
     ControlCentre,
     Gateway,
     HostedService,
+    RosDistribution,
     ServerComputer,
     ServiceNetwork,
     Transport,
@@ -69,6 +72,8 @@ def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, st
     }
     if draft.pilot is None:
         return taken
+    if device.vpn_address is not None:
+        taken[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
     if draft.pilot.dds is not None:
         taken |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
     for index, service in enumerate(draft.pilot.vpn.services):
@@ -108,21 +113,84 @@ def partners_known(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(Part("device", host), path, f"`{partner}` stands twice in this list", "remove one")
 
 
+def started_once(draft: Draft) -> Iterator[Finding]:
+    """A service is a program or a container, and a variable has one value."""
+    for host, _, index, service in _services(draft):
+        part, path = Part("device", host), ("services", index, "container")
+        if service.container is None:
+            continue
+        if service.program is not None:
+            message = f"the service `{service.name}` is a program and a container"
+            yield draft.wrong(part, path, message, "leave one of them out")
+        names: set[str] = set()
+        for place, variable in enumerate(service.container.environment):
+            where = (*path, "environment", place)
+            if (variable.value is None) == (variable.secret is None):
+                message = f"`{variable.name}` has neither a value nor a secret"
+                if variable.secret is not None:
+                    message = f"`{variable.name}` has a value and a secret"
+                yield draft.wrong(part, where, message, "write `value:`, or `secret:` and a vaulted one")
+            if variable.name in names:
+                yield draft.wrong(part, where, f"`{variable.name}` stands twice in this list", "remove one")
+            names.add(variable.name)
+
+
 def programs_apart(draft: Draft) -> Iterator[Finding]:
     """A partner's program does not run as root, and two do not write to one folder."""
     seen: dict[tuple[str, str], str] = {}
     for host, _, index, service in _services(draft):
-        part, path = Part("device", host), ("services", index, "program")
-        if service.program is None:
+        if service.started is None:
             continue
-        if service.program.user == "root":
+        form = "program" if service.program is not None else "container"
+        part, path = Part("device", host), ("services", index, form)
+        if service.started.user == "root":
             message = f"the service `{service.name}` would run as root, and its program is not ours"
             yield draft.wrong(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
-        if service.program.data is not None:
-            first = seen.setdefault((host, service.program.data), service.name)
+        if service.started.data is not None:
+            first = seen.setdefault((host, service.started.data), service.name)
             if first != service.name:
-                message = f"{service.program.data} is already the folder of the service `{first}`"
+                message = f"{service.started.data} is already the folder of the service `{first}`"
                 yield draft.wrong(part, (*path, "data"), message, "give each its own folder")
+
+
+def containers_possible(draft: Draft) -> Iterator[Finding]:
+    """Containers are run by podman, which Ubuntu 20.04 does not have: the system that Foxy is installed on."""
+    if draft.pilot is None:
+        return
+    dds, ros2 = draft.pilot.dds, draft.pilot.gateways.ros2
+    for host, _, device in draft.boxes(ServerComputer):
+        if ros2 is None or dds is None or dds.distribution is not RosDistribution.FOXY or not device.has_ros2:
+            continue
+        places: list[tuple[str | int, ...]] = [
+            ("services", index, "container") for index, each in enumerate(device.services) if each.container is not None
+        ]
+        for path in (*places, *([("ros1_bridge",)] if device.ros1_bridge is not None else [])):
+            message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
+            hint = "run the container on a computer without foxy: Debian 12 has podman"
+            yield draft.wrong(Part("device", host), path, message, hint)
+
+
+def bridges_possible(draft: Draft) -> Iterator[Finding]:
+    """A bridge is a participant of DDS over the VPN, and its name is no service's."""
+    for host, _, device in draft.boxes(ServerComputer):
+        part, bridge = Part("device", host), device.ros1_bridge
+        if bridge is None:
+            continue
+        if draft.pilot is not None and draft.pilot.dds is None:
+            message = f"`{host}` is to bridge topics to ROS 2, and the pilot declares no DDS"
+            yield draft.wrong(part, ("ros1_bridge",), message, "write `dds: {distribution: …}` in pilot.yml")
+        if device.vpn_address is None:
+            message = f"the bridge of `{host}` talks through the VPN, and `{host}` has no address in it"
+            yield draft.wrong(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
+        for index, service in enumerate(device.services):
+            if service.name == ROS1_BRIDGE:
+                message = f"`{ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
+                yield draft.wrong(part, ("services", index, "name"), message, "give the service another name")
+        topics = [each.topic for each in bridge.topics]
+        for index, topic in enumerate(topics):
+            if topic in topics[:index]:
+                path = ("ros1_bridge", "topics", index)
+                yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
 
 
 def choices_declared(draft: Draft) -> Iterator[Finding]:
@@ -163,7 +231,10 @@ RULES: tuple[Rule, ...] = (
     ports_once,
     open_ports,
     partners_known,
+    started_once,
     programs_apart,
+    containers_possible,
+    bridges_possible,
     choices_declared,
     recorder_declared,
 )

@@ -87,11 +87,13 @@ def columns(draft: Draft) -> Iterator[Finding]:
 
 
 def report_rows(draft: Draft) -> Iterator[Finding]:
-    """A row is the report's, or says why it differs; a guest has a row of its own."""
+    """A row is the report's, or says why it differs; guests and docking stations have rows of their own."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
         row = table.get(vehicle.name)
         if vehicle.guest or isinstance(vehicle, Guest):
+            continue
+        if row is None and vehicle.kind is VehicleKind.DOCKING_STATION:
             continue
         if row is None:
             yield from _not_of_the_report(draft, key, vehicle, table)

@@ -397,6 +397,12 @@ class Machine:
         if done.returncode:
             raise MachineFailed(f"{self.name}: {path} cannot be written: {done.stderr.strip()}")
 
+    def put_bytes(self, path: str, data: bytes) -> None:
+        """Write a file that is no text straight to its disk, whether it runs or not."""
+        place = self._disk.root / path.lstrip("/")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(data)
+
     def fill_disk(self, *, leave_kb: int = 0) -> None:
         """Make its disk full; what is running inside goes on and meets ENOSPC."""
         self._disk.fill(leave_kb)

@@ -1,8 +1,9 @@
 """An emulated Linux computer, as far as reading programs tell of it: what `ip`, `iw`, `ping` and others would print.
 
 It stands for the output of the programs that the probes may run, in their exact form, for the DHCP servers that answer
-on its segments, and for the DDS participants that run on it. It has no network: a ping answers as its specification
-says, and at once. Its specification is frozen and healthy by default; a rehearsal breaks things by another one.
+on its segments, for the DDS participants that run on it, and for the computers that answer its messages. It has no
+network: a ping answers as its specification says, and at once. Its specification is frozen and healthy by default; a
+rehearsal breaks things by another one.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from atlantis_netcfg.emulator.linux._spec import (
     InterfaceSpec,
     NeighbourSpec,
     OfferSpec,
+    ReflectorSpec,
     RouteSpec,
     TimeSpec,
     UdpSpec,
@@ -36,6 +38,7 @@ __all__ = [
     "InterfaceSpec",
     "NeighbourSpec",
     "OfferSpec",
+    "ReflectorSpec",
     "RouteSpec",
     "TimeSpec",
     "UdpSpec",

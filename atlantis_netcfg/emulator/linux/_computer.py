@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import struct
 import time
+from base64 import b64decode, b64encode
 from datetime import UTC, datetime
+from hashlib import sha256
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._ip import ip, iw, ping
+from atlantis_netcfg.emulator.linux._ip import ip, iw, lost, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
     CertificateSpec,
@@ -165,6 +168,57 @@ def _stamp(moment: datetime) -> str:
     return f"{moment:%b} {moment.day:2d} {moment:%H:%M:%S %Y} GMT"
 
 
+def uname(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Print name, release and machine of the kernel (`-s`, `-n`, `-r`, `-m`); words of coreutils 9."""
+    fields = {"s": "Linux", "n": spec.name, "r": spec.kernel, "m": spec.machine}
+    options = [word.removeprefix("-") for word in argv[1:] if word.startswith("-")]
+    extra = next((word for word in argv[1:] if not word.startswith("-")), None)
+    odd = next((letter for letter in "".join(options) if letter not in fields), None)
+    if extra is not None or odd is not None:
+        reason = f"invalid option -- '{odd}'" if odd is not None else f"extra operand '{extra}'"
+        return 1, "", f"uname: {reason}\nTry 'uname --help' for more information.\n"
+    requested = set("".join(options)) or {"s"}
+    return 0, " ".join(value for letter, value in fields.items() if letter in requested) + "\n", ""
+
+
+def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Print the fingerprint of a public key of Ed25519 (`-l -f PATH`); words and code of OpenSSH 9."""
+    if list(argv[1:3]) != ["-l", "-f"] or len(argv) != 4:  # noqa: PLR2004 - the program and three words
+        return 1, "", "Too many arguments.\r\n"
+    path = argv[3]
+    if path in spec.denied or path not in spec.files:
+        reason = "Permission denied" if path in spec.denied else "No such file or directory"
+        return 255, "", f"ssh-keygen: {path}: {reason}\r\n"
+    kind, _, rest = spec.files[path].strip().partition(" ")
+    key, _, comment = rest.partition(" ")
+    if kind != "ssh-ed25519":
+        return 255, "", f"{path} is not a public key file.\r\n"
+    digest = b64encode(sha256(b64decode(key)).digest()).decode().rstrip("=")
+    return 0, f"256 SHA256:{digest} {comment or 'no comment'} (ED25519)\n", ""
+
+
+def dpkg_query(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+    """Print installed packages by their names, no patterns (`-W -f=FORMAT NAME…`); words and codes of dpkg 1.21."""
+    if len(argv) < 2 or argv[1] != "-W":  # noqa: PLR2004 - the program and its action
+        reason = f"unknown option {argv[1]}" if len(argv) > 1 else "need an action option"
+        return 2, "", f"dpkg-query: error: {reason}\n\nUse --help for help about querying packages.\n"
+    layout = next((word.removeprefix("-f=") for word in argv[2:] if word.startswith("-f=")), _PACKAGE_LINE)
+    names = [word for word in argv[2:] if not word.startswith("-")]
+    out = "".join(
+        layout.replace("${Package}", name)
+        .replace("${Version}", spec.packages[name])
+        .replace("${db:Status-Status}", "installed")
+        .replace("\\n", "\n")
+        .replace("\\t", "\t")
+        for name in sorted(spec.packages)
+        if name in names or not names
+    )
+    err = "".join(f"dpkg-query: no packages found matching {name}\n" for name in names if name not in spec.packages)
+    return (1 if err else 0), out, err
+
+
+_PACKAGE_LINE = r"${Package}\t${Version}\n"
+"""Of dpkg-query, where no format is given."""
 Printed = tuple[int, str, str]
 NOT_FOUND = 127
 """Of a shell, for a program that is not there (POSIX, 2.8.2)."""
@@ -221,15 +275,35 @@ class Computer:
             (address, message) for number, dds in enumerate(there) for message in answers(number, dds, asked_by)
         )
 
+    def reflected(
+        self, source: str, address: str, tokens: Sequence[str]
+    ) -> tuple[tuple[str, str, float, bytes], ...] | None:
+        """Sender, interface, delay in seconds and text of the answers to messages with these tokens.
+
+        None: no interface has the source address. Each answer says that it is emulated.
+        """
+        interface, way, there = self.spec.holding(source), self.spec.towards(address), self.spec.reflectors.get(address)
+        if interface is None:
+            return None
+        if way is None or there is None:
+            return ()
+        kept = [token for number, token in enumerate(tokens, start=1) if not lost(number, there.loss_percent)]
+        rows = {"host": there.host, "from": source, "to": address, "by": there.arrives_by, "emulated": True}
+        texts = (json.dumps({"token": token, **rows}).encode() for token in kept)
+        return tuple((address, way[0], there.rtt_ms / 1000, text) for text in texts)
+
 
 _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], Printed]] = {
     "cat": lambda computer, argv: cat(computer.spec, argv),
     "chronyc": lambda computer, argv: chronyc(computer.spec, argv, computer.now),
+    "dpkg-query": lambda computer, argv: dpkg_query(computer.spec, argv),
     "ip": lambda computer, argv: ip(computer.spec, argv),
     "iw": lambda computer, argv: iw(computer.spec, argv),
     "openssl": lambda computer, argv: openssl(computer.spec, argv),
     "ping": lambda computer, argv: ping(computer.spec, argv),
+    "ssh-keygen": lambda computer, argv: ssh_keygen(computer.spec, argv),
     "timedatectl": lambda computer, argv: timedatectl(computer.spec, argv, computer.now),
+    "uname": lambda computer, argv: uname(computer.spec, argv),
 }
 
 _CARD = "02:00:5E:00:FA:01"

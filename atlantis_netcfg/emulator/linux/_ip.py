@@ -258,12 +258,13 @@ def _is_address(text: str) -> bool:
 
 def _answers(target: str, echo: EchoSpec, count: int) -> tuple[str, int]:
     """The share that is lost is lost evenly, beginning with the last of each run."""
-    kept = [number for number in range(1, count + 1) if not _lost(number, echo.loss_percent)]
+    kept = [number for number in range(1, count + 1) if not lost(number, echo.loss_percent)]
     lines = (f"64 bytes from {target}: icmp_seq={number} ttl=64 time={_time(echo.rtt_ms)} ms\n" for number in kept)
     return "".join(lines), len(kept)
 
 
-def _lost(number: int, percent: float) -> bool:
+def lost(number: int, percent: float) -> bool:
+    """Whether a message is one of the share that is lost."""
     return int(number * percent / 100) > int((number - 1) * percent / 100)
 
 
@@ -310,7 +311,7 @@ def iw(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     interface = spec.interface(words[1])
     if interface is None or not interface.wireless:
         return _NO_DEVICE
-    shown = {"link": _link, "info": _info, "station dump": _station}.get(" ".join(words[2:]))
+    shown = {"link": _link, "info": _info, "station dump": _stations}.get(" ".join(words[2:]))
     return _USAGE if shown is None else (0, shown(interface), "")
 
 
@@ -327,7 +328,7 @@ country {country}: DFS-{region}
 
 def _link(interface: InterfaceSpec) -> str:
     there = interface.association
-    if there is None or not interface.up:
+    if there is None or not interface.up or interface.type == "AP":
         return "Not connected.\n"
     return (
         f"Connected to {there.bssid.lower()} (on {interface.name})\n"
@@ -370,10 +371,14 @@ def _level(there: AssociationSpec) -> str:
     return f"{there.signal_dbm}{chains} dBm"
 
 
-def _station(interface: InterfaceSpec) -> str:
-    there = interface.association
-    if there is None or not interface.up:
+def _stations(interface: InterfaceSpec) -> str:
+    if interface.association is None or not interface.up:
         return ""
+    joined = interface.stations if interface.type == "AP" else (interface.association,)
+    return "".join(_station(interface.name, station) for station in joined)
+
+
+def _station(radio: str, there: AssociationSpec) -> str:
     lines = (
         ("inactive time:", f"{there.inactive_ms} ms"),
         ("rx bytes:", there.tx_packets * 210),
@@ -400,4 +405,4 @@ def _station(interface: InterfaceSpec) -> str:
         ("connected time:", f"{there.connected_s} seconds"),
     )
     text = "".join(f"\t{name}\t{value}\n" if value != "" else f"\t{name}\n" for name, value in lines)
-    return f"Station {there.bssid.lower()} (on {interface.name})\n{text}"
+    return f"Station {there.bssid.lower()} (on {radio})\n{text}"

@@ -59,7 +59,9 @@ class InterfaceSpec(_Spec):
     type: str = "managed"
     """Of a wireless one: `managed`, `AP`, `monitor`."""
     association: AssociationSpec | None = None
-    """Of a wireless one; None: it is associated with nobody."""
+    """Of a wireless one; None: it is associated with nobody. Of an access point: the network that it opens."""
+    stations: tuple[AssociationSpec, ...] = ()
+    """Of an access point: who has joined it."""
     rx_errors: int = 0
     tx_errors: int = 0
 
@@ -115,6 +117,17 @@ class UdpSpec(_Spec):
     uid: int = 1000
 
 
+class ReflectorSpec(_Spec):
+    """How another computer of the pilot answers the messages that are sent to it."""
+
+    host: str
+    """The name that it gives itself."""
+    rtt_ms: float = Field(default=62.0, ge=0)
+    loss_percent: float = Field(default=0, ge=0, le=100)
+    arrives_by: str = "tun0"
+    """The interface by which the messages reach it, as it says."""
+
+
 class DdsSpec(_Spec):
     """A DDS participant that answers whoever announces itself to it at an address of the computer."""
 
@@ -164,8 +177,15 @@ class ComputerSpec(_Spec):
     udp: tuple[UdpSpec, ...] = ()
     dds: tuple[DdsSpec, ...] = ()
     """Participants that answer; that their ports are bound, `udp` says."""
+    reflectors: dict[str, ReflectorSpec] = Field(default_factory=dict)
+    """Address to who answers messages there; whoever is not named does not."""
     dhcp: dict[str, tuple[OfferSpec, ...]] = Field(default_factory=dict)
     """Interface to the servers that answer on its segment."""
+    kernel: str = "6.1.0-28-arm64"
+    """Its release, as `uname -r` prints it."""
+    machine: str = "aarch64"
+    packages: dict[str, str] = Field(default_factory=dict)
+    """Installed package to its version; dpkg knows no other."""
     lacks: tuple[str, ...] = ()
     """Programs that are not installed."""
 

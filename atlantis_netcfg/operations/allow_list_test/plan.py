@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES
 from atlantis_netcfg.bearers.satellite import Expected, NamedTarget, SatelliteProbe
-from atlantis_netcfg.bearers.standing import ECHO_BYTES, NTP_BYTES
+from atlantis_netcfg.bearers.standing import NTP_BYTES
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
+from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
 from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
 from atlantis_netcfg.routeros.api import Command, Reply

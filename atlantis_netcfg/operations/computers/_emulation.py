@@ -18,12 +18,23 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.declaration.model import HostedService, ServerComputer, ServiceProgram, SshHost
+from atlantis_netcfg.declaration.model import (
+    ROS1_BRIDGE,
+    HostedService,
+    Model,
+    Ros1Bridge,
+    ServerComputer,
+    ServiceContainer,
+    ServiceProgram,
+    SshHost,
+)
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
+from atlantis_netcfg.emulator.lab.stubs.image import NOT_REHEARSED as NO_IMAGES
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
 from atlantis_netcfg.gateway.base import gateway_base
+from atlantis_netcfg.gateway.containers import IMAGES
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.recording import packages as recorder
 from atlantis_netcfg.journal import write_atomically
@@ -63,6 +74,8 @@ class RehearsedComputers:
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Host name to why nothing stands for it."""
     stubs: StandIns | None = None
+    images: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Host name and service to the SHA-256 of the archive that stands for the service's image."""
     authority: Path | None = None
     """Folder of the VPN's authority that was made for it."""
     not_rehearsed: tuple[str, ...] = ()
@@ -102,6 +115,7 @@ def rehearsed_computers(
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
         serving = [host.device for host in computers if isinstance(host.device, ServerComputer)]
         servers = any(map(is_server, computers))
+        images = {host.name: _imaged(machines[host.name], host.device, root) for host in computers}
         served = _served(stack, ground, declaration, folder) if any(device.has_ros2 for device in serving) else None
         authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
         result = (
@@ -109,9 +123,12 @@ def rehearsed_computers(
             *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
             *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
             *((_SERVICES,) if any(map(_hosted, serving)) else ()),
+            *(NO_IMAGES if any(images.values()) else ()),
             *untold,
         )
-        yield RehearsedComputers(machines, targets, stubs=served, authority=authority, not_rehearsed=result)
+        yield RehearsedComputers(
+            machines, targets, stubs=served, images=images, authority=authority, not_rehearsed=result
+        )
 
 
 def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -184,6 +201,25 @@ def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, 
     for service, program in _hosted(device):
         started.put(program.path, stubs.service_program(service.transport.value, service.port or 0), mode="0755")
     return started
+
+
+def _imaged(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
+    """Bring stand-ins for the images of its containers to where a person brings the real ones."""
+    if not isinstance(device, ServerComputer):
+        return {}
+    declared: dict[str, tuple[ServiceContainer | Ros1Bridge | None, str, int]] = {
+        each.name: (each.container, each.transport.value, each.port or 0) for each in device.services
+    }
+    declared[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
+    images = {}
+    for name, (box, kind, port) in declared.items():
+        if box is not None:
+            archive = stubs.service_image(root, kind, port)
+            images[name] = hashlib.sha256(archive).hexdigest()
+            machine.put_bytes(f"{IMAGES}/{images[name]}.tar", archive)
+    for path, text in stubs.PODMAN_IN_A_MACHINE.items() if images else ():
+        machine.put(path, text)
+    return images
 
 
 def _hosted(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:

@@ -55,7 +55,8 @@ def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[
 
 def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
-    return gateway_base(declaration, host, rehearsed=request.rehearsed).as_dict()
+    images = request.images.get(host.name) if request.rehearsed else None
+    return gateway_base(declaration, host, rehearsed=request.rehearsed, images=images).as_dict()
 
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:

@@ -241,8 +241,29 @@ async def _observe(work: RunContext, mode: JobMode) -> None:
     work.session = await work.contact.open()
     if mode is JobMode.RESUME:
         await _until_undone(work)
-    work.job = await fitted(work.session, work.job)
-    await _read(work)
+    await _read_fitting(work)
+
+
+async def _read_fitting(work: RunContext) -> None:
+    """Read what the state that fits the device needs. Raises Unfit, MenuMissing, SessionLost.
+
+    Where there is one state, it is read as if it fitted, which saves the round trip of asking for the device's radios.
+    """
+    fitting = work.job.fitting
+    if fitting is None or len(fitting.states) > 1:
+        work.job = await fitted(work.channel, work.job)
+        await _read(work)
+        return
+    (menu,) = fitting.states
+    try:
+        await _read(work)
+    except MenuMissing:
+        await fitted(work.channel, work.job)  # says so if it is that of the radio
+        raise
+    if menu not in work.job.desired.menus or any(row.get("default-name") for row in work.seen.rows[menu]):
+        work.job = replace(work.job, fitting=None)
+    else:
+        work.job = await fitted(work.channel, work.job)
 
 
 def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:

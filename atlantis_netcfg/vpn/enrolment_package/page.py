@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.declaration.model import Pace
-from atlantis_netcfg.gateway.dds import FOLDER, MemberDds, ProfileView, member_files, member_view
+from atlantis_netcfg.gateway.dds import MemberDds, ProfileView, member_files, member_view
+from atlantis_netcfg.gateway.services import PROFILES
 from atlantis_netcfg.render import environment
 from atlantis_netcfg.vpn import routeros, systems
 from atlantis_netcfg.vpn.enrolment_package.profile import day, is_declared
@@ -317,7 +318,7 @@ def dds_files(dds: DdsSettings) -> dict[str, str]:
     """The DDS files of a hand-out: profiles and environment as gateways have them, and what a shell reads."""
     made = member_files(dds.view)
     for name in ("setup.bash", "setup.ps1"):
-        made[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=FOLDER)
+        made[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=PROFILES)
     return {name: made[name] for name in dds.files}
 
 

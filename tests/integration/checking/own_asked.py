@@ -9,7 +9,7 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, RunProgram
+from atlantis_netcfg.checklist.probes import Cell, DdsDiscoverRequest, ReflectRequest, RunProgram
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
 
 SITE, GATEWAY = "coastal", "coastal-gateway"
+_Asked = RunProgram | DdsDiscoverRequest | ReflectRequest
 
 
 def check(declaration: Declaration, name: str) -> Probe:
@@ -34,20 +35,16 @@ def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapp
 
     `hurry`: words of programs that take their time, and those that stand for them.
     """
-    asked = [
-        (one.name, _sooner(one, hurry or {}))
-        for one in probe.asks()
-        if isinstance(one, RunProgram | DdsDiscoverRequest)
-    ]
+    asked = [(one.name, _sooner(one, hurry or {})) for one in probe.asks() if isinstance(one, _Asked)]
     assert {one.name for one in probe.asks()} == {name for name, _ in asked} | set(told)
     heard = asyncio.run(ask_here(asked, lambda *_: None, ("ip", "netns", "exec", namespace)))
     return probe.judge({**told, **heard})
 
 
-def _sooner(question: RunProgram | DdsDiscoverRequest, hurry: Mapping[str, str]) -> RunProgram | DdsDiscoverRequest:
-    if isinstance(question, DdsDiscoverRequest):
-        return question
-    return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))
+def _sooner(question: _Asked, hurry: Mapping[str, str]) -> _Asked:
+    if isinstance(question, RunProgram):
+        return replace(question, argv=tuple(hurry.get(word, word) for word in question.argv))
+    return replace(question, within_s=3.0) if hurry and isinstance(question, ReflectRequest) else question
 
 
 def findings(judged: Judged) -> list[str]:

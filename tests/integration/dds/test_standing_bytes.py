@@ -1,13 +1,17 @@
-"""What the standing traffic is reckoned to be, against the bytes of a real OpenVPN and of real DDS participants.
+"""The VPN and DDS over a satellite: who hears whom, through a terminal that lets the pilot's addresses alone pass.
+
+And what the standing traffic is reckoned to be, against the bytes of this real OpenVPN and these real participants.
 
 The pilot's VPN in namespaces, with every file as the product writes it; counted are IP packets on the gateway's own
 interface, as a provider does. Cyclone DDS of PyPI speaks here; what Fast DDS sends was counted by hand.
 The times are shorter than those of a pilot, so that a minute is enough: the figures are reckoned with the same times.
+Delay and rates are the declared ones of the satellite (`slow_link.py`). No packet is lost; real airtime loses some.
 """
 
 from __future__ import annotations
 
 import re
+import socket
 import sys
 import time
 from dataclasses import dataclass, replace
@@ -18,11 +22,13 @@ from typing import TYPE_CHECKING
 import pytest
 from dds_stand import Participant
 from matrix_papers import host
-from matrix_stand import SERVER, Vpn, vpn
+from matrix_stand import NET, SERVER, Vpn, vpn
+from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 
 from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource, keep_alive, published, sample_bytes
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
+from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
@@ -47,6 +53,21 @@ table ip standing {
   counter down {}
   chain out { type filter hook output priority 0; oifname "eth0" counter name up; }
   chain in { type filter hook input priority 0; iifname "eth0" counter name down; }
+}
+"""
+_TERMINAL = """\
+table ip terminal {
+  set admitted { type ipv4_addr . inet_proto . inet_service; elements = { ADMITTED } }
+  counter kept_off {}
+  chain out {
+    type filter hook prerouting priority raw
+    ip saddr GATEWAY ip daddr . ip protocol . th dport != @admitted counter name kept_off drop
+    ip saddr GATEWAY ip protocol != { tcp, udp } counter name kept_off drop
+  }
+  chain in {
+    type filter hook postrouting priority 200
+    ip daddr GATEWAY ip saddr . ip protocol . th sport != @admitted counter name kept_off drop
+  }
 }
 """
 
@@ -97,11 +118,28 @@ def speaker(made: Vpn, name: str, folder: Path) -> Participant:
     return Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
 
 
-def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def terminal(made: Vpn) -> None:
+    """Put a terminal with the allow-list of the declaration between the gateway and everything else."""
+    bearer = next(one for one in made.declaration.sites["coastal"].bearers if one.name == "satellite")
+    admitted = ", ".join(
+        f"{one.address} . {one.transport} . {one.port}" for one in allowed(made.declaration.pilot, bearer)
+    )
+    address = made.run(GATEWAY, "hostname", "-I").split()[0]
+    made.run(NET, "nft", "-f", "-", text=_TERMINAL.replace("ADMITTED", admitted).replace("GATEWAY", address))
+
+
+def kept_off(made: Vpn) -> int:
+    """Packets that the terminal has not let through."""
+    said = made.run(NET, "nft", "list", "counter", "ip", "terminal", "kept_off")
+    return int(re.findall(r"packets (\d+)", said)[0])
+
+
+def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tuning = replace(TUNING[Pace.SATELLITE], announce_s=_ANNOUNCE_S)
     monkeypatch.setitem(TUNING, Pace.SATELLITE, tuning)
     declaration = pilot()
-    with vpn(declaration, [host(declaration, GATEWAY), host(declaration, CENTRE)], tmp_path) as made:
+    wishes = [host(declaration, GATEWAY), host(declaration, CENTRE)]
+    with vpn(declaration, wishes, tmp_path, slow=[GATEWAY], before=terminal) as made:
         for name in (GATEWAY, CENTRE, SERVER):
             made.run(name, "sysctl", "-qw", "net.ipv4.icmp_ratelimit=1000")  # Linux' own; the stand has none
         made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)
@@ -109,6 +147,11 @@ def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch
         for one in both:
             assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + 60), one.lines  # type: ignore[misc]
         counted = count(made, 8 * _ANNOUNCE_S)
+        assert [one.lost() for one in both] == [[], []]
+        assert quickest_answer_ms(made) >= 2000 * DELAY_S
+        assert (made.counter("p_spoofed"), kept_off(made)) == (0, 0)
+        knock(made)
+        assert kept_off(made) == 3
     (satellite,) = (one for one in standing_traffic(declaration, "coastal") if one.link.name == "satellite")
     flows = [one for one in satellite.flows if one.source in {TrafficSource.DDS, TrafficSource.TELEMETRY}]
     view = profile_in_use(declaration, declaration.hosts[GATEWAY])
@@ -117,6 +160,28 @@ def test_announcements_and_telemetry_through_the_vpn(tmp_path: Path, monkeypatch
     assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
     expected = sum(one.up for one in flows), sum(one.down for one in flows) + back.up
     assert counted.a_day() == pytest.approx(expected, rel=TOLERANCE)
+
+
+def quickest_answer_ms(made: Vpn) -> float:
+    """Of pings from the gateway to the control centre, through the tunnel."""
+    address = made.authority.membership().members[CENTRE].address
+    said = made.run(GATEWAY, "ping", "-c", "3", "-W", "5", str(address))
+    return min(float(each) for each in re.findall(r"time=([\d.]+) ms", said))
+
+
+def knock(made: Vpn) -> None:
+    """So that the terminal does not stay at nothing for want of packets: a stranger, another port, and no UDP."""
+    plain = made.socket(GATEWAY, socket.AF_INET, socket.SOCK_DGRAM)
+    endpoint = str(made.declaration.pilot.vpn.endpoint)
+    plain.sendto(b"x", ("198.51.100.99", 443))
+    plain.sendto(b"x", (endpoint, 1195))
+    stream = made.socket(GATEWAY, socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
+    stream.connect_ex((endpoint, 1194))
+
+
+def test_the_link_is_as_slow_as_the_declared_satellite() -> None:
+    rate = next(one.rate for one in load(SHIPPED).sites["coastal"].bearers if one.name == "satellite")
+    assert (rate.rtt_ms, rate.up_kbps * 1000, rate.down_kbps * 1000) == (2000 * DELAY_S, UP_BPS, DOWN_BPS)
 
 
 def test_an_idle_tunnel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

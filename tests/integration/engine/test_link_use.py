@@ -49,7 +49,7 @@ HASTY = Patience(reach_s=30)
 
 def router(tmp_path: Path, **more: Any) -> Bench:  # noqa: ANN401 - fields of RouterSpec
     """The router of the coastal site, as declared; its own address is there since its adoption."""
-    made = bench(tmp_path, "coastal-router")
+    made = bench(tmp_path, "coastal-router", **more)
     adopted = "add address=10.64.101.1/24 "
     seed = "".join(line for line in made.text.splitlines(keepends=True) if not line.startswith(adopted))
     return bench(tmp_path, "coastal-router", seed=seed, **more)
@@ -344,9 +344,12 @@ def killed(tmp_path: Path, sentence: int, version: str) -> None:
     assert result.status is not Status.CHANGED, sentence
 
 
-@pytest.mark.parametrize("part", [0.2, 0.5, 0.7, 0.8, 0.9])
-def test_the_laptop_dies_at_some_moments(tmp_path: Path, part: float) -> None:
-    killed(tmp_path, round(part * sentences("7.18.2")), "7.18.2")
+OLD, NEW = "7.18.2", "7.21.5"
+
+
+@pytest.mark.parametrize(("part", "version"), [(0.2, OLD), (0.5, NEW), (0.7, OLD), (0.8, NEW), (0.9, OLD)])
+def test_the_laptop_dies_at_some_moments(tmp_path: Path, part: float, version: str) -> None:
+    killed(tmp_path, round(part * sentences(version)), version)
 
 
 PARTS = 8
@@ -355,13 +358,13 @@ PARTS = 8
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("part", range(PARTS))
-@pytest.mark.parametrize("version", ["7.18.2", "7.21.5"])
+@pytest.mark.parametrize("version", [OLD, NEW])
 def test_the_laptop_dies_at_every_moment(tmp_path: Path, version: str, part: int) -> None:
     for sentence in range(part, sentences(version), PARTS):
         killed(tmp_path / str(sentence), sentence, version)
 
 
-def cut(tmp_path: Path, sentence: int, kind: FaultKind, when: str) -> None:
+def cut(tmp_path: Path, sentence: int, kind: FaultKind, when: str, version: str) -> None:
     """Cut a use at one sentence; whoever gets through again, the order is back in time."""
 
     async def act(bench: Bench) -> DeviceResult:
@@ -371,7 +374,7 @@ def cut(tmp_path: Path, sentence: int, kind: FaultKind, when: str) -> None:
         bench.router.arm(LinkFault.model_validate(fault))
         return await in_its_order(bench, before, bench.converge(desired=use))
 
-    on(router(tmp_path), act)
+    on(router(tmp_path, version=version), act)
 
 
 def faults() -> Iterator[tuple[FaultKind, str]]:
@@ -381,14 +384,15 @@ def faults() -> Iterator[tuple[FaultKind, str]]:
 
 
 @pytest.mark.parametrize(("kind", "when"), [(FaultKind.VANISH, "after"), (FaultKind.POWER, "before")])
-@pytest.mark.parametrize("part", [0.7, 0.8, 0.9])
-def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: float) -> None:
-    cut(tmp_path, round(part * sentences("7.18.2")), kind, when)
+@pytest.mark.parametrize(("part", "version"), [(0.7, OLD), (0.8, NEW), (0.9, OLD)])
+def test_cut_at_some_moments(tmp_path: Path, kind: FaultKind, when: str, part: float, version: str) -> None:
+    cut(tmp_path, round(part * sentences(version)), kind, when, version)
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("part", range(PARTS))
 @pytest.mark.parametrize(("kind", "when"), list(faults()))
-def test_cut_everywhere(tmp_path: Path, kind: FaultKind, when: str, part: int) -> None:
-    for sentence in range(1 + part, sentences("7.18.2") + 1, PARTS):
-        cut(tmp_path / str(sentence), sentence, kind, when)
+@pytest.mark.parametrize("version", [OLD, NEW])
+def test_cut_everywhere(tmp_path: Path, version: str, kind: FaultKind, when: str, part: int) -> None:
+    for sentence in range(1 + part, sentences(version) + 1, PARTS):
+        cut(tmp_path / str(sentence), sentence, kind, when, version)

@@ -60,7 +60,9 @@ def test_of_an_operator_station_the_membership_alone_changes(tmp_path: Path) -> 
     (inventory / "host_vars/scc-desk1.yml").write_text(STATION)
     hosts = inventory / "hosts.yml"
     text = hosts.read_text().replace("            scc-control:\n", "            scc-control:\n            scc-desk1:\n")
-    hosts.write_text(text + "    operator_stations:\n      hosts:\n        scc-desk1:\n")
+    empty = "    operator_stations:\n      hosts: {} # none in this example\n"
+    assert text.count(empty) == 1
+    hosts.write_text(text.replace(empty, "    operator_stations:\n      hosts:\n        scc-desk1:\n"))
     told = rehearsed(tmp_path / "state", "scc-desk1", f"inventory={inventory}")
     assert (told["status"], told["second_pass"]) == ("changed", 0)
     assert {again["planned"] for again in told["bearers"].values()} == {0}

@@ -164,7 +164,7 @@ def test_a_full_card_is_left_as_it_was(machine: Start, technician: Key, tmp_path
     assert "apt-get clean" in refused["hint"]
     assert said(stand, "find /etc /var/lib -type f | sort") == before
     stand.gateway.free_disk()
-    assert stand.run()["changes"][0] == "file /etc/locale.gen"
+    assert stand.run()["changes"][0] == "directory /etc/atlantis/radios"
     assert stand.run()["changes"] == []
 
 

@@ -143,9 +143,12 @@ def test_it_is_built_once_per_revision_and_serves_with_the_vpn(interop: Interop)
 
     planned = stand.run("--check")
     assert planned["changes"][0] == "build of library v1 and examples v1 started"
-    interop.on("touch /tmp/scan; systemd-run -q --unit=scan sh -c '" + SCAN + "'")
+    stand.gateway.put("/run/scan", SCAN)
+    interop.on("systemd-run -q --unit=scan python3 /run/scan")
+    interop.until(": CANARY-control; grep -q CAN[A]RY-control /run/seen")  # it sees what is there to be seen
+    interop.on(": >/run/seen")
     built = stand.run("-vvv")
-    interop.on("rm /tmp/scan")
+    interop.on("rm /run/scan")
     first = interop.key()
     assert built["changes"][:2] == [
         planned["changes"][0],
@@ -262,18 +265,32 @@ def test_a_gap_of_the_satellite_is_waited_through(interop: Interop) -> None:
     assert "v1" in interop.says()
 
 
-SCAN = (
-    "while [ -e /tmp/scan ]; do cat /proc/[0-9]*/cmdline /proc/[0-9]*/environ 2>/dev/null"
-    ' | tr "\\0" "\\n" | grep -a CAN[A]RY >>/tmp/seen; done'
-)
-"""What other accounts see of processes, as long as it runs."""
+SCAN = """\
+import os, time
+seen = set()
+with open("/run/seen", "ab", buffering=0) as log:
+    while os.path.exists("/run/scan"):
+        places = [f"/proc/{name}" for name in os.listdir("/proc") if name.isdigit()]
+        for place in [f"{place}/{name}" for place in places for name in ("cmdline", "environ")]:
+            try:
+                with open(place, "rb") as file:
+                    words = file.read().split(b"\\0")
+            except OSError:
+                continue
+            for word in words:
+                if b"CANARY" in word and word not in seen:
+                    seen.add(word)
+                    log.write(word + b"\\n")
+        time.sleep(0.005)
+"""
+"""Writes down, as long as its file is there, what processes show of the token; a round takes a few milliseconds."""
 
 
 def seen_of_the_token(interop: Interop) -> str:
     """Where it stands on the gateway, in its journal, or in what Ansible has said."""
     said = (interop.stand.folder / "said").read_text()
     found = interop.stand.gateway.run(
-        "cat /tmp/seen; grep -rlaF -f - /etc /home /opt /root /run /tmp /usr/local /var 2>/dev/null;"
+        "cat /run/seen; grep -rlaF -f - /etc /home /opt /root /run /tmp /usr/local /var 2>/dev/null;"
         " journalctl --no-pager -a | grep CAN[A]RY",
         input=f"{TOKEN}\n",
         check=False,

@@ -75,6 +75,13 @@ def copy_of_checkout(place: Path) -> Path:
     return place
 
 
+def _compile(checkout: Path) -> None:
+    """As the commands that are typed in it do bit by bit; each page of the docs would do it again, in its own layer."""
+    python = checkout / ".venv" / "bin" / "python"
+    if python.exists():
+        subprocess.run([python, "-I", "-m", "compileall", "-q", checkout / "atlantis_netcfg"], check=True)
+
+
 def shared_checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The real checkout, its environment made by the launcher itself: once for all workers of a test run."""
     base = tmp_path_factory.getbasetemp()
@@ -88,6 +95,7 @@ def shared_checkout(tmp_path_factory: pytest.TempPathFactory) -> Path:
             first = start(place, "--help", environment=clean_environment(HOME=str(place.parent)))
             (place.parent / "first.stdout").write_text(first.stdout)
             (place.parent / "first.stderr").write_text(f"{first.stderr}exit {first.returncode}\n")
+            _compile(place)
     said = (place.parent / "first.stderr").read_text()
     if SILENT_INDEX in said:
         pytest.skip(SILENT_INDEX)

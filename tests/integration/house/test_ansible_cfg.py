@@ -77,7 +77,7 @@ def test_a_template_in_a_connection_variable_is_refused_before_it_is_evaluated(
 @pytest.mark.parametrize(("findings", "code"), [([], 0), (["no firewall", "no bound"], 2)])
 def test_plain_ansible_does_not_end_well_with_a_finding(findings: list[str], code: int, tmp_path: Path) -> None:
     """The roles go on to their end; then the last task tells, and fails."""
-    task = yaml.safe_load((ROOT / "playbooks" / "computers" / "gateway.yml").read_text())[-1]
+    task = yaml.safe_load((ROOT / "playbooks" / "computers" / "computer.yml").read_text())[-1]
     roles = {
         name: (ROOT / "roles" / name / "tasks" / "main.yml").read_text() for name in ("gateway_base", "gateway_interop")
     }

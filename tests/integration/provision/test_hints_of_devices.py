@@ -22,7 +22,7 @@ from atlantis_netcfg.operations.upgrade import WaitingUpgrade
 from atlantis_netcfg.vpn.authority.authority import Authority
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -142,6 +142,12 @@ def old(technician: Technician, monkeypatch: pytest.MonkeyPatch) -> None:
     at.stack.enter_context(forwarded(Door(at.twins.ready["old"]["ssh"]), 22))
 
 
+def packed(words: Sequence[str], folder: Path) -> list[str]:
+    """What was advised, with the package of RouterOS in the place of the file, and that of the radio beside it."""
+    system, radio = (write(folder, name, "7.21.5", "arm64") for name in ("routeros", "wifi-qcom"))
+    return [*(word.replace("FILE.npk", str(system)) for word in words), f"packages={radio}"]
+
+
 def test_a_router_that_lacks_what_is_declared_is_upgraded_and_has_it(
     technician: Technician, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -159,8 +165,7 @@ def test_a_router_that_lacks_what_is_declared_is_upgraded_and_has_it(
     )
     words, *_ = advised(said(refused, hint))
     assert "put RouterOS 7.18 or later on it" in refused
-    file = write(tmp_path, "routeros", "7.21.5", "arm64")
-    technician.type(*(word.replace("FILE.npk", str(file)) for word in words))
+    technician.type(*packed(words, tmp_path))
     technician.type(*restore)
     assert "siem" in {row["name"] for row in technician.rows("/system/logging/action")}
 
@@ -174,7 +179,6 @@ def test_a_router_that_is_too_old_is_upgraded_and_joins(
     (install,) = (words for words in advised(handed) if words[:2] == ["vpn", "install"])
     refused = technician.type(*install, code=4)
     (words,) = advised(said(refused, "`provision upgrade site={} device={} packages=FILE.npk`"))
-    file = write(tmp_path, "routeros", "7.21.5", "arm64")
-    upgraded = technician.type(*(word.replace("FILE.npk", str(file)) for word in words))
+    upgraded = technician.type(*packed(words, tmp_path))
     assert "RouterOS 7.16 -> 7.21.5, read back" in upgraded
     assert "is imported, with the certificate atlantis-vpn: read back" in technician.type(*install)

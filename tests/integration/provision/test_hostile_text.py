@@ -62,12 +62,14 @@ ASKING: dict[str, tuple[str, ...]] = {
     "prove": ("prove", "site=coastal", "--accept-cost"),
     "upgrade": ("upgrade", "site=coastal", f"device={ROUTER}", "packages=PACKAGE", "--plan"),
     "check": ("check", "site=coastal", "--accept-cost", "--anew"),
+    "asbuilt": ("asbuilt", "site=coastal", "--accept-cost"),
 }
 """To a router whose twin is fresh from `provision adopt`."""
 AFTER_RUN: dict[str, tuple[str, ...]] = {
     "rollback": ("rollback", "site=coastal", "to=RUN", "--yes"),
     "restore": ("restore", f"device={ROUTER}", "to=latest", "--yes"),
     "install": ("vpn", "install", f"host={ROUTER}", "--yes"),
+    "use": ("use", "site=coastal", "link=4g", "for=10m", "--unproved", "--accept-cost", "--yes"),
     "runs": ("runs", "site=coastal", "--all"),
 }
 """Once the router is as declared, and has an identity for the VPN."""
@@ -108,6 +110,8 @@ NO_DEVICE: dict[str, str] = {
     "dds": "it makes files of the inventory, and contacts nobody",
     "image": "it reads the vendor's file and a card; what a card calls itself is in tests/unit/cli/test_printable.py",
     "vpn init": "it makes an authority, and contacts nobody",
+    "guest add": "what the server of the VPN says is told as `vpn onboard` tells it",
+    "guest end": "what the server of the VPN says is told as `vpn revoke` tells it",
     "vpn accept": "it opens a file of the authority, and contacts nobody",
     "completion bash": "it says what is installed",
     "completion zsh": "it says what is installed",

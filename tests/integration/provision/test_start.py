@@ -1,4 +1,4 @@
-"""What a run that changes nothing does not import: its start is most of what it costs."""
+"""What a run that changes nothing, and the emulated routers, do not import: their start is most of what they cost."""
 
 from __future__ import annotations
 
@@ -69,3 +69,13 @@ def test_a_run_that_changes_nothing_imports_what_it_uses(how: str, tmp_path: Pat
     imported = set(done.stderr.splitlines()[-1].split())
     assert {"ansible", "atlantis_netcfg.routeros.apply"} <= imported
     assert imported & UNUSED == set()
+
+
+def test_emulated_routers_import_nothing_of_the_engine() -> None:
+    """A rehearsal waits for their process."""
+    program = "import sys, atlantis_netcfg.emulator.routeros.__main__; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    imported = set(done.stdout.split())
+    assert {"atlantis_netcfg.emulator.routeros.router", "atlantis_netcfg.routeros.menus"} <= imported
+    engine = {"atlantis_netcfg.routeros.apply", "atlantis_netcfg.routeros.fleet", "atlantis_netcfg.journal"}
+    assert imported & engine == set()

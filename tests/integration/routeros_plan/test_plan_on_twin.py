@@ -12,6 +12,7 @@ import yaml
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
+from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.routeros import guard
 from atlantis_netcfg.routeros._types import Facts, Observed
 from atlantis_netcfg.routeros.commands import console, sentence
@@ -46,6 +47,8 @@ class Bench:
             name="router",
             version=self.version,
             ports=(*(f"ether{number}" for number in range(1, 9)), "sfp-sfpplus1"),
+            packages=("routeros", "wifi-qcom"),
+            radios=(Radio(name="wifi1"),),
             management=self.management,
             certificates=("atlantis-api", "atlantis-vpn"),
             seed=self.seed,

@@ -26,7 +26,8 @@ def provision(tmp_path: Path) -> Any:  # noqa: ANN401
 
 def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
     path = write(tmp_path, "routeros", "7.21.5", "arm64", payload=2_000_000)
-    told = provision(f"packages={path}", "via=satellite", "--plan", "--rehearse")
+    radio = write(tmp_path, "wifi-qcom", "7.21.5", "arm64")
+    told = provision(f"packages={path}", f"packages={radio}", "via=satellite", "--plan", "--rehearse")
     assert told.returncode == 2, told.stderr
     assert "RouterOS 7.18.2 -> 7.21.5" in told.stdout
     assert "2.0 MB over satellite, which is paid by the byte: about" in told.stdout
@@ -34,12 +35,12 @@ def test_a_plan_shows_files_and_cost_and_changes_nothing(tmp_path: Path, provisi
 
 
 def test_a_rehearsal_ends_with_what_was_read_back(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401
-    path = write(tmp_path, "routeros", "7.21.5", "arm64")
-    done = provision(f"packages={path}", "--rehearse", "--json")
+    path, radio = (write(tmp_path, name, "7.21.5", "arm64") for name in ("routeros", "wifi-qcom"))
+    done = provision(f"packages={path}", f"packages={radio}", "--rehearse", "--json")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
     assert (result["status"], result["before"], result["after"]) == ("changed", "7.18.2", "7.21.5")
-    assert result["packages"] == ["routeros"]
+    assert result["packages"] == ["routeros", "wifi-qcom"]
 
 
 def test_the_version_that_runs_is_left_alone(tmp_path: Path, provision: Any) -> None:  # noqa: ANN401

@@ -25,7 +25,7 @@ from atlantis_netcfg.vpn import server as product
 
 if TYPE_CHECKING:
     import socket
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration
@@ -115,9 +115,16 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 @contextmanager
 def vpn(
-    declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder: Path, slow: Sequence[str] = ()
+    declaration: Declaration,
+    wishes: Sequence[EnrolmentRequest],
+    folder: Path,
+    slow: Sequence[str] = (),
+    before: Callable[[Vpn], None] = lambda _made: None,
 ) -> Iterator[Vpn]:
-    """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them."""
+    """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them.
+
+    `before` is done when all stands there and nobody has connected yet.
+    """
     if os.geteuid() != 0:
         pytest.skip("making a network namespace needs root")
     with ExitStack() as stack:
@@ -133,6 +140,7 @@ def vpn(
         for number, name in enumerate(made.members):
             _member(made, name, number + 10, slow=name in slow)
         _behind(made)
+        before(made)
         _connect(made)
         yield made
 

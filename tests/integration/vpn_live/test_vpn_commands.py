@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import shutil
 from contextlib import ExitStack
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pyrage
 import pytest
 from live_stand import LOG, NAME, Client, Record, Server, until
-from vpn_desk import PASSPHRASE, Desk, onboarding, seated
+from vpn_desk import PASSPHRASE, Desk, onboarding, over_a_pipe, seated
 
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.vpn import _common
+from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.operations.guests import members_of
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.operations.vpn.link import LocalLink
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
+from atlantis_netcfg.vpn.server import FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 pytestmark = pytest.mark.namespace
 
-_MEMBER = "iqua-sparus2"
+_MEMBER, _GUEST = "iqua-sparus2", "udg-lauv"
+LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi")
+READ = _common.declared
+"""Before anything stands in its place."""
 NAT = """\
 table ip nat {
   chain forwarded {
@@ -113,6 +123,51 @@ def test_the_whole_life_of_a_member(desk: Desk, server: Server, tmp_path: Path) 
     words_of_all = [one["words"] for one in desk.told("audit", "partner=iqua")["entries"]]
     for part in ("issued: robot of partner iqua", "handed out", f"{_MEMBER}.2 issued", "stolen"):
         assert any(part in one for one in words_of_all), (part, words_of_all)
+
+
+def test_a_guest_comes_in_is_ended_and_refused_and_nothing_is_left(
+    desk: Desk, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(checkout() / "inventory", desk.folder / "inventory")
+    before = desk.files()
+    monkeypatch.setattr(_common, "declared", READ)
+    day = datetime.now(UTC).date() + timedelta(days=20)
+    typed(desk, "guest", "add", *LAUV, f"until={day}", SEALED[-1])
+    (sealed,) = desk.authority.glob("handouts/*/*.age")
+    profile = open_handout(sealed.read_bytes(), Secret(str(KEY)))[f"{_GUEST}.ovpn"]
+    client = Client(server.stack, server, read_identity(profile))
+    use(client, profile)
+    assert server.names() == [_GUEST]
+    (member,) = members_of(Authority.open(desk.authority), "lauv")
+    assert str(member.address) in server.run("nft", "list", "ruleset")
+
+    out = typed(desk, "guest", "end", "name=lauv", "--yes")
+    assert "verified: no session, and nothing of theirs passes" in out
+    assert "lauv: ended; it is not declared, has no good certificate, and no file of it is left here" in out
+    assert client.ended() == 0
+    refused = "certificate revoked"
+    count = server.log().count(refused)
+    client.start(wait=False)
+    server.said(refused, count + 1)
+    assert (client.up, server.names()) == (False, [])
+    client.stop()
+    assert str(member.address) not in server.run("nft", "list", "ruleset")
+    assert [path.name for path in server.at(f"{FOLDER}/ccd").iterdir() if _GUEST in path.name] == []
+    assert {name for name in before if name.startswith("inventory/")} == {
+        name for name, data in desk.files().items() if name.startswith("inventory/") and before[name] == data
+    }
+    assert list(desk.authority.glob("handouts/*")) == []
+    assert (desk.told("sync")["changes"], desk.told("status")["queued"]) == ([], [])
+
+
+def typed(desk: Desk, *words: str) -> str:
+    """Type a command about the guest, which has to end well; what it prints."""
+    line = [*words, f"inventory={desk.folder / 'inventory'}", f"authority={desk.authority}"]
+    with over_a_pipe(PASSPHRASE) as number:
+        code = main([*line, "--passphrase-fd", number])
+    printed = desk.capsys.readouterr()
+    assert code == 0, printed.out + printed.err
+    return printed.out
 
 
 def test_a_server_that_is_away_delays_and_loses_nothing(

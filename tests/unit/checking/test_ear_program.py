@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist.probes import Question
 
-MOST = 8_500
+MOST = 9_000
 """Bytes of the program without questions, which travel once a turn; a satellite link takes them in 0.2 s."""
 
 

@@ -23,6 +23,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusRequest,
     Listen,
     Place,
+    ReflectRequest,
     RouterOsQuery,
     Rows,
     RunProgram,
@@ -35,6 +36,7 @@ from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemK
 from atlantis_netcfg.checklist.runner import _run, examine, telling
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import REFLECTOR_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -298,6 +300,10 @@ def tcp(address: str = "10.64.1.22", *, say: tuple[Say, ...] = ()) -> Listen:
     return Listen("it", Place.GATEWAY, "tcp", address, 9200, say=say)
 
 
+def message(address: str = "10.80.0.2", port: int = REFLECTOR_PORT, count: int = 3) -> ReflectRequest:
+    return ReflectRequest("it", Place.GATEWAY, "10.80.0.21", address, port, count)
+
+
 UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
     "a program": ((RunProgram("it", Place.GATEWAY, ("reboot",)),), "`reboot` is not on the list of reading programs"),
     "a shell": (
@@ -323,6 +329,15 @@ UNFIT: Mapping[str, tuple[tuple[Question, ...], str]] = {
         "the serial port /dev/ttyS0 is not declared",
     ),
     "a UDP port": ((Listen("it", Place.GATEWAY, "udp", port=53),), "the UDP port 53 is not declared"),
+    "a message to strangers": (
+        (message("8.8.8.8"),),
+        "8.8.8.8, UDP port 6862, is no gateway or control centre in the VPN",
+    ),
+    "a message to another program": (
+        (message(port=53),),
+        "10.80.0.2, UDP port 53, is no gateway or control centre in the VPN",
+    ),
+    "many messages": ((message(count=100),), "it would send too much"),
     "two of one name": ((DISCOVER, replace(HERE, name="run")), "two questions are called `run`"),
 }
 

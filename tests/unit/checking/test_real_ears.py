@@ -254,7 +254,7 @@ def test_nothing_is_sent_over_a_metered_way_before_somebody_pays(
             assert found.trouble is Trouble.NO_PLACE
             assert found.words.startswith(
                 "nobody has agreed to pay for this, so nothing was sent: over satellite of coastal, which is paid by "
-                "the byte: up to 18 kB, 0.15 EUR; type the same with `--accept-cost`"
+                "the byte: up to 19 kB, 0.16 EUR; type the same with `--accept-cost`"
             )
 
 

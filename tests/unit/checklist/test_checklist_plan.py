@@ -143,6 +143,7 @@ def test_each_item_that_a_program_looks_at_says_how_it_could_be_fooled(declarati
         if line.startswith("| `")
     ]
     assert all(len(cells) == 3 and all(cells) for cells in rows)
+    registered.add("site/access-point")  # of a gateway that opens a network: the pilot's join the vehicles' ones
     assert {item.strip("`") for cells in rows for item in cells[0].split(", ")} == registered
 
 

@@ -11,7 +11,8 @@ import pytest
 
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, RosDistribution
-from atlantis_netcfg.gateway.dds import ENVIRONMENT, LOGIN, GatewayDds, gateway_dds
+from atlantis_netcfg.gateway.dds import LOGIN, GatewayDds, gateway_dds
+from atlantis_netcfg.gateway.services import ENVIRONMENT
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.operations.request import Request
 
@@ -54,16 +55,12 @@ def test_of_two_links_alike_the_less_preferred_is_the_slower(order: tuple[str, .
 
 def test_whoever_reads_a_profile_is_restarted_by_what_it_reads_only() -> None:
     configure = part(Dds(distribution=RosDistribution.FOXY)).as_dict()["configure"]
-    reader, recording = configure["units"]
-    assert recording["name"] == "atlantis-recording.service"
-    assert reader == {
-        "name": "atlantis-data-gateway.service",
-        "wait": False,
-        "after": [
-            *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
-            ENVIRONMENT,
-        ],
-    }
+    read = [
+        *(f"/etc/atlantis/dds/satellite/{name}" for name in ("cyclonedds.xml", "fastdds.xml", "ros.env")),
+        ENVIRONMENT,
+    ]
+    names = ("atlantis-data-gateway", "atlantis-recording", "atlantis-service-ros1-bridge")
+    assert configure["units"] == [{"name": f"{name}.service", "wait": False, "after": read} for name in names]
     assert configure["only"] == ["/etc/atlantis/dds"]
 
 

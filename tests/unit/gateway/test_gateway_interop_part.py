@@ -128,7 +128,7 @@ def test_a_bound_that_the_kernel_does_not_enforce_is_a_finding(
 def test_its_environment_is_what_the_profiles_are_told_by() -> None:
     service = InteropService(command="gateway")
     declaration = pilot(service=service)
-    reader, _ = gateway_dds(declaration, declaration.hosts[HOST]).as_dict()["configure"]["units"]
+    reader, *_ = gateway_dds(declaration, declaration.hosts[HOST]).as_dict()["configure"]["units"]
     assert reader["name"] == SERVICE
     assert "/etc/atlantis/ros.env" in reader["after"]
     assert "/etc/atlantis/ros.env" in files(told(declaration))[UNIT]

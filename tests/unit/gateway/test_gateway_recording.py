@@ -47,6 +47,11 @@ def test_the_unit_records_the_declared_topics() -> None:
     assert "EnvironmentFile=/etc/atlantis/ros.env" in unit.splitlines()
 
 
+def test_what_is_found_where_it_does_not_run_says_so() -> None:
+    (check,) = recording(DECLARED, "foxy").checks
+    assert check.finding == "the recording does not run, though the VPN's interface is there"
+
+
 def test_without_a_recording_what_was_goes() -> None:
     made = recording(None, "foxy")
     assert (made.files, made.units, made.checks) == ((), (), ())

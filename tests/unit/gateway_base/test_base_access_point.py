@@ -159,3 +159,35 @@ def test_the_validator_of_the_gateway_tells_them_apart(tmp_path: Path, word: str
     done = subprocess.run(words, check=False, capture_output=True, text=True, timeout=20)
     assert (done.returncode == 0) is accepted, done.stdout + done.stderr
     assert ("unknown configuration item" in done.stdout) is not accepted
+
+
+def ruleset(tmp_path: Path, **changes: str) -> str:
+    return files(part(tmp_path, changes))["/etc/nftables.conf"]
+
+
+def test_with_a_way_to_the_vpn_stations_reach_its_server_and_nothing_else(tmp_path: Path) -> None:
+    text = ruleset(tmp_path, vpn="true")
+    forward = text[text.index("chain forward") :]
+    assert "hook forward priority 0; policy drop;" in forward
+    accepted = [line.split(" accept")[0].strip() for line in forward.splitlines() if " accept comment" in line]
+    assert accepted == [
+        "iifname wlan3 ip saddr 10.71.1.0/24 ip daddr 203.0.113.2 udp dport 1194",
+        "oifname wlan3 ip saddr 203.0.113.2 udp sport 1194 ct state established",
+    ]
+    assert forward.index("to the VPN") < forward.index("from robots")
+    assert "ip saddr 10.71.1.0/24 ip daddr 203.0.113.2 masquerade" in forward
+
+
+def test_packets_are_forwarded_as_long_as_the_network_is_open(tmp_path: Path) -> None:
+    laid = files(part(tmp_path, {"vpn": "true"}))
+    unit = laid["/etc/systemd/system/atlantis-access-point@.service"]
+    assert "ExecStartPre=/bin/sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward'" in unit
+    assert "ExecStopPost=/bin/sh -c 'echo 0 > /proc/sys/net/ipv4/ip_forward'" in unit
+    assert "EmitRouter=yes" in laid["/etc/systemd/network/04-atlantis-radio-wlan3.network"]
+
+
+def test_without_it_nothing_is_forwarded(tmp_path: Path) -> None:
+    laid = files(part(tmp_path))
+    assert "masquerade" not in laid["/etc/nftables.conf"]
+    assert "ip_forward" not in laid["/etc/systemd/system/atlantis-access-point@.service"]
+    assert "EmitRouter=no" in laid["/etc/systemd/network/04-atlantis-radio-wlan3.network"]

@@ -22,6 +22,7 @@ from atlantis_netcfg.gateway.services import LIST, services
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.gateway.parts import Configuration
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 CENTRE = "scc-control"
@@ -45,7 +46,7 @@ def opened(declaration: Declaration, host: str = CENTRE) -> dict[str, tuple[str,
     (text,) = (file.content for file in configuration.files if file.path == "/etc/nftables.conf")
     rows = (match.groups() for match in _OPEN.finditer(text))
     found = {name: (transport, int(port), sources.split(", ")) for sources, transport, port, name in rows}
-    return {name: row for name, row in found.items() if name != "SSH"}
+    return {name: row for name, row in found.items() if name not in {"SSH", "checklists of other sites"}}
 
 
 @pytest.mark.parametrize(
@@ -94,8 +95,14 @@ def service(**program: Any) -> HostedService:  # noqa: ANN401 - keys of the decl
     return HostedService.model_validate({"name": "backend", "port": 18082, "open_to": ["vpn"], "program": words})
 
 
+def configured(*declared: HostedService) -> Configuration:
+    device = SHIPPED.hosts[CENTRE].device
+    assert isinstance(device, ServerComputer)
+    return services(device.model_copy(update={"services": declared}))
+
+
 def unit_of(declared: HostedService) -> str:
-    (text,) = (file.content for file in services([declared]).files if file.path.endswith("backend.service"))
+    (text,) = (file.content for file in configured(declared).files if file.path.endswith("backend.service"))
     return text
 
 
@@ -116,7 +123,7 @@ def test_the_unit_is_bounded() -> None:
 def test_its_account_and_folder_may_be_declared() -> None:
     declared = service(user="backend", data="/srv/backend")
     assert {"User=backend", "ReadWritePaths=/srv/backend"} <= set(unit_of(declared).splitlines())
-    files = {file.path: file.content for file in services([declared]).files}
+    files = {file.path: file.content for file in configured(declared).files}
     assert files["/usr/lib/sysusers.d/atlantis-services.conf"] == 'u backend - "ATLANTIS service" /srv/backend\n'
     assert files["/etc/tmpfiles.d/atlantis-services.conf"] == "d /srv/backend 0750 backend backend -\n"
 
@@ -131,13 +138,13 @@ def test_two_services_of_one_account_make_it_once() -> None:
         service(user="backend", data="/srv/a"),
         service(user="backend", data="/srv/b").model_copy(update={"name": "second"}),
     )
-    files = {file.path: file.content for file in services(more).files}
+    files = {file.path: file.content for file in configured(*more).files}
     assert files["/usr/lib/sysusers.d/atlantis-services.conf"].count("\n") == 1
     assert files[LIST].splitlines() == ["atlantis-service-backend.service", "atlantis-service-second.service"]
 
 
 def test_without_a_program_nothing_is_laid_down_and_what_was_goes() -> None:
-    made = services([HostedService.model_validate({"name": "web", "port": 18080})])
+    made = configured(HostedService.model_validate({"name": "web", "port": 18080}))
     assert (made.files, made.units, made.checks) == ((), (), ())
     assert LIST in made.absent
 

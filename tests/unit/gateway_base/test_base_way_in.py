@@ -68,9 +68,11 @@ def test_passwords_go_only_where_a_key_is(computer: Computer, text: str | None) 
 
 
 def test_the_key_is_that_of_who_has_logged_in(computer: Computer) -> None:
+    me = pwd.getpwuid(os.geteuid())
+    other = next(account.pw_name for account in pwd.getpwall() if account.pw_dir != me.pw_dir)
     computer.put(KEYS, "ssh-ed25519 AAAAC3Nz technician\n")
-    with pytest.raises(ModuleError, match="account nobody has no key"):
-        computer.converge(files=FILES, way_in={"key": True}, environment={"SUDO_USER": "nobody"})
+    with pytest.raises(ModuleError, match=f"account {other} has no key"):
+        computer.converge(files=FILES, way_in={"key": True}, environment={"SUDO_USER": other})
 
 
 def test_a_session_is_found_where_sudo_has_hidden_it() -> None:

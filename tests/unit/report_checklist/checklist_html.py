@@ -121,8 +121,13 @@ def safe(page: Page) -> None:
 
 
 def shown(text: str) -> str:
-    """Somebody's words as a page or file holds them, without the blanks where lines are broken."""
+    """Somebody's words as a page holds them, without the blanks where lines are broken."""
     return "".join(uncoded(clean(visible(text))).split())
+
+
+def written(text: str) -> str:
+    """The same as a file for programs holds them: what stands in back-ticks keeps them."""
+    return "".join(clean(visible(text)).split())
 
 
 def holds(page: Page, document: Document) -> None:

@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 
 import checklist_example as made
 import pytest
-from checklist_html import holds, parsed, safe, shown
+from checklist_html import holds, parsed, safe, shown, written
 from checklist_strategies import HOSTILE, documents, hostile
 from hypothesis import HealthCheck, given, settings
 
@@ -41,7 +41,7 @@ def whole(document: Document) -> None:
     assert green == (document.exit is ExitCode.DONE)
     told = "".join("".join([*case.itertext(), case.get("name", "")]) for case in root.iter("testcase"))
     words = "".join(told.split())
-    assert all(shown(item.id) in words and shown(item.message) in words for item in document.items)
+    assert all(written(item.id) in words and written(item.message) in words for item in document.items)
 
 
 @given(documents())

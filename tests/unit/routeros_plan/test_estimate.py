@@ -27,6 +27,9 @@ def first_configuration() -> tuple[Plan, Observed]:
     there = observed(
         "/interface ethernet\n"
         + "".join(f"set [ find default-name=ether{n} ] name=ether{n} poe-out=auto-on\n" for n in range(1, 9))
+        + "/interface wifi\nset [ find default-name=wifi1 ] name=wifi1\n"
+        + '/ip address\nadd address=10.64.101.1/24 comment="atlantis: management" interface=ether8'
+        + " network=10.64.101.0\n"
         + "/ip service\nset telnet\nset ftp\nset www\nset ssh\nset www-ssl\nset api\nset winbox\nset api-ssl\n"
         + "/system logging action\nadd name=memory target=memory\n"
     )

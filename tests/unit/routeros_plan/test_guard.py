@@ -46,6 +46,8 @@ def test_there_are_cases_enough_and_none_twice() -> None:
 ADOPTED = """\
 /interface ethernet
 {ports}
+/interface wifi
+set [ find default-name=wifi1 ] name=wifi1
 /ip address
 add address=10.64.{site}.1/24 comment="atlantis: management" interface={port} network=10.64.{site}.0
 /ip service

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from atlantis_netcfg.asbuilt import computer as record
+from atlantis_netcfg.checklist.probes import CommandResult
 from atlantis_netcfg.checklist.probes.wifi import (
     Station,
     WifiLink,
@@ -16,6 +19,7 @@ from atlantis_netcfg.checklist.probes.wifi import (
     read_width,
 )
 from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
+from atlantis_netcfg.declaration import load
 from atlantis_netcfg.emulator.linux import (
     AssociationSpec,
     Computer,
@@ -172,6 +176,63 @@ def test_a_specification_survives_json_and_refuses_what_is_none() -> None:
     assert ComputerSpec.model_validate_json(radio().model_dump_json()) == radio()
     with pytest.raises(ValueError, match="extra"):
         ComputerSpec.model_validate({"interfaces": (), "moods": "bad"})
+
+
+KEY = "AAAAC3NzaC1lZDI1NTE5AAAAIFKQGZBNVvtFUBKh9M3hn32GLhs4YL2nAOVhTh+/LFUl"
+"""Of a key that was made for this test; its fingerprint is what ssh-keygen printed."""
+FINGERPRINT = "SHA256:XhBHTQ+nz92L4eFwdj6n8mzbg1usmFgKSFlwNPGDwUo"
+HOST_KEY = "/etc/ssh/ssh_host_ed25519_key.pub"
+
+
+def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
+    """The questions of the as-built record, and its reading of what the twin prints."""
+    host = load(Path(__file__).parents[3] / "inventory").hosts["coastal-gateway"]
+    files = {
+        "/etc/os-release": 'NAME="Debian"\nPRETTY_NAME="Debian GNU/Linux 12 (bookworm)"\n',
+        "/proc/device-tree/model": "EXAMPLE board\0",
+        HOST_KEY: f"ssh-ed25519 {KEY} root@gateway\n",
+    }
+    made = Computer(spec(files=files, packages={"chrony": "4.3-2+deb12u1", "bash": "5.2.15-2+b8"}))
+    packages = ("chrony", "gpsd")
+    printed = {name: made.answer(question.argv) for name, question in record.questions(host, packages)}
+    lines = "chrony=4.3-2+deb12u1=installed\n"
+    assert printed["packages"] == (1, lines, "dpkg-query: no packages found matching gpsd\n")
+    answers = {name: CommandResult(None, "", *answer) for name, answer in printed.items()}
+    facts = record.read(host, answers, packages, {})
+    assert facts.packages == {"chrony": "4.3-2+deb12u1", "gpsd": record.NOT_INSTALLED}
+    assert {name: fact.value for name, fact in facts.facts.items()} == {
+        "model": "EXAMPLE board",
+        "serial": None,
+        "os": "Debian GNU/Linux 12 (bookworm)",
+        "kernel": "6.1.0-28-arm64 aarch64",
+        "host_key": FINGERPRINT,
+    }
+    assert facts.missing == ()
+    assert [port.name for port in facts.ports] == ["eth0"]
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ("uname", (0, "Linux\n", "")),
+        ("uname -m -r", (0, "6.1.0-28-arm64 aarch64\n", "")),
+        ("uname -rz", (1, "", "uname: invalid option -- 'z'\nTry 'uname --help' for more information.\n")),
+        ("uname now", (1, "", "uname: extra operand 'now'\nTry 'uname --help' for more information.\n")),
+        (f"ssh-keygen -l -f {HOST_KEY}", (255, "", f"ssh-keygen: {HOST_KEY}: No such file or directory\r\n")),
+        ("ssh-keygen -l -f /etc/secret", (255, "", "ssh-keygen: /etc/secret: Permission denied\r\n")),
+        ("ssh-keygen -l -f /etc/resolv.conf", (255, "", "/etc/resolv.conf is not a public key file.\r\n")),
+        ("dpkg-query -W", (0, "bash\t5.2.15-2+b8\nchrony\t4.3-2\n", "")),
+        ("dpkg-query -W -f=${Package}:${Version}\\n bash", (0, "bash:5.2.15-2+b8\n", "")),
+        ("dpkg-query -W -f=${Package}\\n zzz", (1, "", "dpkg-query: no packages found matching zzz\n")),
+        (
+            "dpkg-query --foo",
+            (2, "", "dpkg-query: error: unknown option --foo\n\nUse --help for help about querying packages.\n"),
+        ),
+    ],
+)
+def test_what_it_says_of_itself_in_the_words_of_the_programs(words: str, answer: tuple[int, str, str]) -> None:
+    made = spec(denied=("/etc/secret",), packages={"chrony": "4.3-2", "bash": "5.2.15-2+b8"})
+    assert Computer(made).answer(words.split()) == answer
 
 
 def test_every_program_of_the_list_has_its_twin() -> None:

@@ -13,9 +13,10 @@ from trees import ROOT, TREES
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.declaration import load
-from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint
+from atlantis_netcfg.declaration.model import Cpe, LteDriver, LteRouter, PtpProtocol, RouterAccessPoint, Switch
 from atlantis_netcfg.render import cpe_view, environment, lte_view, router_view, template_folder
 from atlantis_netcfg.render._cpe import access_point
+from atlantis_netcfg.render._switch import switch_view
 from atlantis_netcfg.render.view import ClassView, Named
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from trees import Tree
 
     from atlantis_netcfg.render import CpeView, LteView, RouterView
+    from atlantis_netcfg.render._switch import SwitchView
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
@@ -70,6 +72,7 @@ def _variants(view: RouterView) -> Iterator[RouterView]:
             )
             yield replace(view, access_point=access_point(radio))
     yield replace(view, server_in_lan=not view.server_in_lan)
+    yield replace(view, switches=(Named("coastal-switch", "10.64.1.5"),))
     yield replace(view, classes=(ClassView("images", 5, 10, (Named("zarco", "10.64.1.23"),)),))
     yield replace(view, ports=tuple(replace(port, poe_out=None, poe_priority=None) for port in view.ports))
     yield replace(view, ports=tuple(replace(port, poe_out="auto-on", poe_priority=10) for port in view.ports))
@@ -103,18 +106,38 @@ def lte_boxes() -> Iterator[LteView]:
             yield replace(view, apn=None, user=None, password=None, pin=None, bands=())
 
 
+def switches() -> Iterator[SwitchView]:
+    """Yield the views of a switch at the coastal site, with a radio of either family and without."""
+    declaration = load(ROOT / "inventory")
+    router = declaration.hosts["coastal-router"]
+    for menus in (None, "wifi", "wireless"):
+        device = {
+            "kind": "switch",
+            "access": {"address": "10.64.1.5", "password": "EXAMPLE-switch"},
+            "ports": [
+                {"name": "ether1", "use": "uplink"},
+                {"name": "ether2", "use": "lan", "isolated": True, "poe": {}},
+                {"name": "ether3", "use": "off"},
+            ],
+            "access_point": menus and {**_ACCESS_POINT, "menus": menus},
+        }
+        yield switch_view(declaration, replace(router, name="coastal-switch", device=Switch.model_validate(device)))
+
+
 @cache
 def rendered() -> tuple[str, ...]:
     """Every text that can come out; a new kind of template has to be rendered here."""
     template = environment().get_template("routeros/router.rsc.j2")
     radio = environment().get_template("routeros/cpe.rsc.j2")
     box = environment().get_template("routeros/lte.rsc.j2")
+    switch = environment().get_template("routeros/switch.rsc.j2")
     routed = [template.render(router=view) for view in routers()]
     return (
         *routed,
         *dict.fromkeys(script for text in routed for script in scripts(text)),
         *(radio.render(cpe=view) for view in cpes()),
         *(box.render(lte=view) for view in lte_boxes()),
+        *(switch.render(switch=view) for view in switches()),
     )
 
 

@@ -30,7 +30,7 @@ NO_COMMANDS = {
 }
 _MENU_TO_A_PERSON = re.compile(r"(/[a-z0-9 -]+): \S")
 _PUT_IN = re.compile(r"(?:/ )?X\b")
-_OF_A_COMPUTER = re.compile(r"/(dev|etc|media|opt|sys|usr|var)/")
+_OF_A_COMPUTER = re.compile(r"/(dev|etc|media|opt|srv|sys|usr|var)/|/data$")
 """Paths of gateways and laptops; RouterOS has no menu of these names."""
 _OPEN_END = re.compile(r"/X$")
 
@@ -68,7 +68,7 @@ def test_every_text_is_a_command_or_a_menu(tree: Tree) -> None:
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)
 def test_no_menu_begins_like_a_computers_path(tree: Tree) -> None:
-    assert not any(tree.has_menu(name) for name in ("/etc", "/media", "/opt", "/usr", "/var"))
+    assert not any(tree.has_menu(name) for name in ("/etc", "/media", "/opt", "/srv", "/usr", "/var"))
 
 
 @pytest.mark.parametrize("tree", TREES, ids=VERSIONS)

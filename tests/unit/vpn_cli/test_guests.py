@@ -252,6 +252,35 @@ class _KilledError(BaseException):
     """In place of SIGKILL."""
 
 
+def test_who_comes_second_waits_for_the_first_and_none_is_lost(quay: Quay, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second one typed while the first is at work: after it, both are there."""
+    other = ("name=old", "title=OLD", *LAUV[2:], f"until={UNTIL}", "--no-push")
+    seconds: list[str] = []
+    issue = Onboarding.issue
+
+    def interrupted(*words: Any) -> Any:  # noqa: ANN401 - as it is called
+        with monkeypatch.context() as patch:
+            patch.setattr(Onboarding, "issue", issue)
+            seconds.append(quay.type("guest", "add", *other, code=4))
+            seconds.append(quay.type("guest", "end", "name=lauv", "--yes", "--no-push", code=4))
+            assert "would declare old" in quay.type("guest", "add", *other, "--plan", code=2, passphrase=None)
+        return issue(*words)
+
+    before = quay.files()
+    with monkeypatch.context() as patch:
+        patch.setattr(Onboarding, "issue", interrupted)
+        quay.add()
+    for printed in seconds:
+        assert "the file of guests is being worked on by" in printed
+        assert "provision guest add name=lauv" in printed
+    assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["lauv"]
+    quay.type("guest", "add", *other)
+    assert [key for key, one in load(quay.inventory).vehicles.items() if isinstance(one, Guest)] == ["lauv", "old"]
+    quay.end()
+    quay.type("guest", "end", "name=old", "--yes", "--no-push", code=5)
+    assert quay.files() == before
+
+
 def test_the_wrong_passphrase_leaves_nothing(quay: Quay) -> None:
     before = quay.files()
     assert "does not open" in quay.add(code=3, passphrase=f"{PASSPHRASE}r")

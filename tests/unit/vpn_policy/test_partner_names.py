@@ -46,7 +46,8 @@ def refused(inventory: Path, keys: Iterable[str]) -> set[str]:
     file = inventory / "group_vars" / "all" / "partners.yml"
     lines, at = ["partners:"], {}
     lines += [
-        f"  {name}: {{full_name: {name}, vpn_pool: 10.80.250.{8 * n}/29}}" for n, name in enumerate(("inesc", "eca", *SERVED))
+        f"  {name}: {{full_name: {name}, vpn_pool: 10.80.250.{8 * n}/29}}"
+        for n, name in enumerate(("inesc", "eca", *SERVED))
     ]
     for number, key in enumerate(keys):
         pool = f"10.80.{16 + number // 32}.{number % 32 * 8}/29"

@@ -29,6 +29,9 @@ from atlantis_netcfg.checklist.probes.step import (
     DhcpOffers,
     Listen,
     Question,
+    Reflected,
+    ReflectRequest,
+    ReflectResult,
     RunProgram,
     Transcript,
     Trouble,
@@ -129,6 +132,12 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
     if isinstance(question, DdsDiscoverRequest):
         datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
         return DdsDiscoverResult(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
+    if isinstance(question, ReflectRequest):
+        answers = tuple(
+            Reflected(sender, interface, delay_s, _bytes(data))
+            for sender, interface, delay_s, data in result.get("answers", ())
+        )
+        return ReflectResult(trouble, words, tuple(result.get("tokens", ())), answers)
     return DhcpOffers(trouble, words, tuple(_offers(result.get("offers", ()))))
 
 
@@ -155,7 +164,7 @@ def _patience_s(question: Question) -> float:
     """How long it takes at most."""
     if isinstance(question, Listen):
         return question.connect_s + sum(say.within_s for say in question.say) + question.listen_s
-    if isinstance(question, RunProgram | DdsDiscoverRequest):
+    if isinstance(question, RunProgram | DdsDiscoverRequest | ReflectRequest):
         return question.within_s
     if isinstance(question, DhcpDiscoverRequest):
         return question.within_s + _DHCP_EXTRA_S
@@ -181,6 +190,9 @@ def _row(question: Question) -> dict[str, Any]:
     if isinstance(question, DdsDiscoverRequest):
         there = {"address": question.address, "domain": question.domain, "ports": list(question.ports)}
         return {"kind": "dds", **there, "within_s": question.within_s}
+    if isinstance(question, ReflectRequest):
+        there = {"source": question.source, "address": question.address, "port": question.port}
+        return {"kind": "reflect", **there, "count": question.count, "within_s": question.within_s}
     assert isinstance(question, DhcpDiscoverRequest)  # noqa: S101 - `_patience_s` has refused all others
     segment = {"interface": question.interface, "cards": list(question.cards)}
     return {"kind": "dhcp", **segment, "within_s": question.within_s}

@@ -3,7 +3,8 @@
 Some wait for others, which want the same end or share a medium with them. Whatever happens to one question, the others
 are answered, and at the deadline everything ends with what was heard so far.
 
-Requests of the agent that are no stream: a program, the DHCP servers of a segment, the DDS participants of a host.
+Requests of the agent that are no stream: a program, the DHCP servers of a segment, the DDS participants of a host, and
+messages that another computer sends back.
 
 Programs only read; which ones may run is decided before the request leaves.
 
@@ -13,6 +14,9 @@ only cards that it knows, or only those that it does not: DISCOVER goes out in t
 that nobody has, the same each time, and of those that are named; transaction numbers are random, so that nobody takes
 an answer for its own. Frames come from this very card, which is all that switches learn, and from 0.0.0.0: the
 interface keeps its address, and a DHCP client of the system is not disturbed.
+
+A message to another computer of the pilot bears a token that is made up anew, leaves by whatever route there is, and is
+long enough for its answer. Whatever comes back is told with its sender and the interface by which it came.
 
 DDS: a participant without topics announces itself at the declared ports, and leaves (DDSI-RTPS 8.5.3). Whoever takes it
 in announces itself to the port that it names, and speaks to its identity, which is made up anew each time: nobody who
@@ -293,11 +297,74 @@ def _message(prefix: bytes, flags: int, number: int, inline: bytes, result: tupl
     return b"RTPS\x02\x01\0\0" + prefix + struct.pack("<BBH", 0x15, flags, len(body)) + body
 
 
+_LENGTH = 224
+"""Bytes of a message: no answer is longer, so that nobody is made to flood somebody else."""
+_APART_S = 0.2
+_PKTINFO, _RECVERR = 8, 11
+"""Options of ip(7): by which interface a datagram came, and that a refusal is told."""
+
+
+def reflect(question: dict[str, Any]) -> dict[str, Any]:
+    """Send the messages, and give the fields of `ReflectResult`. Raises ProbeError."""
+    tokens = [os.urandom(16).hex() for _ in range(question["count"])]
+    sent: dict[str, float] = {}
+    answers: list[list[Any]] = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
+        wire.setsockopt(socket.IPPROTO_IP, _PKTINFO, 1)
+        wire.setsockopt(socket.IPPROTO_IP, _RECVERR, 1)
+        try:
+            wire.bind((question["source"], 0))
+        except OSError as error:
+            raise no_answer(error, question["source"]) from None
+        began = time.monotonic()
+        try:
+            for number, token in enumerate(tokens, start=1):
+                message = b"atlantis-reflect " + token.encode()
+                sent[token] = time.monotonic()
+                wire.sendto(message.ljust(_LENGTH), (question["address"], question["port"]))
+                last = number == len(tokens)
+                until = began + question["within_s"] if last else time.monotonic() + _APART_S
+                _collect(wire, until, sent, answers, len(tokens) if last else _MOST)
+        except OSError as error:
+            raise no_answer(error, question["address"]) from None
+    return {"trouble": None, "words": "", "tokens": tokens, "answers": answers}
+
+
+def _collect(wire: socket.socket, ends: float, sent: dict[str, float], answers: list[list[Any]], enough: int) -> None:
+    """Keep what comes until then, or until there are enough answers."""
+    while len(answers) < enough:
+        left = ends - time.monotonic()
+        if left <= 0:
+            return
+        wire.settimeout(left)
+        try:
+            data, ancillary, _, source = wire.recvmsg(4096, 256)
+        except socket.timeout:
+            return
+        now = time.monotonic()
+        borne = [token for token in sent if token.encode() in data]
+        delay = now - (sent[borne[0]] if borne else min(sent.values()))
+        answers.append([source[0], _came_by(ancillary), round(delay, 4), packed(data)])
+
+
+def _came_by(ancillary: list[Any]) -> str:
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.IPPROTO_IP, _PKTINFO):
+            with suppress(OSError):
+                return socket.if_indextoname(struct.unpack_from("=I", data)[0])
+    return "?"
+
+
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
 _GONE = ("silent", "unreachable")
 _STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
-_OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"run": run, "dhcp": probing, "dds": discover}
+_OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    "run": run,
+    "dhcp": probing,
+    "dds": discover,
+    "reflect": reflect,
+}
 
 
 class _AgentRequest(threading.Thread):

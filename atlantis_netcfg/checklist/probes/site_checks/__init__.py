@@ -2,8 +2,9 @@
 
 None of them is a cell of Table 3; each is an item `<site>/site/<name>` of its own, by the tool alone where it can. They
 ask the router for rows and the gateway computer for what its programs print, and send nothing but DHCP questions, some
-ARP questions, the announcement of a DDS participant to the gateway computer itself and five pings, all inside the
-site's own networks. What is not declared at a site is skipped, and says why; VPN and DDS never are. How each could be
+ARP questions, the announcement of a DDS participant to the gateway computer itself, five pings inside the site's own
+networks and the VPN, and a few messages through the VPN to the control centre. What is not declared at a site is
+skipped, and says why; VPN, the messages and DDS never are. How each could be
 fooled, and what stops it, stands in docs/probes.md.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes.site_checks.access_point import access_point_check
 from atlantis_netcfg.checklist.probes.site_checks.addresses import (
     duplicate_addresses_check,
     one_subnet_twice_check,
@@ -19,6 +21,8 @@ from atlantis_netcfg.checklist.probes.site_checks.addresses import (
 )
 from atlantis_netcfg.checklist.probes.site_checks.certificates import certificates_check
 from atlantis_netcfg.checklist.probes.site_checks.clock import clock_check
+from atlantis_netcfg.checklist.probes.site_checks.data_reaches import NAME as DATA_REACHES
+from atlantis_netcfg.checklist.probes.site_checks.data_reaches import data_reaches_check
 from atlantis_netcfg.checklist.probes.site_checks.dds import dds_check
 from atlantis_netcfg.checklist.probes.site_checks.factory import factory_defaults_check
 from atlantis_netcfg.checklist.probes.site_checks.parse import by_hand, own_site
@@ -40,6 +44,7 @@ _CHECKS = {
     "factory-defaults": factory_defaults_check,
     "clock": clock_check,
     "vpn": vpn_check,
+    DATA_REACHES: data_reaches_check,
     "dds": dds_check,
     "certificates": certificates_check,
     "poe": poe_check,
@@ -50,12 +55,15 @@ NAMES = tuple(_CHECKS)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
-    """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name."""
+    """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name.
+
+    One more where a radio of the gateway opens a network.
+    """
     site = own_site(cell)
     if site.router is None:
         do = "Look at it yourself: the site has no router of ours that could be asked."
         return tuple(by_hand(name, name.replace("-", " "), do, _HOLDS.format(name), (site.name,)) for name in NAMES)
-    return tuple(make(site) for make in _CHECKS.values())
+    return (*(make(site) for make in _CHECKS.values()), *access_point_check(site))
 
 
 _HOLDS = "What docs/check.md says of `{}` holds."

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
 
 
 def good(code: str, message: str) -> BearerFinding:
@@ -303,6 +304,15 @@ def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding
     if answer.bearer is None:
         return unreadable(who, "its links")
     return answer.bearer
+
+
+def active_bearer(site: OwnSite, results: Mapping[str, Answer]) -> Bearer | None:
+    """Which link carries the site's traffic, of several the least preferred; None: the router does not tell."""
+    for bearer in reversed(site.declared.bearers):
+        answer = results.get(f"look {bearer.name}")
+        if isinstance(answer, LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
+            return bearer
+    return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
+    active_bearer,
     addresses,
     ask,
     bearer_requests,
@@ -26,7 +27,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, LinkStatusResult, Question, Step
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
 from atlantis_netcfg.declaration.model import SshHost
 
 if TYPE_CHECKING:
@@ -187,12 +188,8 @@ class _VpnCheck:
         )
 
     def _over_satellite(self, results: Mapping[str, Answer]) -> bool:
-        satellites = [bearer.name for bearer in self.site.declared.bearers if bearer.kind.traits.allow_list]
-        answer = [results.get(f"look {name}") for name in satellites]
-        return any(
-            isinstance(result, LinkStatusResult) and result.bearer is not None and result.bearer.get("active")
-            for result in answer
-        )
+        bearer = active_bearer(self.site, results)
+        return bearer is not None and bearer.kind.traits.allow_list
 
     def _evidence(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
         ping = results.get("ping")

@@ -99,6 +99,19 @@ def _neighbour(address: str, mac: str) -> Callable[[World], None]:
     return _gateway(change)
 
 
+def _without_server(computer: ComputerSpec) -> dict[str, Any]:
+    """All that goes through the VPN passes its server."""
+    return {"echoes": {**computer.echoes, "10.80.0.1": EchoSpec(loss_percent=100.0)}, "reflectors": {}}
+
+
+def _reflectors(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of ReflectorSpec
+    return _gateway(
+        lambda computer: {
+            "reflectors": {address: there.model_copy(update=changes) for address, there in computer.reflectors.items()}
+        }
+    )
+
+
 def _expired(computer: ComputerSpec) -> dict[str, Any]:
     old = CertificateSpec(subject=computer.name, not_after=CertificateSpec(subject="x").not_before)
     return {"certificates": {**computer.certificates, IDENTITY: (old, *computer.certificates[IDENTITY][1:])}}
@@ -192,7 +205,7 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     ),
     "gateway-tunnel": RehearsedFault(
         "the gateway is not in the VPN",
-        ("SITE/site/vpn", "SITE/site/dds"),
+        ("SITE/site/vpn", "SITE/site/data-reaches-scc", "SITE/site/dds"),
         _gateway(
             lambda computer: {
                 "interfaces": tuple(interface for interface in computer.interfaces if interface.name != "tun0")
@@ -200,7 +213,20 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         ),
     ),
     "server-silent": RehearsedFault(
-        "the VPN server does not answer", ("SITE/site/vpn",), _echo("10.80.0.1", loss_percent=100.0)
+        "the VPN server does not answer", ("SITE/site/vpn", "SITE/site/data-reaches-scc"), _gateway(_without_server)
+    ),
+    "centre-silent": RehearsedFault(
+        "the control centre does not answer", ("SITE/site/data-reaches-scc",), _gateway(lambda _: {"reflectors": {}})
+    ),
+    "centre-late": RehearsedFault(
+        "what is sent to the control centre is answered after seconds",
+        ("SITE/site/data-reaches-scc",),
+        _reflectors(rtt_ms=8000.0),
+    ),
+    "centre-outside-vpn": RehearsedFault(
+        "what is sent to the control centre reaches it outside of the VPN",
+        ("SITE/site/data-reaches-scc",),
+        _reflectors(arrives_by="eth0"),
     ),
     "certificate-expired": RehearsedFault(
         "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expired)

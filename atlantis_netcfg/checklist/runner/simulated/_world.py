@@ -16,12 +16,15 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
+from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
 from atlantis_netcfg.declaration.model import (
     AcousticDriver,
     Column,
+    Gateway,
     GpsDriver,
     Router,
     ServerComputer,
+    Switch,
     VpnServer,
     WifiRole,
 )
@@ -35,6 +38,7 @@ from atlantis_netcfg.emulator.linux import (
     DdsSpec,
     EchoSpec,
     InterfaceSpec,
+    ReflectorSpec,
     UdpSpec,
     lan_computer,
 )
@@ -67,10 +71,12 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
         mac=device.mac,
         router=(str(lan.gateway), ROUTER_MAC),
         others={str(reserved[key].address): reserved[key].mac for key in vehicles if key in reserved},
-        tunnel=f"{device.vpn_address}/32" if device.vpn_address is not None else None,
+        tunnel=f"{device.vpn_address}/{declaration.pilot.vpn.network.prefixlen}"
+        if device.vpn_address is not None
+        else None,
         server=str(server.vpn_address) if isinstance(server, VpnServer) else None,
     )
-    radios = tuple(_radios(declaration, vehicles))
+    radios = (*_radios(declaration, vehicles), *_opened(declaration, host, vehicles))
     return computer.model_copy(
         update={
             "interfaces": (*computer.interfaces, *radios),
@@ -78,6 +84,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             "udp": tuple(_participants(declaration)),
             "dds": tuple(_answering(declaration, device)),
             "certificates": _identity(host),
+            "reflectors": {item.address: ReflectorSpec(host=item.name) for item in far_computers(declaration, device)},
             "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
         }
     )
@@ -146,6 +153,28 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[Int
                 frequency_mhz=_OUTDOORS_MHZ,
             ),
         )
+
+
+def _opened(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
+    """The radio of the gateway's own network; stations join it where the site has no other access point for them."""
+    radio = host.device.access_point if isinstance(host.device, Gateway) else None
+    if radio is None:
+        return
+    cells = [Cell(declaration, host.site, key, Column.WIFI) for key in vehicles]
+    found = [(cell, cell.wifi) for cell in cells if cell.wifi is not None]
+    macs = [
+        reserved_mac(cell, wifi.mac) for cell, wifi in found if wifi.role is WifiRole.STATION and wifi.seen_by is None
+    ]
+    network = AssociationSpec(ssid=radio.ssid, bssid="02:00:5E:00:FC:01", frequency_mhz=radio.frequency_mhz)
+    yield InterfaceSpec(
+        name=radio.interface,
+        mac=network.bssid,
+        addresses=(AddressSpec(address=f"{radio.address}/{radio.network.prefixlen}"),),
+        wireless=True,
+        type="AP",
+        association=network,
+        stations=tuple(network.model_copy(update={"bssid": mac}) for mac in macs if mac is not None),
+    )
 
 
 Do = Callable[..., Any]
@@ -259,7 +288,9 @@ def _returned(answers: list[list[str]]) -> str:
 
 
 def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
-    """Describe the place of a router: who is in its LAN, what it feeds, that its tunnel and its time server answer."""
+    """Describe what stands around a router, its LAN, tunnel and time server among it; around a switch, its stations."""
+    if isinstance(host.device, Switch):
+        return {"stations": list(_stations(declaration, host, host.device))}
     assert isinstance(host.device, Router)  # noqa: S101 - the caller has looked
     site, client, tunnel = declaration.sites[host.site], host.device.vpn_client, router_view(declaration, host).tunnel
     tunnels = {}
@@ -270,7 +301,7 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
         "loads": {port: {} for port in _fed(declaration, host.name)},
         "leases": {str(reservation.address): "bound" for reservation in site.lan.reservations},
         "tunnels": tunnels,
-        "stations": list(_stations(declaration, host.site, host.device)),
+        "stations": list(_stations(declaration, host, host.device)),
         "time_server": str(declaration.pilot.time_servers[0].address),
         "called": [],
         "validity": {},
@@ -285,13 +316,13 @@ def _cards(declaration: Declaration, site: str) -> dict[str, str]:
     return cards
 
 
-def _stations(declaration: Declaration, site: str, router: Router) -> Iterator[dict[str, str]]:
-    """The vehicles that are stations, near the router's access point with its name and key."""
-    radio, here = router.access_point, declaration.sites[site].checklist.vehicles
+def _stations(declaration: Declaration, host: Host, device: Router | Switch) -> Iterator[dict[str, str]]:
+    """The vehicles that are stations of the device's access point, near it with its name and key."""
+    radio, here = device.access_point, declaration.sites[host.site].checklist.vehicles
     for key in declaration.vehicles if here is None else here:
-        cell = Cell(declaration, site, key, Column.WIFI)
-        wifi = cell.endpoints.wifi
-        if radio is None or wifi is None or wifi.role is not WifiRole.STATION:
+        cell = Cell(declaration, host.site, key, Column.WIFI)
+        wifi = cell.wifi
+        if radio is None or wifi is None or wifi.role is not WifiRole.STATION or wifi.seen_by != host.name:
             continue
         mac = reserved_mac(cell, wifi.mac)
         if mac is not None:
@@ -376,7 +407,7 @@ def healthy(declaration: Declaration, site: str) -> World:
     gateway = Cell(declaration, site, None, "site").gateway
     world = World(site, None if gateway is None else gateway_computer(declaration, gateway, vehicles))
     for host in declaration.site_hosts(site):
-        if isinstance(host.device, Router):
+        if isinstance(host.device, Router | Switch):
             world.routers[host.name] = surroundings(declaration, host)
     for key in vehicles:
         cell = Cell(declaration, site, key, "gps")

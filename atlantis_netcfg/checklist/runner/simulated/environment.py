@@ -26,6 +26,9 @@ from atlantis_netcfg.checklist.probes import (
     Listen,
     Place,
     Question,
+    Reflected,
+    ReflectRequest,
+    ReflectResult,
     RunProgram,
     Transcript,
     Trouble,
@@ -113,6 +116,8 @@ class RehearsedEars:
             return self._offered(question, self.computer)
         if isinstance(question, DdsDiscoverRequest):
             return self._discovered(question, self.computer)
+        if isinstance(question, ReflectRequest):
+            return self._reflected(question, self.computer)
         return unanswered(question, _NOBODY)
 
     @staticmethod
@@ -131,6 +136,15 @@ class RehearsedEars:
         if found is None:
             return DdsDiscoverResult(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
         return DdsDiscoverResult(None, "", prefix, found)
+
+    @staticmethod
+    def _reflected(question: ReflectRequest, computer: Computer) -> ReflectResult:
+        """Emulated, and each answer says so."""
+        tokens = tuple(os.urandom(16).hex() for _ in range(question.count))
+        found = computer.reflected(question.source, question.address, tokens)
+        if found is None:
+            return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
+        return ReflectResult(None, "", tokens, tuple(Reflected(*row) for row in found))
 
     @staticmethod
     def _offered(question: DhcpDiscoverRequest, computer: Computer) -> DhcpOffers:

@@ -10,14 +10,17 @@ from atlantis_netcfg.emulator.lab.stubs.archive import (
     service_program,
     why_no_archive,
 )
+from atlantis_netcfg.emulator.lab.stubs.image import PODMAN_IN_A_MACHINE, service_image
 
 __all__ = [
     "NOT_REHEARSED",
+    "PODMAN_IN_A_MACHINE",
     "StandInFailed",
     "StubArchive",
     "StubPackage",
     "publish",
     "ros_packages",
+    "service_image",
     "service_program",
     "why_no_archive",
 ]

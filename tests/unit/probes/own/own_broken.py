@@ -16,6 +16,8 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     LinkStatusResult,
     Place,
+    ReflectRequest,
+    ReflectResult,
     RouterOsQuery,
     Rows,
     RunProgram,
@@ -29,6 +31,7 @@ from atlantis_netcfg.emulator.linux import (
     InterfaceSpec,
     NeighbourSpec,
     OfferSpec,
+    ReflectorSpec,
     RouteSpec,
     UdpSpec,
 )
@@ -134,6 +137,8 @@ def garbage(question: Question, _answer: Answer) -> Answer:
         return Rows(None, rows=({"x": "\x00?"},))
     if isinstance(question, RunProgram):
         return CommandResult(None, out="\x1b[31m{ not json\n", began=0.0)
+    if isinstance(question, ReflectRequest) and isinstance(_answer, ReflectResult):
+        return replace(_answer, answers=tuple(replace(one, data=b"\x00{") for one in _answer.answers))
     if isinstance(question, DdsDiscoverRequest):
         return DdsDiscoverResult(None, "", b"?" * 12, (("10.80.0.21", b"RTPS\x02\x01 no, it is not"),))
     return (
@@ -157,6 +162,23 @@ def failing(question: Question, answer: Answer) -> Answer:
 
 def answered(change: Callable[[DdsDiscoverResult], DdsDiscoverResult]) -> World:
     return answers(lambda _, answer: change(answer) if isinstance(answer, DdsDiscoverResult) else answer)
+
+
+def centre(**changes: Any) -> World:  # noqa: ANN401 - fields of ReflectorSpec
+    return pc(reflectors={"10.80.0.2": ReflectorSpec(host="scc-control").model_copy(update=changes)})
+
+
+def reflected(trouble: Trouble | None = None, words: str = "", **changes: Any) -> World:  # noqa: ANN401 - of Reflected
+    """Each answer of the control centre is otherwise, or there is a trouble."""
+
+    def change(question: Question, answer: Answer) -> Answer:
+        if not isinstance(question, ReflectRequest) or not isinstance(answer, ReflectResult):
+            return answer
+        if trouble is not None:
+            return ReflectResult(trouble, words)
+        return replace(answer, answers=tuple(replace(one, **changes) for one in answer.answers))
+
+    return answers(change)
 
 
 def echoed(said: DdsDiscoverResult) -> DdsDiscoverResult:
@@ -346,7 +368,10 @@ BROKEN: dict[str, Callable[[], World]] = {
     "the gateway's default route has no link": lambda: answers(
         lambda question, answer: (
             replace(answer, out=DOWN)
-            if isinstance(answer, CommandResult) and isinstance(question, RunProgram) and "route" in question.argv
+            if isinstance(answer, CommandResult)
+            and isinstance(question, RunProgram)
+            and "route" in question.argv
+            and "get" not in question.argv
             else answer
         )
     ),
@@ -417,6 +442,31 @@ BROKEN: dict[str, Callable[[], World]] = {
         "ping", out=PINGED.replace("5 packets", "1 packets").format("1", "")
     ),
     "the VPN server loses pings": lambda: pc(echoes={"10.80.0.1": EchoSpec(loss_percent=40, rtt_ms=650)}),
+    # data
+    "the control centre is silent": lambda: pc(reflectors={}),
+    "the control centre is silent over a satellite": lambda: World(
+        pc=computer().model_copy(update={"reflectors": {}}),
+        looks={
+            **LOOKS,
+            "wifi-ptp": {**LOOKS["wifi-ptp"], "active": False},
+            "satellite": {**LOOKS["satellite"], "active": True},
+        },
+    ),
+    "a message is lost": lambda: centre(loss_percent=40),
+    "an answer takes too long": lambda: centre(rtt_ms=3200),
+    "what is sent arrives outside of the VPN": lambda: centre(arrives_by="eth0"),
+    "an answer comes back outside of the VPN": lambda: reflected(interface="eth0"),
+    "another computer has the control centre's address": lambda: centre(host="somebody"),
+    "another address answers": lambda: reflected(sender="10.80.0.77"),
+    "an answer without the token": lambda: reflected(data=b'{"token":"' + b"e" * 32 + b'","host":"scc-control"}'),
+    "nothing answers at the control centre": lambda: reflected(Trouble.REFUSED, "10.80.0.2: Connection refused"),
+    "nothing can be sent": lambda: reflected(Trouble.UNREACHABLE, "10.80.0.2: Network is unreachable"),
+    "data would leave by the cable": lambda: pc(
+        routes=(*computer().routes, RouteSpec(to="10.80.0.2/32", via="10.64.1.77", dev="eth0"))
+    ),
+    "there is no route to the control centre": lambda: ran(
+        "way scc-control", rc=2, out="", err="RTNETLINK answers: Network is unreachable\n"
+    ),
     # DDS
     "nobody speaks DDS": lambda: pc(udp=(UdpSpec(port=5353),), dds=()),
     "DDS in another domain": lambda: pc(udp=udp(7650, 7660, 7661), dds=(DdsSpec(domain=1, addresses=("10.80.0.21",)),)),

@@ -18,6 +18,9 @@ from atlantis_netcfg.checklist.probes import (
     DhcpOffers,
     LinkStatusRequest,
     LinkStatusResult,
+    Reflected,
+    ReflectRequest,
+    ReflectResult,
     RouterOsQuery,
     Rows,
     RunProgram,
@@ -31,6 +34,7 @@ from atlantis_netcfg.emulator.linux import (
     Computer,
     ComputerSpec,
     DdsSpec,
+    ReflectorSpec,
     TimeSpec,
     UdpSpec,
     lan_computer,
@@ -111,6 +115,7 @@ def computer() -> ComputerSpec:
             "certificates": {IDENTITY: certificates},
             "udp": (UdpSpec(port=7410), UdpSpec(port=7411), UdpSpec(port=5353), UdpSpec(port=32784)),
             "dds": (DdsSpec(addresses=("10.80.0.21",)),),
+            "reflectors": {"10.80.0.2": ReflectorSpec(host="scc-control")},
         }
     )
 
@@ -164,8 +169,17 @@ class World:
             return (
                 DdsDiscoverResult(Trouble.UNREACHABLE) if heard is None else DdsDiscoverResult(None, "", PREFIX, heard)
             )
+        if isinstance(question, ReflectRequest):
+            return self._reflected(question)
         assert isinstance(question, LinkStatusRequest)
         return LinkStatusResult(None, "", self.looks[question.bearer])
+
+    def _reflected(self, question: ReflectRequest) -> ReflectResult:
+        sent = tuple(f"{number:032x}" for number in range(question.count))
+        came = self.computer.reflected(question.source, question.address, sent)
+        if came is None:
+            return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
+        return ReflectResult(None, "", sent, tuple(Reflected(*one) for one in came))
 
     def _rows(self, question: RouterOsQuery) -> Rows:
         """A router as it should be says the same to everybody, so that it is asked once."""

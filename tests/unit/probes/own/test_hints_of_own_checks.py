@@ -113,6 +113,13 @@ SITUATIONS: dict[str, tuple[Callable[[], World], str, int, list[str]]] = {
         LINKS,
     ),
     "lossy": (lambda: telling("server-lossy"), "look at `provision links site={}`", 7, LINKS),
+    "data lost": (BROKEN["a message is lost"], "look at `provision links site={}`", 7, LINKS),
+    "another computer": (
+        BROKEN["another computer has the control centre's address"],
+        "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
+        0,
+        [],
+    ),
     "factory name": (
         lambda: telling("factory-name"),
         "`provision adopt site={} device=NAME` gives a new device its name, user and certificate",

@@ -13,6 +13,7 @@ from atlantis_netcfg.checklist.probes import (
     DdsDiscoverRequest,
     DhcpDiscoverRequest,
     LinkStatusRequest,
+    ReflectRequest,
     RouterOsQuery,
     RunProgram,
     site_checks,
@@ -21,6 +22,7 @@ from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
 from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
 from atlantis_netcfg.cli._commands import COMMANDS
 from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.declaration.model import REFLECTOR_PORT
 from atlantis_netcfg.emulator.routeros import schema
 from atlantis_netcfg.gateway import parts
 from atlantis_netcfg.vpn import client
@@ -61,6 +63,7 @@ def test_nothing_but_reading_is_asked_for() -> None:
         DdsDiscoverRequest,
         LinkStatusRequest,
         DhcpDiscoverRequest,
+        ReflectRequest,
         RunProgram,
     }
     asked = {name for query in QUERIES for name in query.proplist}
@@ -105,6 +108,14 @@ def test_pings_go_to_nobody_outside_the_site() -> None:
     targets = {one.argv[-1] for one in EVERY if isinstance(one, RunProgram) and one.argv[0] == "ping"}
     server = declaration().hosts[declaration().pilot.vpn.server].device
     assert targets == {str(getattr(server, "vpn_address", None))}
+
+
+def test_messages_go_to_the_control_centre_alone() -> None:
+    asked = [one for one in EVERY if isinstance(one, ReflectRequest)]
+    centre = declaration().hosts["scc-control"].device
+    assert [(one.source, one.address, one.port) for one in asked] == [
+        ("10.80.0.21", str(getattr(centre, "vpn_address", None)), REFLECTOR_PORT)
+    ]
 
 
 def test_hints_name_commands_that_there_are() -> None:

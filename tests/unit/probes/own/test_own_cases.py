@@ -13,6 +13,7 @@ from own_world import SITE, World, declaration, own_steps
 from atlantis_netcfg.checklist.probes import Cell, site_checks
 from atlantis_netcfg.checklist.probes.site_checks import NAMES, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
+from atlantis_netcfg.declaration.model import OperatorStation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,6 +25,13 @@ LISTED: dict[str, dict[str, list[str]]] = yaml.safe_load(
 )
 OTHERWISE = {"address-by-hand", "draw-untold", "file-differs", "no-fault", "not-the-best", "server-not-asked"}
 """Codes of sites that are declared otherwise: test_own_declared.py."""
+AT_THE_CENTRE = {"gateway-silent"}
+"""Codes of the control centre's site: test_own_centre.py."""
+OF_AN_ACCESS_POINT = {
+    *("network-closed", "network-not-yet-open", "network-open", "other-channel", "other-network"),
+    *("radio-missing", "stations", "unknown-station"),
+}
+"""Of a gateway that opens a network: test_own_access_point.py."""
 
 
 @pytest.mark.parametrize("name", list(BROKEN))
@@ -34,7 +42,7 @@ def test_exactly_what_is_broken_is_told(name: str) -> None:
 def test_every_case_and_every_code_is_listed() -> None:
     assert list(LISTED) == list(BROKEN)
     told = {line.split(" ")[1].rstrip(":") for case in LISTED.values() for lines in case.values() for line in lines}
-    assert told | OTHERWISE == set(codes())
+    assert told | OTHERWISE | AT_THE_CENTRE | OF_AN_ACCESS_POINT == set(codes())
 
 
 def codes() -> Iterator[str]:
@@ -66,14 +74,27 @@ def test_what_is_not_declared_at_a_site_is_skipped_by_name() -> None:
     assert [step.name for step in of("te4sea") if step.unless] == []
 
 
+def test_the_control_centre_is_looked_from_at_a_site_without_a_gateway() -> None:
+    assert not [step.name for step in of("scc") if step.kind is ItemKind.PERSON]
+    found = {step.name: step for step in of("scc")}
+    assert found["dds"].title == "DDS answers on the control centre"
+    assert all("scc-control" in found[name].concerns for name in ("rogue-dhcp", "vpn", "dds", "certificates"))
+
+
 def test_what_no_program_can_see_at_a_site_is_for_a_person() -> None:
-    found = {step.name: step for step in of("scc") if step.kind is ItemKind.PERSON}
-    assert set(found) == {"rogue-dhcp", "vpn", "dds"}
-    assert "no gateway computer" in found["rogue-dhcp"].do
+    """A site whose only computer is an operator's: its programs are not ours to ask."""
+    control = declaration().hosts["scc-control"]
+    kept = control.device.model_dump(include={"mac", "address", "vpn_address"})
+    operators = OperatorStation.model_validate({"kind": "operator_station", **kept})
+    hosts = {**declaration().hosts, control.name: replace(control, device=operators)}
+    every = steps(Cell(replace(declaration(), hosts=hosts), "scc", None, "site"))
+    found = {step.name: step for step in every if step.kind is ItemKind.PERSON}
+    assert set(found) == {"rogue-dhcp", "vpn", "dds", "data-reaches-scc"}
+    assert "no gateway computer and no control centre" in found["rogue-dhcp"].do
     assert found["rogue-dhcp"].look_for == "Only the router offers an address: 10.64.0.1."
     assert found["vpn"].do.startswith("On scc-vpn and scc-control, ")
     assert "scc-control has 10.80.0.2" in found["vpn"].look_for
-    assert found["dds"].do.startswith("On scc-control, ")
+    assert found["dds"].do.startswith("On a computer at scc, ")
     assert all(step.do and step.look_for and step.concerns for step in found.values())
 
 

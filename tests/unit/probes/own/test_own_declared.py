@@ -105,10 +105,24 @@ def test_ports_that_feed_nobody_who_is_declared() -> None:
     assert of(world, "poe") == ["PASS no-fault: no port that feeds has a fault; no box is declared to be fed by one"]
 
 
-def test_a_site_with_one_certificate() -> None:
+def certificates_of_scc(whole: Declaration) -> list[str]:
     world = lines_of("/certificate", {"name": "atlantis-api", "invalid-after": "2036-11-18 10:00:00"})
-    world.steps = tuple(one for one in steps(Cell(declaration(), "scc", None, "site")) if one.name == "certificates")
-    assert of(world, "certificates") == ["PASS valid: the one certificate is valid until 2036-11-18"]
+    world.steps = tuple(one for one in steps(Cell(whole, "scc", None, "site")) if one.name == "certificates")
+    return of(world, "certificates")
+
+
+def test_a_site_with_one_certificate() -> None:
+    whole = declaration()
+    control = whole.hosts["scc-control"]
+    outside = replace(control, device=control.device.model_copy(update={"vpn_address": None}))
+    found = certificates_of_scc(replace(whole, hosts={**whole.hosts, control.name: outside}))
+    assert found == ["PASS valid: the one certificate is valid until 2036-11-18"]
+
+
+def test_a_control_centre_in_the_vpn_has_an_identity_of_its_own() -> None:
+    (line,) = certificates_of_scc(declaration())
+    assert line.startswith("FAIL other-identity: the VPN identity of scc-control holds EXAMPLE VPN authority and")
+    assert line.endswith("coastal-gateway, and no certificate of scc-control")
 
 
 def test_a_port_that_is_forced_on_feeds_nobody_for_sure() -> None:

@@ -46,7 +46,7 @@ def test_a_vehicle_is_seen_where_its_endpoint_is_declared(declaration: Declarati
     assert sparus[0].title == "Access point of Sparus is heard well, and answers without loss"
     (zarco,) = steps_of(Cell(declaration, "coastal", "zarco", "wifi"))
     assert zarco.title == "Zarco is registered at coastal-router, is heard well, and answers without loss"
-    (elsewhere,) = steps_of(Cell(declaration, "te4sea", "zarco", "wifi"))
+    (elsewhere,) = steps_of(Cell(declaration, "scc", "zarco", "wifi"))
     assert elsewhere.title == "Zarco answers over the Wi-Fi of the site without loss"
     assert told(steps_of(Cell(declaration, "coastal", "eca-rov", "ethernet"))) == [
         ("", "automatic", ("coastal-router",))

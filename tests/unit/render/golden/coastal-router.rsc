@@ -205,8 +205,8 @@ add comment="atlantis: satellite" max-limit=281600 name=satellite parent=ether3 
 add comment="atlantis: satellite, control" limit-at=140800 max-limit=281600 name=satellite-control packet-mark=control parent=satellite priority=1 queue=default-small
 add comment="atlantis: satellite, the rest" limit-at=28160 max-limit=281600 name=satellite-rest packet-mark=no-mark parent=satellite priority=8 queue=default-small
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
-# over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
-# probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
+# over that link alone. Equal distance: both must fail before the next link is taken. A satellite is not probed unless a budget
+# is declared for it, because probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
 # When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
 # distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand

@@ -145,8 +145,8 @@ add action=masquerade chain=srcnat comment="atlantis: technician to the radios" 
 # atlantis:entire /ip firewall mangle
 /ip firewall mangle
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
-# over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
-# probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
+# over that link alone. Equal distance: both must fail before the next link is taken. A satellite is not probed unless a budget
+# is declared for it, because probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
 # When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
 # distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand

@@ -18,6 +18,10 @@ set [ find default-name=ether5 ] comment="atlantis: off" disabled=yes name=ether
 set [ find default-name=ether6 ] comment="atlantis: off" disabled=yes name=ether6
 set [ find default-name=ether7 ] comment="atlantis: off" disabled=yes name=ether7
 set [ find default-name=ether8 ] comment="atlantis: management" disabled=no name=ether8
+# Access point for vehicles that are stations. It is a port of the LAN, so that they get their reserved addresses and the way
+# into the VPN. An isolated one hands nothing from one station to another.
+/interface wifi
+set [ find default-name=wifi1 ] channel.band=5ghz-ax channel.frequency=5540 channel.skip-dfs-channels=10min-cac channel.width=20mhz comment="atlantis: access point" configuration.country=Portugal configuration.installation=outdoor configuration.mode=ap configuration.ssid=EXAMPLE-ATLANTIS-TE4SEA datapath.client-isolation=yes disabled=no name=wifi1 security.authentication-types=wpa2-psk security.passphrase=EXAMPLE-te4sea-access-point security.wps=disable
 # LAN: one bridge over the LAN ports. rstp, because on a quay a cable is soon plugged in twice, and one loop would stop the
 # whole site. The management port never joins the bridge: it is the way in when the bridge is at fault.
 /interface bridge
@@ -26,6 +30,7 @@ add comment="atlantis: LAN" name=bridge-lan protocol-mode=rstp
 /interface bridge port
 add bridge=bridge-lan comment="atlantis: LAN" interface=ether3
 add bridge=bridge-lan comment="atlantis: LAN" interface=ether4
+add bridge=bridge-lan comment="atlantis: access point" interface=wifi1
 /ip address
 add address=10.64.2.1/24 comment="atlantis: LAN" interface=bridge-lan
 # The technician's port. This address stands on an adopted router already, and the session that provisions it uses it.
@@ -195,8 +200,8 @@ add comment="atlantis: satellite" max-limit=281600 name=satellite parent=ether2 
 add comment="atlantis: satellite, control" limit-at=140800 max-limit=281600 name=satellite-control packet-mark=control parent=satellite priority=1 queue=default-small
 add comment="atlantis: satellite, the rest" limit-at=28160 max-limit=281600 name=satellite-rest packet-mark=no-mark parent=satellite priority=8 queue=default-small
 # Failover. A link with canaries is good while one of them answers: default routes lead to the canaries, which are reached
-# over that link alone. Equal distance: both must fail before the next link is taken. The satellite is not probed, because
-# probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
+# over that link alone. Equal distance: both must fail before the next link is taken. A satellite is not probed unless a budget
+# is declared for it, because probes cost airtime: it is what is left. A blackhole behind each canary keeps it from answering over another link when its
 # own is down; scope 30 is above target-scope 11, so default routes do not lead there.
 # When a link is left and when it is taken back is decided below, under /tool netwatch; it moves these routes by their
 # distance: 10 for each place in the order of preference, and 100 more while the link is given up. Should netwatch stand

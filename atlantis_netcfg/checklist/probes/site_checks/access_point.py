@@ -1,0 +1,120 @@
+"""The network that a radio of the gateway opens is there, and who has joined it.
+
+`iw` tells what the radio does now. That stations are kept apart stands in the file of hostapd, which drift compares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    fail,
+    good,
+    listed,
+    printed,
+    read,
+    run,
+    step,
+    unknown,
+    unreadable,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
+from atlantis_netcfg.checklist.probes.wifi import read_opened, read_stations
+from atlantis_netcfg.declaration.model import Gateway, WifiRole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.bearers import BearerFinding
+    from atlantis_netcfg.declaration.model import GatewayAccessPoint
+
+_NO_DEVICE = "No such device"
+
+
+def access_point_check(site: OwnSite) -> tuple[Step, ...]:
+    """One step where the gateway declares an access point of its own; most have none, and no item then."""
+    gateway = site.gateway
+    if gateway is None or not isinstance(gateway.device, Gateway) or gateway.device.access_point is None:
+        return ()
+    radio = gateway.device.access_point
+    title = f"The gateway's network {radio.ssid} is open, to declared vehicles alone"
+    return (step("access-point", title, _OpenNetwork(site, gateway.name, radio), (gateway.name,)),)
+
+
+@dataclass(frozen=True, slots=True)
+class _OpenNetwork:
+    """The gateway's own network is open, to declared vehicles alone."""
+
+    site: OwnSite
+    gateway: str
+    radio: GatewayAccessPoint
+
+    def asks(self) -> tuple[Question, ...]:
+        name = self.radio.interface
+        return (
+            *run("info", self.site, f"iw dev {name} info"),
+            *run("stations", self.site, f"iw dev {name} station dump"),
+        )
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        info, dump = results["info"], results["stations"]
+        if isinstance(info, CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
+            message = f"{self.gateway} has no radio {self.radio.interface}"
+            return Judged((fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),))
+        text, joined = printed(info, self.gateway), printed(dump, self.gateway)
+        if not isinstance(text, str):
+            return Judged((text,))
+        findings = [*self._network(text)]
+        if isinstance(joined, str):
+            findings += self._strangers(joined)
+        else:
+            findings.append(joined)
+        stations = [*read_stations(joined)] if isinstance(joined, str) else []
+        count = "nobody" if not stations else f"{len(stations)}"
+        return Judged(tuple(findings), (read(f"joined {self.radio.ssid}", count),))
+
+    def _network(self, text: str) -> Iterator[BearerFinding]:
+        """A running hostapd turns the radio into an access point; while it listens for radar that has no name yet."""
+        found, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
+        hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
+        if found.type is None:
+            yield unreadable(self.gateway, self.radio.interface)
+        elif found.type != "AP":
+            yield fail("network-closed", f"{name} opens no network: it is of type {found.type}", hint)
+        elif found.ssid is None:
+            message = f"{name} is an access point that sends no name yet: it may be listening for radar"
+            yield unknown("network-not-yet-open", message, f"wait for a minute, or ten at 5600 to 5650 MHz; {hint}")
+        elif found.ssid != self.radio.ssid:
+            message = f"{name} opens `{found.ssid}`, and `{self.radio.ssid}` is declared"
+            yield fail("other-network", message, "run the site, which lays down what is declared")
+        else:
+            yield good("network-open", f"{name} opens `{found.ssid}`")
+            if found.frequency_mhz not in {None, self.radio.frequency_mhz}:
+                message = f"{name} is on {found.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
+                yield warn("other-channel", message, "a radar may have driven it away: choose another channel")
+
+    def _strangers(self, dump: str) -> Iterator[BearerFinding]:
+        """Who has joined and is no declared vehicle has the key."""
+        known, strangers = self._known, [mac for mac in read_stations(dump) if mac not in self._known]
+        if strangers:
+            message = f"{listed(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
+            hint = "whose is it? a new radio belongs into `endpoints.wifi.mac`; else change the `key` of the network"
+            yield warn("unknown-station", message, hint)
+        names = [known[mac] for mac in read_stations(dump) if mac in known]
+        if names:
+            yield good("stations", f"{listed(names)} joined it")
+
+    @property
+    def _known(self) -> Mapping[str, str]:
+        """MAC address to the vehicle that is a station."""
+        reserved = {row.name: row.mac for row in self.site.declared.lan.reservations}
+        found = {}
+        for key, vehicle in self.site.declaration.vehicles.items():
+            wifi = vehicle.endpoints.wifi
+            mac = reserved.get(key) if wifi is None or wifi.mac is None else wifi.mac
+            if mac is not None and wifi is not None and wifi.role is WifiRole.STATION:
+                found[mac.upper()] = vehicle.name
+        return found

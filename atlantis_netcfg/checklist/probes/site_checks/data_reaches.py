@@ -1,0 +1,262 @@
+"""Data reach the control centre and come back: messages over the bearer in use and the VPN, with their way and delay.
+
+Each message bears a token that is made up for this question, and leaves as the data of any program do, by the route
+that the computer has. A small program of ours at the other end (`gateway/reflector.py`) sends the token back, and says
+by which interface and from which address the message came to it. A gateway asks the control centres; a control centre
+asks all gateways of the pilot.
+
+What it does not show: that a program of a partner works there, and that large data arrive.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.bearers import BearerFinding
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    active_bearer,
+    addresses,
+    bearer_requests,
+    by_hand,
+    fail,
+    good,
+    measured,
+    parsed,
+    read,
+    run,
+    silent,
+    step,
+    unknown,
+    unreadable,
+    warn,
+)
+from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
+from atlantis_netcfg.checklist.probes.step import Judged, Place, ReflectRequest, ReflectResult, Trouble
+from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, Reflected, Step
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration import Declaration
+
+NAME = "data-reaches-scc"
+
+
+@dataclass(frozen=True, slots=True)
+class FarComputer:
+    """A computer at the other end of the way."""
+
+    name: str
+    address: str
+    """In the VPN."""
+    site: str
+
+
+def far_computers(declaration: Declaration, asking: ServerComputer) -> tuple[FarComputer, ...]:
+    """Give those that a computer asks: of a control centre the gateways, of all others the control centres."""
+    kind = Gateway if isinstance(asking, ControlCentre) else ControlCentre
+    return tuple(
+        FarComputer(name, str(host.device.vpn_address), host.site)
+        for name, host in declaration.hosts.items()
+        if isinstance(host.device, kind) and host.device.vpn_address is not None
+    )
+
+
+def data_reaches_check(site: OwnSite) -> Step:
+    """A person looks where a computer is not in the VPN, for it applies at every site."""
+    computer = site.gateway
+    far = () if computer is None else far_computers(site.declaration, computer.device)
+    if computer is not None and computer.device.vpn_address is not None and far:
+        centre = isinstance(computer.device, ControlCentre)
+        title = "Data reach every gateway and come back" if centre else "Data reach the control centre and come back"
+        return step(NAME, title, _DataReaches(site, far), (computer.name, *(item.name for item in far)))
+    do = f"No program can send anything through the VPN from {site.name} to the control centre: send something."
+    return by_hand(NAME, "Data reach the control centre and come back", do, "It arrives, and is answered.", site.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class _DataReaches:
+    """Data reach the control centre and come back."""
+
+    site: OwnSite
+    far: tuple[FarComputer, ...]
+
+    @property
+    def _asking(self) -> tuple[str, str]:
+        """Name and address in the VPN of the computer that asks."""
+        assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
+        return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
+
+    def asks(self) -> tuple[Question, ...]:
+        far = (question for item in self.far for question in self._questions(item))
+        return (*run("addresses", self.site, "ip -j addr show"), *far, *bearer_requests(self.site))
+
+    def _questions(self, far: FarComputer) -> tuple[Question, ...]:
+        way = run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
+        return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._asking[1], far.address, REFLECTOR_PORT))
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        name, address = self._asking
+        current = addresses(results["addresses"], name)
+        if isinstance(current, BearerFinding):
+            return Judged((current,))
+        if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
+            hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
+            message = (
+                f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
+            )
+            return Judged((fail("no-vpn", message, hint),))
+        found = [self._of(item, results) for item in self.far]
+        evidence = [each for item in self.far for each in self._evidence(item, results)]
+        return Judged(tuple(found), tuple(evidence))
+
+    def _of(self, far: FarComputer, results: Mapping[str, Answer]) -> BearerFinding:
+        """What the way there and the answers come to."""
+        name = self._asking[0]
+        wrong = _wrong_way(name, far, results[f"way {far.name}"])
+        if wrong is not None:
+            return wrong
+        answer = results[f"data {far.name}"]
+        if not isinstance(answer, ReflectResult):
+            return unreadable(name, "what came back")
+        if answer.trouble is not None:
+            return _not_sent(name, far, answer)
+        if not answer.answers:
+            return self._silence(far, len(answer.tokens), results)
+        strange = next(filter(None, (_strange(far, self._asking[1], item, answer) for item in answer.answers)), None)
+        return strange or self._counted(far, answer, results)
+
+    def _silence(self, far: FarComputer, sent: int, results: Mapping[str, Answer]) -> BearerFinding:
+        """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
+        bearer, over = active_bearer(self.site, results), self._over(results)
+        if bearer is not None and bearer.kind.traits.allow_list:
+            return unknown(
+                "far-end-silent-satellite",
+                f"{far.name} has answered none of {sent} messages, over a satellite that may pause for 70 s",
+                "repeat the check; three silent rounds are more than a pause of the satellite",
+            )
+        if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
+            return unknown(
+                "gateway-silent",
+                f"{far.name} has answered none of {sent} messages: it may be off",
+                f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+            )
+        return fail(
+            "far-end-silent",
+            f"{far.name} has answered none of {sent} messages {over}; the item `vpn` tells whether its server answers",
+            f"is {far.name} switched on? the checklist of {far.site} looks from its end",
+        )
+
+    def _counted(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
+        delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
+        worst, limit = max(delays.values()), self.site.declared.checklist.answer_within_s
+        emulated = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
+        text = (
+            f"{far.name} has answered {len(delays)} of {len(answer.tokens)} messages {self._over(results)}"
+            f", the slowest in {worst * 1000:.0f} ms{emulated}"
+        )
+        if limit is not None and worst > limit:
+            message = f"{text}, and `answer_within_s` is {limit:g}"
+            return fail("late", message, f"look at `provision links site={self.site.name}`")
+        if len(delays) < len(answer.tokens):
+            return warn("data-lost", text, f"look at `provision links site={self.site.name}`")
+        return good("data-reaches", text)
+
+    def _over(self, results: Mapping[str, Answer]) -> str:
+        """The way in words; which link carries the tunnel the router tells."""
+        bearer = active_bearer(self.site, results)
+        over = "a link that the router does not tell" if bearer is None else bearer.name
+        return f"through the VPN over {over}"
+
+    def _evidence(self, far: FarComputer, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+        name, address = self._asking
+        answer = results[f"data {far.name}"]
+        way = parsed(results[f"way {far.name}"], name, "its way")
+        if not isinstance(way, BearerFinding) and way:
+            yield read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
+        for item in answer.answers if isinstance(answer, ReflectResult) else ():
+            row = _row(item)
+            there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
+            yield measured(f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}")
+
+
+def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | None:
+    """Why nothing that is sent would pass the VPN; None: it would."""
+    if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
+        return fail(
+            "no-way",
+            f"{name} has no route to {far.name} at {far.address}",
+            f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
+        )
+    way = parsed(answer, name, "its way to the other end")
+    if isinstance(way, BearerFinding):
+        return way
+    device = str(way[0].get("dev")) if way else "another way"
+    if device == TUNNEL:
+        return None
+    return fail(
+        "way-outside-vpn",
+        f"data for {far.name} would leave {name} by {device}, and not through the VPN",
+        f"on {name}: `ip route get {far.address}` shows the route; remove the one that somebody has added",
+    )
+
+
+def _not_sent(name: str, far: FarComputer, answer: ReflectResult) -> BearerFinding:
+    if answer.trouble is Trouble.REFUSED:
+        return fail(
+            "nobody-answers-data",
+            f"{far.name} is there, and nothing at it answers messages",
+            f"on {far.name}: `systemctl status atlantis-reflector`; a run of {far.site} starts it",
+        )
+    if answer.trouble is Trouble.UNREACHABLE:
+        return fail(
+            "data-not-sent",
+            f"{name} could not send to {far.name}: {answer.words}",
+            f"on {name}: `ip route get {far.address}`; the item `vpn` tells whether the tunnel is up",
+        )
+    return silent(name, answer.trouble or Trouble.SILENT, answer.words)
+
+
+def _row(item: Reflected) -> dict[str, Any]:
+    """What an answer says; nothing where it is none."""
+    try:
+        found = json.loads(item.data)
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _strange(far: FarComputer, asking: str, item: Reflected, result: ReflectResult) -> BearerFinding | None:
+    """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
+    row = _row(item)
+    if row.get("token") not in result.tokens:
+        return fail(
+            "other-data",
+            f"somebody at {item.sender} answers with something else than what was sent",
+            f"find out who answers at {far.address}: run the site of {far.name}, then repeat the check",
+        )
+    if item.sender != far.address or row.get("to") != far.address:
+        return fail(
+            "answered-elsewhere",
+            f"{item.sender} answers what was sent to {far.address}",
+            f"no address may be translated inside the VPN: look at NAT rules between here and {far.name}",
+        )
+    if row.get("host") != far.name:
+        return fail(
+            "other-computer",
+            f"{row.get('host')} answers at {far.address}, the address of {far.name}",
+            "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
+        )
+    if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != asking:
+        return fail(
+            "answered-outside-vpn",
+            f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
+            f"and its answer came back by {item.interface}",
+            f"look at the routes of both computers: `ip route get {far.address}` here, `ip route get {asking}` there",
+        )
+    return None

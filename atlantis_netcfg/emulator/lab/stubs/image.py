@@ -1,0 +1,87 @@
+"""A stand-in for an image of a container: Python of the machine's own Debian, and the stand-in of a service in it.
+
+What podman lacks in a machine of the lab is set here as well, and is no part of what a real computer gets.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import platform
+import tarfile
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.emulator.lab.stubs.archive import StandInFailed, service_program
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+PODMAN_IN_A_MACHINE: Mapping[str, str] = {
+    "/etc/containers/storage.conf": '[storage]\ndriver = "vfs"\nrunroot = "/run/containers/storage"\n'
+    'graphroot = "/var/lib/containers/storage"\n',
+    "/etc/containers/containers.conf": "[containers]\nkeyring = false\n",
+}
+"""Its disk is an overlay, on which there is no second one; and systemd-nspawn lets nobody make a keyring."""
+NOT_REHEARSED = (
+    "containers: the images are stand-ins, which listen at the declared ports and do nothing else",
+    "containers: podman keeps them as plain folders (vfs), and makes no keyring for them",
+)
+_ARCHITECTURES = {"x86_64": "amd64", "aarch64": "arm64"}
+_STANDARD_LIBRARY = ("collections", "encodings", "importlib", "lib-dynload", "re")
+_LIBRARIES = ("libc", "libdl", "libexpat", "libm", "libpthread", "libutil", "libz")
+_END = "import os, signal\nsignal.signal(signal.SIGTERM, lambda *_: os._exit(0))\n"
+"""Whoever is process 1 of a container hears no signal that it has not asked for."""
+
+
+def service_image(root: Path, kind: str, port: int) -> bytes:
+    """An archive as `docker save` writes it; of the same Debian below `root` always the same. Raises StandInFailed."""
+    python = next((path for path in sorted(root.glob("usr/bin/python3.*")) if path.name[8:].isdigit()), None)
+    if python is None:
+        raise StandInFailed(f"{root} has no Python for the stand-in of an image")
+    files = {path: (root / path).read_bytes() for path in _of_python(root, python)}
+    files["stand-in.py"] = (_END + service_program(kind, port)).encode()
+    layer = _tar(files)
+    digest = hashlib.sha256(layer).hexdigest()
+    config = json.dumps(
+        {
+            "architecture": _ARCHITECTURES.get(platform.machine(), platform.machine()),
+            "os": "linux",
+            "config": {"Entrypoint": [f"/usr/bin/{python.name}", "-S", "-I", "/stand-in.py"]},
+            "rootfs": {"type": "layers", "diff_ids": [f"sha256:{digest}"]},
+        }
+    ).encode()
+    name = f"{hashlib.sha256(config).hexdigest()}.json"
+    layers = [f"{digest}/layer.tar"]
+    manifest = json.dumps([{"Config": name, "RepoTags": ["example.org/stand-in:rehearsal"], "Layers": layers}])
+    return _tar({name: config, layers[0]: layer, "manifest.json": manifest.encode()})
+
+
+def _of_python(root: Path, python: Path) -> Iterator[str]:
+    """Paths below the root of what it needs to open a socket."""
+    found = {python}
+    home = root / "usr/lib" / python.name
+    found |= set(home.glob("*.py"))
+    for folder in _STANDARD_LIBRARY:
+        found |= {path for path in (home / folder).rglob("*") if path.suffix in {".py", ".so"}}
+    for place in (*root.glob("usr/lib/*-linux-gnu*"), root / "usr/lib64", root / "usr/lib"):
+        found |= {path for name in _LIBRARIES for path in place.glob(f"{name}.so.*")}
+        found |= set(place.glob("ld-linux*.so.*"))
+    yield from sorted(path.relative_to(root).as_posix() for path in found if path.is_file())
+
+
+def _tar(files: Mapping[str, bytes]) -> bytes:
+    """Without times and owners: the same files are the same archive. `/lib` leads to `/usr/lib`, as in Debian."""
+    made = io.BytesIO()
+    with tarfile.open(fileobj=made, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+        if "stand-in.py" in files:
+            for name in ("lib", "lib64", "bin"):
+                link = tarfile.TarInfo(name)
+                link.type, link.linkname = tarfile.SYMTYPE, f"usr/{name}"
+                archive.addfile(link)
+        for name, data in files.items():
+            member = tarfile.TarInfo(name)
+            member.size, member.mode = len(data), 0o755
+            archive.addfile(member, io.BytesIO(data))
+    return made.getvalue()

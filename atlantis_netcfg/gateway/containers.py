@@ -1,0 +1,110 @@
+"""Containers of a computer: what podman runs for a declared service, from an archive and never from a registry.
+
+Each has a script, which its unit calls and a look at the computer as well. The image is loaded from the archive with
+the declared SHA-256, and its own digest is kept beside that: what runs later has to be the same. The container is a
+process of its unit, so that systemd holds it within its bounds; its root can only be read, it has no privileges, and
+it writes to one folder. It shares the computer's network: whom a port is open to, the firewall says.
+
+Tried with podman 4.3.1 of Debian 12. Its engine is `crun`: `runc` does not leave a container in the groups of its unit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.gateway.parts import Check, ConvergeStep, File, Unit
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from ipaddress import IPv4Address
+
+FOLDER = "/etc/atlantis/containers"
+"""Ours alone: a script a container, and its environment."""
+IMAGES = "/var/lib/atlantis/images"
+"""Where a person brings an archive to, as SHA256.tar; a bundle that is on the computer is looked into as well."""
+PACKAGES = ("crun", "podman")
+_BUNDLES = "/var/lib/atlantis/bundle"
+_MISSING = 3
+"""The exit code of `load` where the archive is not there: it is told, and stops nothing else."""
+_MB = 1_000_000
+UNITS = tuple(
+    Unit(f"podman{name}", enabled=False, active=False)
+    for name in ("-auto-update.timer", "-auto-update.service", "-restart.service", ".socket", ".service")
+)
+"""What Debian's podman starts: updates from a registry, and a door for whoever asks. Neither is declared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PodmanContainer:
+    """What the template of its script sees."""
+
+    name: str
+    """Of its unit, without the ending, and podman's."""
+    service: str
+    """As it is declared."""
+    archive: str
+    sha256: str
+    user: str
+    """The account of this computer whose numbers it has inside."""
+    arguments: str = ""
+    volumes: tuple[str, ...] = ()
+    variables: tuple[tuple[str, str], ...] = ()
+    """Of its environment; a secret's value is a word that stands for it."""
+    env_files: tuple[str, ...] = ()
+    """With variables that something else lays down."""
+    is_privileged: bool = False
+    """It listens at a port of root's."""
+    topics: str = ""
+    """Text of a further file beside the script, which it can read."""
+    master: IPv4Address | None = None
+    """ROS 1: it tells this master the address at which it is reached from there."""
+
+    @property
+    def script(self) -> str:
+        """The path of its script."""
+        return f"{FOLDER}/{self.name}"
+
+    @property
+    def environment(self) -> str:
+        """The path of its own environment."""
+        return f"{self.script}.env"
+
+    @property
+    def topics_file(self) -> str:
+        """The path of that further file, inside as well."""
+        return f"{self.script}.yaml"
+
+    def files(self) -> Iterator[File]:
+        """Its script, its environment for root's eyes, and the topics of a bridge."""
+        names = {"images": IMAGES, "bundles": _BUNDLES, "missing": _MISSING}
+        text = environment().get_template("gateway/container.sh.j2").render(container=self, **names)
+        yield File(self.script, text, mode="0755", validate=("sh", "-n", "%s"))
+        if self.variables:
+            yield File(self.environment, "".join(f"{name}={value}\n" for name, value in self.variables), mode="0600")
+        if self.topics:
+            yield File(self.topics_file, self.topics)
+
+    def step(self) -> ConvergeStep:
+        """Load its image, if the archive is there."""
+        run = ("sh", "-c", f'"$1" load || [ $? -eq {_MISSING} ]', "sh", self.script)
+        return ConvergeStep(f"load the image of {self.service}", run, (self.script,))
+
+    def check(self) -> Check:
+        """The image is the declared one, and it is the one that runs."""
+        return Check(
+            (self.script, "image"),
+            f"the service `{self.service}` does not run from the declared image",
+            f"its archive {self.archive} has to be on the computer as {IMAGES}/{self.sha256}.tar, or in the bundle",
+        )
+
+
+def within_budget(service: str, folder: str, budget_mb: int) -> Check:
+    """What stands in its folder."""
+    look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
+    return Check(
+        ("sh", "-c", look, "sh", folder, str(budget_mb)),
+        f"the service `{service}` holds more than {budget_mb} MB in {folder}",
+        f"on the computer: `du -sh {folder}`; remove what is not needed, or declare another `budget_mb`",
+    )

@@ -1,0 +1,150 @@
+"""From the declaration to the view of one switch, and to its text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import Router, SwitchPortUse
+from atlantis_netcfg.render._cpe import access_point, radio_name
+from atlantis_netcfg.render._environment import environment
+from atlantis_netcfg.render._links import API_CERTIFICATE, in_network
+from atlantis_netcfg.render._router import managers, tunnel
+from atlantis_netcfg.render.view import (
+    BRIDGE,
+    Declared,
+    DeclaredHost,
+    ManagementView,
+    Named,
+    PortView,
+    Prerequisite,
+    RadioView,
+    RenderError,
+    hosts_of,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from jinja2 import Template
+
+    from atlantis_netcfg.declaration.model import Switch
+
+
+@dataclass(frozen=True, slots=True)
+class BridgedPort:
+    """A port of the bridge: a cable, or the radio."""
+
+    name: str
+    purpose: str
+    isolated: bool
+    """It hands nothing to the other isolated ports."""
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchView:
+    """One switch, whole."""
+
+    name: str
+    title: str
+    time_zone: str
+    time_servers: tuple[Named, ...]
+    bridge: str
+    ports: tuple[PortView, ...]
+    bridged: tuple[BridgedPort, ...]
+    management: ManagementView
+    """Who is admitted are the router, and whoever may manage and comes by the LAN."""
+    gateway: str
+    access_point: RadioView | None
+
+
+def switch(declaration: Declared, host: DeclaredHost) -> str:
+    """Render the whole desired text of one switch, secrets in clear: never print it. Raises RenderError."""
+    return _template().render(switch=switch_view(declaration, host))
+
+
+@cache
+def _template() -> Template:
+    return environment().get_template("routeros/switch.rsc.j2")
+
+
+def switch_view(declaration: Declared, host: DeclaredHost) -> SwitchView:
+    """Prepare what the template sees. Raises RenderError."""
+    device, site = _switch_of(host), declaration.sites[host.site]
+    radio = None if device.access_point is None else access_point(device.access_point)
+    return SwitchView(
+        name=host.name,
+        title=site.title,
+        time_zone=declaration.pilot.time_zone,
+        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        bridge=BRIDGE,
+        ports=_ports(device),
+        bridged=tuple(_bridged(device, radio)),
+        management=ManagementView(
+            port=device.uplink,
+            address=in_network(device.access.address, site.lan.network),
+            network=str(site.lan.network),
+            admit=(f"{site.lan.gateway}/32", *_by_the_lan(declaration, host.site)),
+            api_port=device.access.port,
+            certificate=API_CERTIFICATE,
+        ),
+        gateway=str(site.lan.gateway),
+        access_point=radio,
+    )
+
+
+def switch_prerequisites(host: DeclaredHost) -> tuple[Prerequisite, ...]:
+    """Say what must be on the device before its text can be written: ports, certificate and radio."""
+    device = _switch_of(host)
+    found = [
+        Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        *(
+            Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            for port in _ports(device)
+        ),
+    ]
+    if device.access_point is not None:
+        menus = device.access_point.menus
+        found.append(Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point"))
+    return tuple(found)
+
+
+def _switch_of(host: DeclaredHost) -> Switch:
+    if host.device.kind != "switch":
+        raise RenderError(f"{host.name} is a {host.device.kind}, and only a switch has a switch's configuration")
+    return host.device
+
+
+def _ports(device: Switch) -> tuple[PortView, ...]:
+    return tuple(
+        PortView(
+            name=port.name,
+            purpose=port.use.value,
+            disabled=port.use is SwitchPortUse.OFF,
+            poe_out=port.poe.out.value if port.poe else None,
+            poe_priority=port.poe.priority if port.poe else None,
+        )
+        for port in device.ports
+    )
+
+
+_PURPOSES = {SwitchPortUse.UPLINK: "to the router", SwitchPortUse.LAN: "LAN"}
+
+
+def _bridged(device: Switch, radio: RadioView | None) -> Iterator[BridgedPort]:
+    for port in device.ports:
+        if port.use is not SwitchPortUse.OFF:
+            purpose = _PURPOSES[port.use]
+            yield BridgedPort(port.name, f"{purpose}, isolated" if port.isolated else purpose, port.isolated)
+    if radio is not None:
+        yield BridgedPort(radio.name, "access point", radio.isolated)
+
+
+def _by_the_lan(declaration: Declared, site: str) -> Iterator[str]:
+    """Yield the networks of managers who come by the LAN itself, perhaps by way of the VPN's server in it."""
+    for host in hosts_of(declaration, site):
+        if isinstance(host.device, Router):
+            end = tunnel(declaration, host.device)
+            known = managers(declaration, host, end.interface if end is not None else None)
+            yield from dict.fromkeys(manager.network for manager in known if manager.interfaces == "LAN")

@@ -1,0 +1,80 @@
+"""Images of containers in a bundle: the archive of the inventory, by its declared SHA-256, and nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from bundle_stand import HOST, Laptop, arm64
+
+from atlantis_netcfg.bundle.open import open_bundle
+from atlantis_netcfg.bundle.requirements import BundleRefused, ContainerArchive, HostRequirements
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import HostedService, Ros1Bridge, ServerComputer
+from atlantis_netcfg.operations.bundle import wish_of
+from atlantis_netcfg.operations.request import Request
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def laptop(tmp_path: Path) -> Laptop:
+    return Laptop(tmp_path)
+
+
+@pytest.fixture
+def plain(laptop: Laptop) -> HostRequirements:
+    """What the host wants besides."""
+    return laptop.wish(laptop.archive((arm64("chrony", "3.5"),)), "chrony")
+
+
+def with_archive(plain: HostRequirements, folder: Path, data: bytes, sha256: str | None = None) -> HostRequirements:
+    """The same, and an archive whose file holds `data`."""
+    (folder / "backend.tar").write_bytes(data)
+    declared = ContainerArchive(folder / "backend.tar", sha256 or hashlib.sha256(data).hexdigest())
+    return replace(plain, archives=(declared,))
+
+
+def test_an_archive_is_carried_by_its_hash(laptop: Laptop, plain: HostRequirements) -> None:
+    wish = with_archive(plain, laptop.folder, b"image")
+    manifest = laptop.make(wish)
+    path = f"images/{wish.archives[0].sha256}.tar"
+    assert manifest.hosts[HOST].held[path] == path
+    assert manifest.of(HOST)[path].sha256 == wish.archives[0].sha256
+    assert (laptop.place / path).read_bytes() == b"image"
+    assert open_bundle(laptop.place, laptop.keys, [wish]).manifest == manifest
+
+
+def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements) -> None:
+    with pytest.raises(BundleRefused, match=r"has the SHA-256 .*, and b{64} is declared"):
+        laptop.make(with_archive(plain, laptop.folder, b"image", "b" * 64))
+    wish = with_archive(plain, laptop.folder, b"image")
+    wish.archives[0].path.unlink()
+    with pytest.raises(BundleRefused, match=r"there is no .*backend\.tar"):
+        laptop.make(wish)
+    assert not laptop.place.exists()
+
+
+def test_a_bundle_of_an_older_image_does_not_do(laptop: Laptop, plain: HostRequirements) -> None:
+    laptop.make(with_archive(plain, laptop.folder, b"image"))
+    newer = with_archive(plain, laptop.folder, b"newer image")
+    with pytest.raises(BundleRefused, match=r"backend\.tar with the SHA-256 .*: it is not in the bundle"):
+        open_bundle(laptop.place, laptop.keys, [newer])
+
+
+def test_what_is_declared_is_wished(request: pytest.FixtureRequest) -> None:
+    shipped = load(request.config.rootpath / "inventory")
+    host = shipped.hosts["scc-control"]
+    assert isinstance(host.device, ServerComputer)
+    image = {"archive": "backend.tar", "sha256": "A" * 64}
+    service = HostedService.model_validate({"name": "backend", "container": {**image, "budget_mb": 5}})
+    bridge = Ros1Bridge.model_validate({**image, "archive": "bridge.tar", "master_uri": "http://192.0.2.1:11311"})
+    device = host.device.model_copy(update={"services": (service,), "ros1_bridge": bridge})
+    wish = wish_of(shipped, replace(host, device=device), Request())
+    assert wish.archives == tuple(
+        ContainerArchive(shipped.root / "images" / name, "a" * 64) for name in ("backend.tar", "bridge.tar")
+    )
+    assert {"podman", "crun"} <= {package.name for package in wish.packages}
