@@ -1,6 +1,6 @@
 """What a run of measurements is beside its raw samples: where, over what, when, within which budget, who counted along.
 
-A run is a folder with two files: `samples.jsonl` (`samples`) and `run.json`, which holds one `MeasuredRun`. All figures,
+A run is a folder with two files: `samples.jsonl` (`samples`) and `run.json`, which holds one `MeasuredRun`. Figures,
 tables, plots and verdicts are made of these two, so that they can be made again with other thresholds.
 
 Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `load up` and
