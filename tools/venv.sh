@@ -24,7 +24,7 @@ start_ticking() {
             passed=$(($(date +%s) - ticking_since))
             if [ -t 2 ]; then printf '\r%s, %s s \033[K' "$words" "$passed" >&2; else say "$words, $passed s"; fi
         done
-    ) &
+    ) 9>&- & # its `sleep` outlives it, and would hold the lock
     ticker=$!
 }
 

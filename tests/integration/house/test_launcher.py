@@ -145,6 +145,7 @@ def test_other_pins_bring_it_up_to_date_once(checkout: Path, offline: dict[str, 
     renewed = start(checkout, environment=offline)
     told(renewed)
     assert "up to date" in renewed.stderr
+    assert "waiting" not in renewed.stderr, "the start before has ended, and holds no lock"
     assert start(checkout, environment=offline).stderr == ""
 
 
