@@ -1,9 +1,9 @@
-"""Messages of any size in one direction: in chunks, and received when the receiver says that it has the last octet.
+"""Messages of any size to the far end, in chunks: received when the receiver says that it has the last octet.
 
 A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The
 receiver counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that
 nothing compresses them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for
-what came, and that is that.
+what came, and that is that. `messages_down` has the other way.
 """
 
 from __future__ import annotations
@@ -16,16 +16,14 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.reflector.stamp import (
     ACKNOWLEDGEMENT_SIZE,
-    AUTHENTICATED_SIZE,
-    BASE_SIZE,
     CHUNK,
-    CHUNK_HEADER_SIZE,
-    HMAC_TLV_SIZE,
     TLV_SIZE,
     Acknowledgement,
     MessageChunk,
     ReflectorPacket,
     Tlv,
+    chunk_room,
+    extended_size,
     unix_ns,
 )
 from atlantis_netcfg.qualify.samples import MessageEnded, StreamEnded
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
-_QUESTIONS: Final = 3
+QUESTIONS: Final = 3
 """How often the receiver is asked for what it has, where it says nothing."""
 _WAIT_STEP: Final = 20_000_000
 DEFAULT_PACKET: Final = 1200
@@ -110,7 +108,7 @@ class MessageStream:
     @property
     def chunk_size(self) -> int:
         """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
-        room = self.plan.packet - self._base_size - CHUNK_HEADER_SIZE
+        room = chunk_room(self.plan.packet, authenticated=self.peer.key is not None)
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
         return room
@@ -122,7 +120,7 @@ class MessageStream:
 
     @property
     def _base_size(self) -> int:
-        return BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        return extended_size(authenticated=self.peer.key is not None)
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -194,7 +192,7 @@ class MessageStream:
 
     def _ask(self, message: _OpenMessage, now_ns: int) -> None:
         age_s = (now_ns - message.sent_at) / SECOND
-        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= _QUESTIONS):
+        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= QUESTIONS):
             self._finish(message)
         else:
             message.questions += 1

@@ -32,13 +32,15 @@ class MessageFigures:
     """Not one word of the receiver came: they may have arrived."""
     lost: int
     latency: Percentiles | None
-    """From the first `send` to the receiver's word that it has the last octet."""
+    """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
     receiver_bps: float | None
     """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
     busy_bps: float | None
     """Goodput while a message arrives: the median over the messages of more than one chunk."""
     queue_growth_s: float | None
     """How much longer the last quarter of the messages took than the first, by their medians."""
+    far_rate_bps: float | None = None
+    """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
 
     @property
     def loss(self) -> float:
@@ -75,6 +77,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         receiver_bps=_receiver_bps(ended),
         busy_bps=_busy_bps(ended),
         queue_growth_s=_growth(latencies),
+        far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
     )
 
 

@@ -74,10 +74,36 @@ def _received(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
     return received_ns, ttl
 
 
+def send_requested(opened: socket.socket, reflector: Reflector) -> float | None:
+    """Send what is due of requested messages; in how many seconds more is due. None: no message is under way."""
+    for _ in range(_AT_ONCE):
+        requested = reflector.requested_chunk(time.time_ns)
+        if requested is None:
+            break
+        try:
+            opened.sendto(*requested)
+        except OSError:  # as above
+            continue
+    due = reflector.due_ns()
+    return None if due is None else max(0.0, (due - time.time_ns()) / 1e9)
+
+
 async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
     """Answer until the end is set."""
     loop = asyncio.get_running_loop()
-    loop.add_reader(opened.fileno(), answer_waiting, opened, reflector)
+    timers: list[asyncio.TimerHandle] = []
+
+    def send() -> None:
+        for timer in timers:
+            timer.cancel()
+        wait = send_requested(opened, reflector)
+        timers[:] = [] if wait is None else [loop.call_later(wait, send)]
+
+    def answer() -> None:
+        answer_waiting(opened, reflector)
+        send()
+
+    loop.add_reader(opened.fileno(), answer)
     try:
         await end.wait()
     finally:
