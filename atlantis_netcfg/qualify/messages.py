@@ -258,6 +258,7 @@ class MessageStream:
                 unix_ns(word.first, message.error) if word is not None and arrived else None,
                 unix_ns(word.last, message.error) if word is not None and arrived else None,
                 in_flight=in_flight,
+                chunk_size=self.chunk_size,
             )
         )
 

@@ -283,6 +283,7 @@ class DownMessageStream:
                 message.last_at + to_unix if message.size else None,
                 in_flight=in_flight,
                 direction=MessageDirection.DOWN,
+                chunk_size=self._room,
                 far_rate_bps=self.far_rate_bps,
             )
         )

@@ -111,6 +111,8 @@ class MessageEnded:
     in_flight: bool
     """The run ended before its time was up: neither received nor lost."""
     direction: str = MessageDirection.UP
+    chunk_size: int | None = None
+    """Octets of each chunk but the last; None: a version that did not write it."""
     far_rate_bps: float | None = None
     """Down: what the far end sends to this computer at most; no link shows more."""
 

@@ -88,24 +88,23 @@ def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
         return None
     first = min(message.first_ns or 0 for message in arrived)
     last = max(message.last_ns or 0 for message in arrived)
-    octets = sum(message.received_size or 0 for message in arrived) - min(
-        arrived[0].size, -(-arrived[0].size // arrived[0].chunks)
-    )
+    octets = sum(message.received_size or 0 for message in arrived) - _first_chunk(arrived[0])
     return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
 
 
 def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
     rates = sorted(
-        message.received_size
-        * (message.chunks - 1)
-        / message.chunks
-        * 8
-        * _SECOND
-        / (message.last_ns - message.first_ns)
+        (message.received_size - _first_chunk(message)) * 8 * _SECOND / (message.last_ns - message.first_ns)
         for message in ended
         if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
     )
     return percentile(rates, 0.5) if rates else None
+
+
+def _first_chunk(message: MessageEnded) -> int:
+    """Its octets: the clock of a message begins when they are there."""
+    octets = message.chunk_size if message.chunk_size is not None else -(-message.size // message.chunks)
+    return min(octets, message.size)
 
 
 def _growth(latencies: Sequence[float]) -> float | None:

@@ -44,6 +44,8 @@ class SimulatedNetwork:
     truth_up_ns: list[int] = field(default_factory=list)
     """Delay of each packet that arrived at the far end, in the order of sending."""
     truth_down_ns: list[int] = field(default_factory=list)
+    truth_replied_ns: list[int] = field(default_factory=list)
+    """When each of these left the far end."""
     delivered_bytes: int = 0
     longest_reply_over_request: int = 0
     _due: list[tuple[int, int, bool, bytes]] = field(default_factory=list)
@@ -68,6 +70,8 @@ class SimulatedNetwork:
             arrival = max(self.now, round(arrival_s * SECOND))
             if not copy:
                 truth.append(arrival - self.now)
+                if not up:
+                    self.truth_replied_ns.append(self.now)
             self._count += 1
             heapq.heappush(self._due, (arrival, self._count, up, datagram))
 

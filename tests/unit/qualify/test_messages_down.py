@@ -218,7 +218,7 @@ def test_a_request_is_charged_with_all_that_it_may_bring() -> None:
 
 @pytest.mark.parametrize(("key", "packet"), [(None, 1200), (KEY, 140)])
 def test_what_cannot_be_requested_is_refused_here(key: bytes | None, packet: int) -> None:
-    with pytest.raises(ValueError, match="our own reflector, with its key|packets of 140 octets carry nothing"):
+    with pytest.raises(ValueError, match=r"our own reflector, with its key|packets of 140 octets carry nothing"):
         DownMessageStream("d", MessagePlan(10, 1, 1, packet=packet), ReflectorPeer(key), network(), Recording().write)
 
 
