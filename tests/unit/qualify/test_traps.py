@@ -99,6 +99,28 @@ def test_what_is_under_way_at_the_end_is_not_lost() -> None:
     assert loss.lost <= net.up.lost
 
 
+def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
+    """iperf3 (c): 600 kbit/s into 352 lose 38 %, of which 1 % is the link's. The idle train tells that one."""
+    up = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01, queue_bytes=16_000)
+    idle, full = network(up, DOWN, 6), network(up, DOWN, 7)
+    _, calm = run_train(idle, TrainPlan(484, 0.05, 100))
+    _, loaded = run_train(full, TrainPlan(484, 512 * 8 / 600_000, 20))
+    quiet, crowded = (train_figures(samples, "train").loss for samples in (calm, loaded))
+    assert quiet.lost == idle.up.lost > 0
+    assert quiet.share == pytest.approx(0.01, abs=0.008)
+    assert crowded.share == pytest.approx(1 - 352 / 600, abs=0.04)
+    assert full.up.lost < crowded.lost / 20
+
+
+def test_goodput_is_not_a_congestion_controls() -> None:
+    """iperf3 (e): what a TCP reports depends on its algorithm, and on what loss means to it. Messages have none."""
+    for loss in (0.0, 0.1):
+        net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=loss), DOWN, 8)
+        figures = _messages(net, MessagePlan(200_000, 0.05, 100, pace_bps=350_000, give_up_s=200))
+        carries = 350_000 * 1048 / (1200 + HEADERS)
+        assert figures.busy_bps == pytest.approx(carries * (1 - loss), rel=tolerances()["goodput_share"])
+
+
 def test_late_is_not_lost() -> None:
     net = network(LinkShape(delay_s=0.1, reordered=0.1, reorder_s=4.0), LinkShape(delay_s=0.1))
     _, samples = run_train(net, TrainPlan(172, 0.25, 100, timeout_s=3))
