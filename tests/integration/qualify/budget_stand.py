@@ -1,6 +1,6 @@
 """Random budgets over a real cable between two network namespaces, counted by the kernel at the sender's end.
 
-`python budget_stand.py FIRST END` in a namespace of its own makes the cable, starts itself once more at the far end, and
+`python budget_stand.py FIRST END` in a namespace of its own makes the cable, starts itself again at the far end, and
 prints a line of JSON for each seed. There our reflector stands behind emulated links that lose and double packets.
 """
 

@@ -127,7 +127,7 @@ def _iperf3(*words: str) -> Iterator[list[dict[str, Any]]]:
     ):
         _until_it_listens(server)
         _ControlConnection(relay.address, server).start()
-        command = [IPERF3, "-c", "127.0.0.1", "-p", str(relay.address[1]), "-u", "-J", "-O", "1", *words]
+        command = [str(IPERF3), "-c", "127.0.0.1", "-p", str(relay.address[1]), "-u", "-J", "-O", "1", *words]
         command += ["-t", str(SECONDS - 1), "-l", str(DEFAULT_PACKET)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as client:
             yield written

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SOURCE, START, Recording, SimulatedNetwork, network, unlimited
@@ -29,6 +30,9 @@ from atlantis_netcfg.qualify.samples import MessageDirection, MessageEnded
 from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.qualify.session import ReflectorPeer, run
 from atlantis_netcfg.qualify.transfers import MessageFigures, message_figures
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.qualify.session import PacketStream
 
 UP = LinkShape(rate_bps=352_000, delay_s=0.28)
 DOWN = LinkShape(rate_bps=704_000, delay_s=0.28)
@@ -81,7 +85,7 @@ def test_each_way_has_its_own_goodput() -> None:
     net = network(UP, DOWN)
     recording, peer = Recording(), ReflectorPeer(KEY)
     plan = MessagePlan(40_000, 0.2, 20, pace_bps=1e6)
-    streams = [
+    streams: list[PacketStream] = [
         MessageStream("load up", plan, peer, net, recording.write),
         DownMessageStream("load down", plan, peer, net, recording.write),
     ]
@@ -244,7 +248,7 @@ class FarEnd:
 
     def request(self, sequence: int, token: bytes | None = None, *, session: int = 5, **changes: int) -> bytes:
         wanted = {"message": 0, "message_size": 9000, "first": 0, "count": 9, "packet": 1200, "pace_kbps": 0} | changes
-        value = MessageRequest(**wanted, token=token or bytes(16))  # type: ignore[arg-type] # the numbers of a request
+        value = MessageRequest(**wanted, token=token or bytes(16))
         tlvs = (Tlv(REQUEST, value.encode()),)
         return SenderPacket(sequence, ntp(self.now), 1, session, tlvs).encode(self.key)
 
