@@ -94,7 +94,7 @@ class BudgetGuard:
         """When the far end has sent the last of what was requested."""
         self._awaited: deque[tuple[float, int]] = deque()
         """Until when, and how many octets: answers that have not come, in the order of sending."""
-        self._came: deque[tuple[float, int]] = deque()
+        self._arrived: deque[tuple[float, int]] = deque()
         """The same of answers that have come, and may come once more."""
         self._copies = 0
         """Sum of both."""
@@ -129,7 +129,7 @@ class BudgetGuard:
 
     def _expected_copies(self, seconds: float) -> int:
         """How much more may come if the link doubles each answer."""
-        for kept in (self._awaited, self._came):
+        for kept in (self._awaited, self._arrived):
             while kept and kept[0][0] < seconds:
                 self._copies -= kept.popleft()[1]
         return self._copies
@@ -163,7 +163,7 @@ class BudgetGuard:
                 self._awaited.appendleft((until, awaited - left))
             self._copies -= min(awaited, left)
             left -= min(awaited, left)
-        self._came.append((self.seconds + COPY_S, size))
+        self._arrived.append((self.seconds + COPY_S, size))
         self._copies += size
 
     def spent(self) -> Bill:

@@ -63,7 +63,7 @@ class _AwaitedMessage:
 
 
 @dataclass(frozen=True, slots=True)
-class _Request:
+class _ChunkRequest:
     message: _AwaitedMessage
     first: int = 0
     count: int = 0
@@ -87,9 +87,9 @@ class DownMessageStream:
     _sequence: int = 0
     _started: int = 0
     _token: bytes | None = None
-    _queue: deque[_Request] = field(default_factory=deque)
+    _queue: deque[_ChunkRequest] = field(default_factory=deque)
     _open: dict[int, _AwaitedMessage] = field(default_factory=dict)
-    _requests: dict[int, _Request] = field(default_factory=dict)
+    _requests: dict[int, _ChunkRequest] = field(default_factory=dict)
     """By their sequence."""
     _taken: set[tuple[int, int]] = field(default_factory=set)
     """Sequence of the request, and chunk (-1: the status): a second one is a copy."""
@@ -123,7 +123,7 @@ class DownMessageStream:
         self._origin, self._begin = origin_ns, self.transport.now_ns()
         self._open[0] = first = _AwaitedMessage(0, self._begin)
         self._started = 1
-        self._put(_Request(first))
+        self._put(_ChunkRequest(first))
 
     def due_ns(self) -> int | None:
         """As `PacketStream` has it."""
@@ -142,7 +142,7 @@ class DownMessageStream:
         while self._token is not None and self._started < self.plan.messages and self._starts(self._started) <= now_ns:
             self._open[self._started] = message = _AwaitedMessage(self._started, now_ns)
             self._started += 1
-            self._put(_Request(message, 0, self._chunks))
+            self._put(_ChunkRequest(message, 0, self._chunks))
         for message in [*self._open.values()]:
             if message.until <= now_ns:
                 self._look(message, now_ns)
@@ -150,7 +150,7 @@ class DownMessageStream:
             self._queue.popleft()
         return self._outgoing(self._queue[0]) if self._queue else None
 
-    def _outgoing(self, request: _Request) -> Outgoing:
+    def _outgoing(self, request: _ChunkRequest) -> Outgoing:
         token = self._token or bytes(TOKEN_SIZE)
         plan, number = self.plan, request.message.number
         value = MessageRequest(number, plan.size, request.first, request.count, plan.packet, self._pace_kbps, token)
@@ -161,7 +161,7 @@ class DownMessageStream:
             tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, self._lasts(request) / SECOND
         )
 
-    def _lasts(self, request: _Request) -> int:
+    def _lasts(self, request: _ChunkRequest) -> int:
         """How long the reflector sends at it, without what the link makes of that."""
         octets = request.count * self.plan.packet
         pace = self._pace_kbps * 1000 or self.far_rate_bps
@@ -169,7 +169,7 @@ class DownMessageStream:
             pace = min(pace, self.far_rate_bps)
         return round(octets * 8 / pace * SECOND) if pace else 0
 
-    def _put(self, request: _Request) -> None:
+    def _put(self, request: _ChunkRequest) -> None:
         self._queue.append(request)
         request.message.until = 1 << 62
 
@@ -186,10 +186,10 @@ class DownMessageStream:
             self._finish(message)
         elif message.size and self.plan.resend:
             for first, count in _ranges(sorted(set(range(self._chunks)) - message.have)):
-                self._put(_Request(message, first, count))
+                self._put(_ChunkRequest(message, first, count))
         else:
             message.questions += 1
-            self._put(_Request(message))
+            self._put(_ChunkRequest(message))
 
     def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take brings nothing, like what is lost."""
@@ -228,7 +228,7 @@ class DownMessageStream:
         self._taken.add((sequence, index))
         return is_first
 
-    def _accept_status(self, request: _Request, status: RequestStatus) -> None:
+    def _accept_status(self, request: _ChunkRequest, status: RequestStatus) -> None:
         self.far_rate_bps = status.rate_kbps * 1000.0
         now = self.transport.now_ns()
         message = request.message
@@ -244,7 +244,7 @@ class DownMessageStream:
         is_patient = not request.count or message.requests <= QUESTIONS
         was_lost = self.plan.resend and status.sent >= self._chunks
         if not message.size and is_patient and (was_lost or not status.sent):
-            self._put(_Request(message, 0, self._chunks))
+            self._put(_ChunkRequest(message, 0, self._chunks))
 
     def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int) -> None:
         if message.number not in self._open or chunk.index in message.have:

@@ -113,7 +113,7 @@ class _TestSession:
 
 
 @dataclass(frozen=True)
-class _Received:
+class _ReceivedPacket:
     """A packet that came."""
 
     packet: SenderPacket
@@ -128,7 +128,7 @@ class _Received:
 class _Sending:
     """A requested message under way."""
 
-    received: _Received
+    received: _ReceivedPacket
     session: _TestSession
     request: MessageRequest
     index: int
@@ -192,13 +192,13 @@ class Reflector:
         self.statistics.answered += 1
         return reply
 
-    def _decoded(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _Received:
+    def _decoded(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _ReceivedPacket:
         packet = decode_sender(datagram, self._key)
         chunk = next((MessageChunk.decode(tlv.value) for tlv in packet.tlvs if tlv.type == CHUNK), None)
         requests = (tlv.value for tlv in packet.tlvs if tlv.type == REQUEST and self._key is not None)
-        return _Received(packet, chunk, next(map(MessageRequest.decode, requests), None), source, at_ns, ttl)
+        return _ReceivedPacket(packet, chunk, next(map(MessageRequest.decode, requests), None), source, at_ns, ttl)
 
-    def _extensions(self, session: _TestSession, received: _Received) -> Tlvs | None:
+    def _extensions(self, session: _TestSession, received: _ReceivedPacket) -> Tlvs | None:
         """Give what the answer holds; None: it wants none now."""
         if received.chunk is not None:
             asks = self._keep(session, received.chunk, received.at_ns)
@@ -252,7 +252,7 @@ class Reflector:
         """Give what only somebody who receives at this address can know, and only since this start."""
         return hmac.digest(self._secret, f"{session_id} {source[0]}".encode(), "sha256")[:TOKEN_SIZE]
 
-    def _request(self, session: _TestSession, received: _Received, request: MessageRequest) -> Tlvs | None:
+    def _request(self, session: _TestSession, received: _ReceivedPacket, request: MessageRequest) -> Tlvs | None:
         """Begin to send what is requested (None), or give its status."""
         token = self._token(received.packet.session_id, received.source)
         is_known = hmac.compare_digest(request.token, token)
@@ -314,7 +314,7 @@ class Reflector:
             message.first = message.first or message.last
         return chunk.acknowledge
 
-    def _reply(self, session: _TestSession, received: _Received, tlvs: Tlvs, now: int) -> ReflectorPacket:
+    def _reply(self, session: _TestSession, received: _ReceivedPacket, tlvs: Tlvs, now: int) -> ReflectorPacket:
         packet = received.packet
         return ReflectorPacket(
             sequence=session.sequence,

@@ -133,10 +133,11 @@ def test_copies_of_all_answers_do_not_exceed_it(delay_s: float) -> None:
     assert 15_000 < _counted(net) <= 20_000 + 140
 
 
-def test_a_message_that_is_requested_is_charged_with_its_copies() -> None:
+@pytest.mark.parametrize("rate_hz", [2, 0.4])
+def test_a_message_that_is_requested_is_charged_with_its_copies(rate_hz: float) -> None:
     net = network(down=LinkShape(duplicates=1.0))
     peer = ReflectorPeer(KEY)
-    stream = DownMessageStream("d", MessagePlan(10_000, 2, 60), peer, net, Recording().write)
+    stream = DownMessageStream("d", MessagePlan(10_000, rate_hz, 60), peer, net, Recording().write)
     guard = BudgetGuard(Budget(100_000, closing_s=3), lambda: net.now / SECOND)
     assert run(net, peer, [stream], guard) == "bytes"
     net.drain()
