@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 QUESTIONS: Final = 3
 """How often the receiver is asked for what it has, where it says nothing."""
 _WAIT_STEP: Final = 20_000_000
+_LAG_NS: Final = 20_000_000
+"""What this computer woke late by is made up for, and no more: the rest of a pace is not sent in one burst."""
 DEFAULT_PACKET: Final = 1200
 """UDP payload that passes most tunnels; `path_mtu` says what this path takes."""
 
@@ -174,6 +176,8 @@ class MessageStream:
             message = _OpenMessage(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
             self._open[self._started] = message
             self._started += 1
+            if not self._queue:
+                self._free_at = max(self._free_at, now_ns)
             self._put(message, range(message.count))
             heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
 
@@ -218,7 +222,8 @@ class MessageStream:
             self._charged[outgoing.sequence] = outgoing.answer
         pace = self.plan.pace_bps
         wire = (outgoing.size + self.transport.headers) * 8
-        self._free_at = max(self._free_at, now_ns) + (0 if pace is None else round(wire / pace * SECOND))
+        step = 0 if pace is None else round(wire / pace * SECOND)
+        self._free_at = max(self._free_at + step, now_ns - _LAG_NS) if step else now_ns
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""

@@ -42,6 +42,14 @@ _STATUS_SIZE: Final = _BASE + REQUEST_SIZE
 """Of a request, and of the status that answers it."""
 
 
+def requested_bytes(plan: MessagePlan, headers: int) -> int:
+    """Give what requested messages put on the wire where nothing is lost, both ways together, as a preview needs it."""
+    chunks = -(-plan.size // chunk_room(plan.packet, authenticated=True))
+    message = plan.size + chunks * (plan.packet - chunk_room(plan.packet, authenticated=True) + headers)
+    question = _STATUS_SIZE + headers
+    return 2 * question + plan.messages * (question + message)
+
+
 @dataclass(slots=True)
 class _AwaitedMessage:
     number: int

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.figures import train_figures
-from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
+from atlantis_netcfg.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.qualify.reflector.stamp import chunk_room
 from atlantis_netcfg.qualify.samples import SampleWriter, read
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
@@ -99,6 +101,22 @@ def test_messages_over_the_emulated_link(port: int) -> None:
     figures = message_figures(samples, "m")
     assert figures is not None
     assert (figures.sent, figures.received) == (2, 2)
+
+
+@pytest.mark.parametrize("kind", [MessageStream, DownMessageStream])
+def test_a_fast_pace_is_kept(port: int, kind: type[MessageStream | DownMessageStream]) -> None:
+    """A sender that falls behind its pace would show a slower link than there is."""
+    samples: list[Sample] = []
+    with UdpTransport(("127.0.0.1", port)) as transport:
+        peer = ReflectorPeer(KEY)
+        stream = kind("m", MessagePlan(200_000, 4, 1, pace_bps=10_000_000), peer, transport, samples.append)
+        assert run(transport, peer, [stream], BudgetGuard(Budget(), _now)) == "done"
+    figures = message_figures(samples, "m")
+    assert figures is not None
+    room = chunk_room(DEFAULT_PACKET, authenticated=True)
+    offered = 10_000_000 * room / (DEFAULT_PACKET + HEADERS)
+    assert figures.busy_bps == pytest.approx(offered, rel=tolerances()["goodput_share"])
+    assert (figures.received, figures.lost) == (4, 0)
 
 
 def test_nobody_there_is_silence_and_not_an_error() -> None:

@@ -12,7 +12,7 @@ from tolerances import tolerances
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
-from atlantis_netcfg.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.qualify.messages_down import DownMessageStream, requested_bytes
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.reflector.stamp import (
     CHUNK,
@@ -218,6 +218,13 @@ def test_a_request_is_charged_with_all_that_it_may_bring() -> None:
         _requested(net, MessagePlan(size, 1, 1), guard)
         assert net.reflector.statistics.requested == expected * chunks
         assert guard.limited_by == (None if expected else "bytes")
+
+
+def test_bytes_are_known_before_they_are_requested() -> None:
+    net = network(UP, DOWN)
+    plan = MessagePlan(6_000, 1, 10)
+    _requested(net, plan)
+    assert net.up.sent_bytes + net.delivered_bytes == requested_bytes(plan, HEADERS)
 
 
 @pytest.mark.parametrize(("key", "packet"), [(None, 1200), (KEY, 140)])
