@@ -240,7 +240,11 @@ def run(
     KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
     """
     origin = transport.now_ns()
+    taken: set[int] = set()
     for stream in streams:
+        while stream.session_id in taken:
+            stream.session_id = secrets.randbelow(65535) + 1
+        taken.add(stream.session_id)
         stream.begin(origin)
     under_way = _RunningStreams(transport, peer, streams, guard)
     try:

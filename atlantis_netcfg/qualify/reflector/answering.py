@@ -84,6 +84,8 @@ class _PartialMessage:
 @dataclass
 class _TestSession:
     used_ns: int
+    after: int = -1
+    """Timestamps up to this belong to an earlier session of the same identifier."""
     sequence: int = 0
     highest: int = -1
     seen: int = 0
@@ -98,17 +100,21 @@ class _TestSession:
     requested: OrderedDict[int, int] = field(default_factory=OrderedDict)
     """For each message that it has requested: how many chunks were sent."""
 
+    def has_seen(self, sequence: int) -> bool:
+        """Whether a packet was here before, or is too old to tell."""
+        behind = self.highest - sequence
+        return behind >= _WINDOW or (behind >= 0 and bool(self.seen >> behind & 1))
+
     def is_new(self, sequence: int) -> bool:
         """Note a packet; False: it was here before, or is too old to tell."""
+        if self.has_seen(sequence):
+            return False
         ahead = sequence - self.highest
         if ahead > 0:
             self.seen = (self.seen << ahead | 1) & (1 << _WINDOW) - 1 if ahead < _WINDOW else 1
             self.highest = sequence
-            return True
-        bit = 1 << -ahead
-        if -ahead >= _WINDOW or self.seen & bit:
-            return False
-        self.seen |= bit
+        else:
+            self.seen |= 1 << -ahead
         return True
 
 
@@ -176,7 +182,9 @@ class Reflector:
         if session is None or not self._admitted(session, packet):
             self.statistics.replayed += 1
             return None
-        if self._wait_ns(source[0], len(datagram), received_ns):
+        # A chunk that wants no answer costs nothing of what a source may be sent.
+        is_answered = received.chunk is None or received.chunk.acknowledge
+        if is_answered and self._wait_ns(source[0], len(datagram), received_ns):
             session.limited += 1
             self.statistics.limited += 1
             return None
@@ -212,9 +220,12 @@ class Reflector:
         self._forget(now)
         session = self._sessions.get(name)
         if session is None:
-            if self._key is not None and packet.timestamp <= self._ended.get(packet.session_id, -1):
-                return None
-            session = self._sessions[name] = _TestSession(now)
+            session = self._sessions[name] = _TestSession(now, self._ended.get(packet.session_id, -1))
+        elif self._key is not None and packet.timestamp > session.newest and session.has_seen(packet.sequence):
+            # Who sends begins again, with an identifier that it happens to draw once more.
+            session = self._sessions[name] = _TestSession(now, session.newest)
+        if self._key is not None and packet.timestamp <= session.after:
+            return None
         session.used_ns = now
         self._sessions.move_to_end(name)
         return session
@@ -226,7 +237,7 @@ class Reflector:
                 return
             del self._sessions[name]
             if isinstance(name, int):
-                self._ended[name] = max(oldest.newest, self._ended.get(name, -1))
+                self._ended[name] = max(oldest.newest, oldest.after)
 
     def _admitted(self, session: _TestSession, packet: SenderPacket) -> bool:
         """Count it, unless it only wants to see the counters; whether it is to be answered."""

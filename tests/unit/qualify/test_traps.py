@@ -196,6 +196,27 @@ def test_what_the_reflector_refuses_for_its_rate_is_no_loss_of_the_link() -> Non
     assert "the reflector refused" in words["FLR up"].reason
 
 
+def test_identifiers_that_are_drawn_twice_mix_nothing() -> None:
+    net, recording, peer = network(LinkShape(delay_s=0.1), LinkShape(delay_s=0.1)), Recording(), ReflectorPeer(KEY)
+    plan = TrainPlan(172, 0.25, 20)
+    for names in (("a", "b"), ("c",)):
+        streams = [Train(name, plan, peer, net, recording.write, session_id=7) for name in names]
+        assert run(net, peer, streams, unlimited(net)) == "done"
+    losses = [train_figures(recording.samples, name).loss for name in "abc"]
+    assert [(loss.received, loss.up, loss.down, loss.why) for loss in losses] == [
+        (80, 0, 0, "by the reflector's count")
+    ] * 3
+
+
+def test_what_the_reflector_may_send_does_not_bound_what_it_takes() -> None:
+    """Chunks that want no answer are not refused for a rate of answers: they would look like a slow link, and loss."""
+    net = network(SLOW_UP, DOWN)
+    net.reflector = Reflector(KEY, rate_bps=50_000)
+    figures = _messages(net, MessagePlan(60_000, 0.2, 100, pace_bps=1e6))
+    assert (figures.received, figures.lost) == (20, 0)
+    assert figures.busy_bps == pytest.approx(352_000 * 1048 / (1200 + HEADERS), rel=tolerances()["goodput_share"])
+
+
 @pytest.mark.parametrize(("seconds", "verdict"), [(60, Verdict.INCONCLUSIVE), (120, Verdict.FAIL)])
 def test_silence_proves_nothing_before_a_gap_would_have_ended(seconds: int, verdict: Verdict) -> None:
     net = network(LinkShape(loss=1.0))
