@@ -1,8 +1,8 @@
 """The traps of facts/devices.md, section 9, and others: each is a way to a figure that is not true.
 
 Elsewhere: delays one way need two clocks (test_figures), `lost` of irtt is a word (test_qualify_beside), what a run
-costs is known before it (test_messages, test_messages_down), no kernel's netem is needed (test_udp_link), and an image is
-lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
+costs is known before it (test_messages, test_messages_down), no kernel's netem is needed (test_udp_link), and an image
+is lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
 """
 
 from __future__ import annotations
