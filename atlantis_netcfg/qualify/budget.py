@@ -1,14 +1,16 @@
 """What a measurement may use: bytes on the wire, seconds, money. Every transmission asks first.
 
-A packet is charged before it is sent, together with the longest answer that it can bring, and what does not come back
-is not refunded: a provider may bill it. So a budget is never exceeded, except by copies of answers that the link
-itself makes. The end of a measurement, in which late answers are awaited, is charged beforehand as well. Which session
+A packet is charged before it is sent, together with all that it can bring, and what does not come back is not
+refunded: a provider may bill it. For a copy that the link may make of each answer, room is kept until a second after it
+has come. So a budget is never exceeded by more than one packet. The end of a measurement, in which late answers are
+awaited, is charged beforehand as well. Which session
 a provider bills is not known here: each measurement is priced as a session of its own, as `bearers.cost` does
 everywhere.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 IPV4_HEADERS: Final = 28
 """IPv4 without options, and UDP."""
 IPV6_HEADERS: Final = 48
+COPY_S: Final = 1.0
+"""How long after an answer the link may still bring its copy."""
 
 
 class BudgetError(UsageError, ValueError):
@@ -82,29 +86,53 @@ class BudgetGuard:
         """What refused a packet; once set, every packet is refused."""
         self.sent_bytes = 0
         self.received_bytes = 0
-        self.last_s: float | None = None
-        """When the last packet was admitted."""
         self._charged = 0
         self._now = now_s
         self._begin = now_s()
         self._headers = headers
+        self._answers_until_s: float | None = None
+        """When the far end has sent the last of what was requested."""
+        self._awaited: deque[tuple[float, int]] = deque()
+        """Until when, and how many octets: answers that have not come, in the order of sending."""
+        self._arrived: deque[tuple[float, int]] = deque()
+        """The same of answers that have come, and may come once more."""
+        self._copies = 0
+        """Sum of both."""
 
     @property
     def seconds(self) -> float:
         """Since the guard was made."""
         return self._now() - self._begin
 
-    def admit(self, request: int, answer: int) -> bool:
-        """Charge a UDP payload to send and the longest that may come back (0: none); False: it may not be sent."""
-        if self.limited_by is None:
-            size = request + self._headers + (answer + self._headers if answer else 0)
-            self.limited_by = self.budget.limit(self._charged + size, self.seconds)
-            if self.limited_by is None:
-                self._charged += size
-                self.sent_bytes += request + self._headers
-                self.last_s = self.seconds
-                return True
-        return False
+    def admit(self, request: int, answer: int, answers: int = 1, answer_s: float = 0.0) -> bool:
+        """Charge a UDP payload to send, and that of all that may come back (0: nothing); False: it may not be sent.
+
+        `answers`: how many datagrams these are; `answer_s`: how long the far end sends them.
+        """
+        if self.limited_by is not None:
+            return False
+        seconds = self.seconds
+        back = answer + self._headers * answers if answer else 0
+        size = request + self._headers + back
+        # A copy of one packet may exceed the budget; the copies of all that is under way may not.
+        copies = self._expected_copies(seconds) + back - back // max(1, answers)
+        self.limited_by = self.budget.limit(self._charged + size + copies, seconds + answer_s)
+        if self.limited_by is not None:
+            return False
+        self._charged += size
+        self.sent_bytes += request + self._headers
+        self._answers_until_s = max(self._answers_until_s or 0.0, seconds + answer_s)
+        if back:
+            self._awaited.append((seconds + answer_s + max(self.budget.closing_s, COPY_S), back))
+            self._copies += back
+        return True
+
+    def _expected_copies(self, seconds: float) -> int:
+        """How much more may come if the link doubles each answer."""
+        for kept in (self._awaited, self._arrived):
+            while kept and kept[0][0] < seconds:
+                self._copies -= kept.popleft()[1]
+        return self._copies
 
     def expires(self, within_s: float) -> bool:
         """Whether waiting for so long would exceed the budget: time costs, also where nothing is sent."""
@@ -115,13 +143,28 @@ class BudgetGuard:
     @property
     def closing_left_s(self) -> float:
         """How long answers to the last packet may still be awaited."""
-        return 0.0 if self.last_s is None else max(0.0, self.last_s + self.budget.closing_s - self.seconds)
+        until = self._answers_until_s
+        return 0.0 if until is None else max(0.0, until + self.budget.closing_s - self.seconds)
 
     def count(self, answer: int, charged: int) -> None:
         """Count a UDP payload that came, of which so much had been charged (0: nobody asked for it)."""
         size = answer + self._headers
         self.received_bytes += size
         self._charged += size - (charged + self._headers if charged else 0)
+        if charged:
+            self._keep_room(size)
+
+    def _keep_room(self, size: int) -> None:
+        """An answer has come: its copy may still, for a while."""
+        left = size
+        while left and self._awaited:
+            until, awaited = self._awaited.popleft()
+            if awaited > left:
+                self._awaited.appendleft((until, awaited - left))
+            self._copies -= min(awaited, left)
+            left -= min(awaited, left)
+        self._arrived.append((self.seconds + COPY_S, size))
+        self._copies += size
 
     def spent(self) -> Bill:
         """Price what has passed up to now: what was sent, and what came."""

@@ -1,9 +1,9 @@
-"""Messages of any size in one direction: in chunks, and received when the receiver says that it has the last octet.
+"""Messages of any size to the far end, in chunks: received when the receiver says that it has the last octet.
 
 A transfer is never timed by the sender's last `send`: what it hands over may lie in a queue for long, or be lost. The
 receiver counts, by its own clock, and its word ends the message. Contents do not matter and are random, so that
 nothing compresses them. `resend`: what is missing is sent again until the receiver has all of it; else it is asked for
-what came, and that is that.
+what came, and that is that. `messages_down` has the other way.
 """
 
 from __future__ import annotations
@@ -16,16 +16,14 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.reflector.stamp import (
     ACKNOWLEDGEMENT_SIZE,
-    AUTHENTICATED_SIZE,
-    BASE_SIZE,
     CHUNK,
-    CHUNK_HEADER_SIZE,
-    HMAC_TLV_SIZE,
     TLV_SIZE,
     Acknowledgement,
     MessageChunk,
     ReflectorPacket,
     Tlv,
+    chunk_room,
+    extended_size,
     unix_ns,
 )
 from atlantis_netcfg.qualify.samples import MessageEnded, StreamEnded
@@ -37,9 +35,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
-_QUESTIONS: Final = 3
+QUESTIONS: Final = 3
 """How often the receiver is asked for what it has, where it says nothing."""
 _WAIT_STEP: Final = 20_000_000
+_LAG_NS: Final = 20_000_000
+"""What this computer woke late by is made up for, and no more: the rest of a pace is not sent in one burst."""
 DEFAULT_PACKET: Final = 1200
 """UDP payload that passes most tunnels; `path_mtu` says what this path takes."""
 
@@ -110,7 +110,7 @@ class MessageStream:
     @property
     def chunk_size(self) -> int:
         """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
-        room = self.plan.packet - self._base_size - CHUNK_HEADER_SIZE
+        room = chunk_room(self.plan.packet, authenticated=self.peer.key is not None)
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
         return room
@@ -122,7 +122,7 @@ class MessageStream:
 
     @property
     def _base_size(self) -> int:
-        return BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        return extended_size(authenticated=self.peer.key is not None)
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -176,6 +176,8 @@ class MessageStream:
             message = _OpenMessage(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
             self._open[self._started] = message
             self._started += 1
+            if not self._queue:
+                self._free_at = max(self._free_at, now_ns)
             self._put(message, range(message.count))
             heapq.heappush(self._waits, (now_ns + self._patience(message), message.number))
 
@@ -194,7 +196,7 @@ class MessageStream:
 
     def _ask(self, message: _OpenMessage, now_ns: int) -> None:
         age_s = (now_ns - message.sent_at) / SECOND
-        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= _QUESTIONS):
+        if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= QUESTIONS):
             self._finish(message)
         else:
             message.questions += 1
@@ -220,7 +222,8 @@ class MessageStream:
             self._charged[outgoing.sequence] = outgoing.answer
         pace = self.plan.pace_bps
         wire = (outgoing.size + self.transport.headers) * 8
-        self._free_at = max(self._free_at, now_ns) + (0 if pace is None else round(wire / pace * SECOND))
+        step = 0 if pace is None else round(wire / pace * SECOND)
+        self._free_at = max(self._free_at + step, now_ns - _LAG_NS) if step else now_ns
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
@@ -260,6 +263,7 @@ class MessageStream:
                 unix_ns(word.first, message.error) if word is not None and arrived else None,
                 unix_ns(word.last, message.error) if word is not None and arrived else None,
                 in_flight=in_flight,
+                chunk_size=self.chunk_size,
             )
         )
 

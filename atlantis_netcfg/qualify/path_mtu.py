@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.qualify.reflector.stamp import (
     ACKNOWLEDGEMENT_SIZE,
-    AUTHENTICATED_SIZE,
-    BASE_SIZE,
     CHUNK,
-    HMAC_TLV_SIZE,
     TLV_SIZE,
     BadPacket,
     MessageChunk,
@@ -25,6 +22,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     Tlvs,
     decode_reflector,
     error_estimate,
+    extended_size,
     ntp,
     padding,
 )
@@ -87,7 +85,7 @@ class _MtuProbe:
                 raise _NoAnswer
 
     def _short(self) -> int:
-        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        base = extended_size(authenticated=self.peer.key is not None)
         return base + ACKNOWLEDGEMENT_SIZE + self.transport.headers
 
     def _answered(self, size: int, *, up_only: bool) -> bool:
@@ -116,7 +114,7 @@ class _MtuProbe:
     def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:
         if not up_only:
             return padding(payload, authenticated=self.peer.key is not None)
-        base = BASE_SIZE if self.peer.key is None else AUTHENTICATED_SIZE + HMAC_TLV_SIZE
+        base = extended_size(authenticated=self.peer.key is not None)
         chunk = MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
         return (Tlv(CHUNK, chunk.ljust(payload - base - TLV_SIZE, b"\0")),)
 

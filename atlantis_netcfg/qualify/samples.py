@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from atlantis_netcfg.core.errors import UsageError
@@ -81,25 +82,39 @@ class ReflectorCounted:
     answered: int
 
 
+class MessageDirection(StrEnum):
+    """Which way a message went."""
+
+    UP = "up"
+    """From this computer to the far end."""
+    DOWN = "down"
+
+
 @dataclass(frozen=True, slots=True)
 class MessageEnded:
-    """A message was sent in chunks, and this is what became of it."""
+    """A message was sent in chunks, and this is what became of it. Down, the receiver is this computer."""
 
     stream: str
     message: int
     size: int
     chunks: int
     chunks_sent: int
-    """With those that were sent again, and questions."""
+    """With those that were sent again, and questions. Down: that were requested."""
     sent_at_ns: int
+    """Down: when the request was sent."""
     acknowledged_at_ns: int | None
-    """When the receiver's word came that it has all of it; None: no such word."""
+    """When the receiver's word came that it has all of it; None: no such word. Down: when the last octet came."""
     received_size: int | None
-    """What the receiver said at last; None: it said nothing."""
+    """What the receiver said at last; None: it said nothing. Down: None where nothing came, and nobody knows why."""
     first_ns: int | None
     last_ns: int | None
     in_flight: bool
     """The run ended before its time was up: neither received nor lost."""
+    direction: str = MessageDirection.UP
+    chunk_size: int | None = None
+    """Octets of each chunk but the last; None: a version that did not write it."""
+    far_rate_bps: float | None = None
+    """Down: what the far end sends to this computer at most; no link shows more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,12 +49,17 @@ class EndReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outgoing:
-    """A packet that a stream wants to send, and the longest answer that it can bring (0: none)."""
+    """A packet that a stream wants to send, and all that it can bring."""
 
     tlvs: Tlvs
     size: int
     answer: int
+    """UDP payload of all its answers at most; 0: there is none."""
     sequence: int
+    answers: int = 1
+    """How many datagrams these are."""
+    answer_s: float = 0.0
+    """How long the far end sends them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +240,11 @@ def run(
     KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
     """
     origin = transport.now_ns()
+    taken: set[int] = set()
     for stream in streams:
+        while stream.session_id in taken:
+            stream.session_id = secrets.randbelow(65535) + 1
+        taken.add(stream.session_id)
         stream.begin(origin)
     under_way = _RunningStreams(transport, peer, streams, guard)
     try:
@@ -288,7 +297,7 @@ class _RunningStreams:
         due = stream.due_ns()
         if due is None or due > now or (outgoing := stream.next_packet(now)) is None:
             return
-        if not self.guard.admit(outgoing.size, outgoing.answer):
+        if not self.guard.admit(outgoing.size, outgoing.answer, outgoing.answers, outgoing.answer_s):
             return
         error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
         stamp = ntp(self.transport.unix_ns())

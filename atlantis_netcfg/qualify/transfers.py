@@ -32,13 +32,15 @@ class MessageFigures:
     """Not one word of the receiver came: they may have arrived."""
     lost: int
     latency: Percentiles | None
-    """From the first `send` to the receiver's word that it has the last octet."""
+    """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
     receiver_bps: float | None
     """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
     busy_bps: float | None
     """Goodput while a message arrives: the median over the messages of more than one chunk."""
     queue_growth_s: float | None
     """How much longer the last quarter of the messages took than the first, by their medians."""
+    far_rate_bps: float | None = None
+    """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
 
     @property
     def loss(self) -> float:
@@ -75,6 +77,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         receiver_bps=_receiver_bps(ended),
         busy_bps=_busy_bps(ended),
         queue_growth_s=_growth(latencies),
+        far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
     )
 
 
@@ -85,24 +88,23 @@ def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
         return None
     first = min(message.first_ns or 0 for message in arrived)
     last = max(message.last_ns or 0 for message in arrived)
-    octets = sum(message.received_size or 0 for message in arrived) - min(
-        arrived[0].size, -(-arrived[0].size // arrived[0].chunks)
-    )
+    octets = sum(message.received_size or 0 for message in arrived) - _first_chunk(arrived[0])
     return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
 
 
 def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
     rates = sorted(
-        message.received_size
-        * (message.chunks - 1)
-        / message.chunks
-        * 8
-        * _SECOND
-        / (message.last_ns - message.first_ns)
+        (message.received_size - _first_chunk(message)) * 8 * _SECOND / (message.last_ns - message.first_ns)
         for message in ended
         if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
     )
     return percentile(rates, 0.5) if rates else None
+
+
+def _first_chunk(message: MessageEnded) -> int:
+    """Its octets: the clock of a message begins when they are there."""
+    octets = message.chunk_size if message.chunk_size is not None else -(-message.size // message.chunks)
+    return min(octets, message.size)
 
 
 def _growth(latencies: Sequence[float]) -> float | None:

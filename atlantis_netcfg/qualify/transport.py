@@ -25,6 +25,8 @@ _IPV6_MTU_DISCOVER: Final = 23
 _NO_FRAGMENTS: Final = 3
 """IP_PMTUDISC_PROBE: the DF bit, and what the kernel believes of the path does not bound the size."""
 _LONGEST: Final = 65536
+_RECEIVE_BUFFER: Final = 1 << 22
+"""As much of it as the kernel grants: what finds no room there would look like loss of the link."""
 _SECOND: Final = 1_000_000_000
 _UNKNOWN_TTL: Final = 255
 
@@ -66,6 +68,7 @@ class UdpTransport:
         self.headers = IPV6_HEADERS if family == socket.AF_INET6 else IPV4_HEADERS
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
         if family == socket.AF_INET6:
             self._socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_RECVHOPLIMIT, 1)
             self._socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _NO_FRAGMENTS)

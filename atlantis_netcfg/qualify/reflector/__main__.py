@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import select
 import signal
 import socket
 import struct
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from .answering import Reflector
@@ -23,9 +25,13 @@ _IPV6_MTU_DISCOVER = 23
 _NO_FRAGMENTS = 3
 """IP_PMTUDISC_PROBE: the DF bit, whatever the kernel believes of the path."""
 _LONGEST = 65536
+_RECEIVE_BUFFER = 1 << 22
+"""As much of it as the kernel grants: what finds no room there would look like loss of the link."""
 _AT_ONCE = 64
 """How many datagrams are answered before the loop looks at its signals again."""
 _UNKNOWN_TTL = 255
+_QUEUE_S = 0.05
+"""How long a full queue of this computer is waited for."""
 
 
 def open_socket(address: str, port: int) -> socket.socket:
@@ -33,6 +39,7 @@ def open_socket(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     opened = socket.socket(family, socket.SOCK_DGRAM)
     opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
     if family == socket.AF_INET:
         opened.setsockopt(socket.IPPROTO_IP, _IP_RECVTTL, 1)
         opened.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _NO_FRAGMENTS)
@@ -74,10 +81,41 @@ def _received(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
     return received_ns, ttl
 
 
+def send_requested(opened: socket.socket, reflector: Reflector) -> float | None:
+    """Send what is due of requested messages; in how many seconds more is due. None: no message is under way."""
+    for _ in range(_AT_ONCE):
+        requested = reflector.requested_chunk(time.time_ns)
+        if requested is None:
+            break
+        try:
+            opened.sendto(*requested)
+        except BlockingIOError:
+            # What this computer could not take at once would look like loss of the link.
+            select.select([], [opened], [], _QUEUE_S)
+            with suppress(OSError):
+                opened.sendto(*requested)
+        except OSError:  # nobody is there any more
+            continue
+    due = reflector.due_ns()
+    return None if due is None else max(0.0, (due - time.time_ns()) / 1e9)
+
+
 async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
     """Answer until the end is set."""
     loop = asyncio.get_running_loop()
-    loop.add_reader(opened.fileno(), answer_waiting, opened, reflector)
+    timers: list[asyncio.TimerHandle] = []
+
+    def send() -> None:
+        for timer in timers:
+            timer.cancel()
+        wait = send_requested(opened, reflector)
+        timers[:] = [] if wait is None else [loop.call_later(wait, send)]
+
+    def answer() -> None:
+        answer_waiting(opened, reflector)
+        send()
+
+    loop.add_reader(opened.fileno(), answer)
     try:
         await end.wait()
     finally:

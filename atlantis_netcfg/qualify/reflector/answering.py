@@ -4,12 +4,18 @@ An answer is never longer than its request, and no source gets more than its rat
 With a key nothing is answered that is not authenticated, and nothing twice. A session is known by its identifier
 (RFC 8972), not by its address: a 4G provider's NAT gives a session another port after each long gap.
 
+A message that is requested, to measure the way from here, is longer than its request. It goes only to who has the key,
+and only to an address that shows the token which it got from this start of the reflector. So neither a recording of an
+earlier start nor a request that comes from another address brings more than its own length.
+
 What cannot be told apart: after a restart the reflector has forgotten every session, so a recording of an older one is
 answered once more, at most at its source's rate.
 """
 
 from __future__ import annotations
 
+import hmac
+import secrets
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from typing import Callable, Tuple
@@ -18,15 +24,20 @@ from .stamp import (
     CHUNK,
     COUNTERS,
     PADDING,
+    REQUEST,
+    TOKEN_SIZE,
     UNRECOGNISED,
     Acknowledgement,
     BadPacket,
     MessageChunk,
+    MessageRequest,
     ReflectorCounters,
     ReflectorPacket,
+    RequestStatus,
     SenderPacket,
     Tlv,
     Tlvs,
+    chunk_room,
     decode_sender,
     error_estimate,
     ntp,
@@ -41,6 +52,11 @@ _WINDOW = 8192
 _IDLE_NS = 900 * 1_000_000_000
 _BURST_S = 0.25
 _LEAST_BURST = 65536
+_SENDINGS = 64
+"""How many requested messages are under way at most; a request beyond that is answered by its status."""
+_NEVER = 1 << 63
+_LAG_NS = 20_000_000
+"""What a timer was late by is made up for, and no more: the rest of a pace is not sent in one burst."""
 
 
 @dataclass
@@ -52,6 +68,8 @@ class Statistics:
     """Not authenticated, or no packet of STAMP."""
     replayed: int = 0
     limited: int = 0
+    requested: int = 0
+    """Chunks that were sent because an authenticated request asked for them."""
 
 
 @dataclass
@@ -67,6 +85,8 @@ class _PartialMessage:
 @dataclass
 class _TestSession:
     used_ns: int
+    after: int = -1
+    """Timestamps up to this belong to an earlier session of the same identifier."""
     sequence: int = 0
     highest: int = -1
     seen: int = 0
@@ -78,19 +98,48 @@ class _TestSession:
     limited: int = 0
     answered: int = 0
     messages: OrderedDict[int, _PartialMessage] = field(default_factory=OrderedDict)
+    requested: OrderedDict[int, int] = field(default_factory=OrderedDict)
+    """For each message that it has requested: how many chunks were sent."""
+
+    def has_seen(self, sequence: int) -> bool:
+        """Whether a packet was here before, or is too old to tell."""
+        behind = self.highest - sequence
+        return behind >= _WINDOW or (behind >= 0 and bool(self.seen >> behind & 1))
 
     def is_new(self, sequence: int) -> bool:
         """Note a packet; False: it was here before, or is too old to tell."""
+        if self.has_seen(sequence):
+            return False
         ahead = sequence - self.highest
         if ahead > 0:
             self.seen = (self.seen << ahead | 1) & (1 << _WINDOW) - 1 if ahead < _WINDOW else 1
             self.highest = sequence
-            return True
-        bit = 1 << -ahead
-        if -ahead >= _WINDOW or self.seen & bit:
-            return False
-        self.seen |= bit
+        else:
+            self.seen |= 1 << -ahead
         return True
+
+
+@dataclass(frozen=True)
+class _ReceivedPacket:
+    """A packet that came."""
+
+    packet: SenderPacket
+    chunk: MessageChunk | None
+    request: MessageRequest | None
+    source: Source
+    at_ns: int
+    ttl: int
+
+
+@dataclass
+class _Sending:
+    """A requested message under way."""
+
+    received: _ReceivedPacket
+    session: _TestSession
+    request: MessageRequest
+    index: int
+    due_ns: int
 
 
 class Reflector:
@@ -117,28 +166,33 @@ class Reflector:
         self._ended: dict[int, int] = {}
         """For each identifier of an authenticated session that is forgotten: its sender's newest timestamp."""
         self._tokens: OrderedDict[str, tuple[float, int]] = OrderedDict()
+        self._sendings: list[_Sending] = []
+        self._secret = secrets.token_bytes(32)
 
     def answer(
         self, datagram: bytes, source: Source, received_ns: int, ttl: int, now_ns: Callable[[], int]
     ) -> bytes | None:
         """Give what goes back to the source; None: nothing does. Times are since 1970."""
         try:
-            packet = decode_sender(datagram, self._key)
-            chunk = _chunk(packet)
+            received = self._decoded(datagram, source, received_ns, ttl)
         except BadPacket:
             self.statistics.refused += 1
             return None
+        packet = received.packet
         session = self._session(packet, source, received_ns)
         if session is None or not self._admitted(session, packet):
             self.statistics.replayed += 1
             return None
-        if not self._within_rate(source[0], len(datagram), received_ns):
+        # A chunk that wants no answer costs nothing of what a source may be sent.
+        is_answered = received.chunk is None or received.chunk.acknowledge
+        if is_answered and self._wait_ns(source[0], len(datagram), received_ns):
             session.limited += 1
             self.statistics.limited += 1
             return None
-        if chunk is not None and not self._keep(session, chunk, received_ns):
+        tlvs = self._extensions(session, received)
+        if tlvs is None:
             return None
-        reply = self._reply(session, packet, chunk, received_ns, ttl, now_ns).encode(self._key)
+        reply = self._reply(session, received, tlvs, now_ns()).encode(self._key)
         if len(reply) > len(datagram):
             self.statistics.refused += 1
             return None
@@ -147,14 +201,32 @@ class Reflector:
         self.statistics.answered += 1
         return reply
 
+    def _decoded(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _ReceivedPacket:
+        packet = decode_sender(datagram, self._key)
+        chunk = next((MessageChunk.decode(tlv.value) for tlv in packet.tlvs if tlv.type == CHUNK), None)
+        requests = (tlv.value for tlv in packet.tlvs if tlv.type == REQUEST and self._key is not None)
+        return _ReceivedPacket(packet, chunk, next(map(MessageRequest.decode, requests), None), source, at_ns, ttl)
+
+    def _extensions(self, session: _TestSession, received: _ReceivedPacket) -> Tlvs | None:
+        """Give what the answer holds; None: it wants none now."""
+        if received.chunk is not None:
+            asks = self._keep(session, received.chunk, received.at_ns)
+            return (_acknowledgement(session, received.chunk),) if asks else None
+        if received.request is not None:
+            return self._request(session, received, received.request)
+        return _answers(received.packet.tlvs, session)
+
     def _session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
         name: object = (source, packet.session_id) if self._key is None else packet.session_id
         self._forget(now)
         session = self._sessions.get(name)
         if session is None:
-            if self._key is not None and packet.timestamp <= self._ended.get(packet.session_id, -1):
-                return None
-            session = self._sessions[name] = _TestSession(now)
+            session = self._sessions[name] = _TestSession(now, self._ended.get(packet.session_id, -1))
+        elif self._key is not None and packet.timestamp > session.newest and session.has_seen(packet.sequence):
+            # Who sends begins again, with an identifier that it happens to draw once more.
+            session = self._sessions[name] = _TestSession(now, session.newest)
+        if self._key is not None and packet.timestamp <= session.after:
+            return None
         session.used_ns = now
         self._sessions.move_to_end(name)
         return session
@@ -166,7 +238,7 @@ class Reflector:
                 return
             del self._sessions[name]
             if isinstance(name, int):
-                self._ended[name] = max(oldest.newest, self._ended.get(name, -1))
+                self._ended[name] = max(oldest.newest, oldest.after)
 
     def _admitted(self, session: _TestSession, packet: SenderPacket) -> bool:
         """Count it, unless it only wants to see the counters; whether it is to be answered."""
@@ -178,14 +250,74 @@ class Reflector:
         session.duplicates += counts
         return self._key is None
 
-    def _within_rate(self, address: str, size: int, now: int) -> bool:
+    def _wait_ns(self, address: str, size: int, now: int) -> int:
+        """Take so much of what a source may have; else say how long it has to wait for it."""
         tokens, since = self._tokens.pop(address, (self._burst, now))
         tokens = min(self._burst, tokens + (now - since) / 1e9 * self._rate)
-        passes = tokens >= size
-        self._tokens[address] = (tokens - size if passes else tokens, max(now, since))
+        missing = size - tokens
+        self._tokens[address] = (tokens if missing > 0 else tokens - size, max(now, since))
         if len(self._tokens) > _SOURCES:
             self._tokens.popitem(last=False)
-        return passes
+        return int(missing / self._rate * 1e9) + 1 if missing > 0 else 0
+
+    def _token(self, session_id: int, source: Source) -> bytes:
+        """Give what only somebody who receives at this address can know, and only since this start."""
+        return hmac.digest(self._secret, f"{session_id} {source[0]}".encode(), "sha256")[:TOKEN_SIZE]
+
+    def _request(self, session: _TestSession, received: _ReceivedPacket, request: MessageRequest) -> Tlvs | None:
+        """Begin to send what is requested (None), or give its status."""
+        token = self._token(received.packet.session_id, received.source)
+        is_known = hmac.compare_digest(request.token, token)
+        if request.count and is_known and len(self._sendings) < _SENDINGS:
+            # The messages of a session leave one after the other, so that its pace is kept.
+            waits = any(sending.session is session for sending in self._sendings)
+            due_ns = _NEVER if waits else received.at_ns
+            self._sendings.append(_Sending(received, session, request, request.first, due_ns))
+            return None
+        rate_kbps = min(int(self._rate * 8 / 1000), 0xFFFFFFFF)
+        sent = session.requested.get(request.message, 0)
+        return (Tlv(REQUEST, RequestStatus(request.message, sent, rate_kbps, token).encode(), 0),)
+
+    def due_ns(self) -> int | None:
+        """When the next chunk of a requested message is to be sent; None: none is."""
+        return min((sending.due_ns for sending in self._sendings), default=None)
+
+    def requested_chunk(self, now_ns: Callable[[], int]) -> tuple[bytes, Source] | None:
+        """Give the next chunk that is due, and where it goes; None: none is due now."""
+        now = now_ns()
+        sending = min(self._sendings, key=lambda each: each.due_ns, default=None)
+        if sending is None or sending.due_ns > now:
+            return None
+        request, session = sending.request, sending.session
+        octets = request.chunk_octets(sending.index)
+        size = request.packet - chunk_room(request.packet, authenticated=True) + octets
+        wait = self._wait_ns(sending.received.source[0], size, now)
+        if wait:
+            sending.due_ns = now + wait
+            return None
+        data = secrets.token_bytes(octets)
+        chunk = MessageChunk(request.message, request.message_size, sending.index, request.chunks, False, data)
+        tlvs = (Tlv(CHUNK, chunk.encode(), 0),)
+        reply = self._reply(session, sending.received, tlvs, now)
+        session.sequence += 1
+        session.requested[request.message] = session.requested.get(request.message, 0) + 1
+        if len(session.requested) > _MESSAGES:
+            session.requested.popitem(last=False)
+        self.statistics.requested += 1
+        self._advance(sending, size, now)
+        return reply.encode(self._key), sending.received.source
+
+    def _advance(self, sending: _Sending, size: int, now: int) -> None:
+        """Go on to its next chunk. What would outlast the memory of its session is given up."""
+        request = sending.request
+        sending.index += 1
+        step = int(size * 8 * 1_000_000 / request.pace_kbps) if request.pace_kbps else 0
+        sending.due_ns = max(sending.due_ns + step, now - _LAG_NS) if step else now
+        if sending.index == request.first + request.count or now - sending.received.at_ns > _IDLE_NS:
+            self._sendings.remove(sending)
+            following = next((each for each in self._sendings if each.session is sending.session), None)
+            if following is not None:
+                following.due_ns = max(sending.due_ns, following.received.at_ns)
 
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Note a chunk; whether it wants an answer."""
@@ -200,32 +332,20 @@ class Reflector:
             message.first = message.first or message.last
         return chunk.acknowledge
 
-    def _reply(  # noqa: PLR0913, PLR0917 - what the packet holds
-        self,
-        session: _TestSession,
-        packet: SenderPacket,
-        chunk: MessageChunk | None,
-        received_ns: int,
-        ttl: int,
-        now_ns: Callable[[], int],
-    ) -> ReflectorPacket:
-        tlvs = _answers(packet.tlvs, session) if chunk is None else (_acknowledgement(session, chunk),)
+    def _reply(self, session: _TestSession, received: _ReceivedPacket, tlvs: Tlvs, now: int) -> ReflectorPacket:
+        packet = received.packet
         return ReflectorPacket(
             sequence=session.sequence,
-            timestamp=ntp(now_ns()),
+            timestamp=ntp(now),
             error=self._error,
             session_id=packet.session_id,
-            received=ntp(received_ns),
+            received=ntp(received.at_ns),
             sender_sequence=packet.sequence,
             sender_timestamp=packet.timestamp,
             sender_error=packet.error,
-            sender_ttl=ttl,
+            sender_ttl=received.ttl,
             tlvs=tlvs,
         )
-
-
-def _chunk(packet: SenderPacket) -> MessageChunk | None:
-    return next((MessageChunk.decode(tlv.value) for tlv in packet.tlvs if tlv.type == CHUNK), None)
 
 
 def _wants_counters(packet: SenderPacket) -> bool:

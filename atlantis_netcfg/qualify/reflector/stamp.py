@@ -2,12 +2,11 @@
 
 Authenticated packets carry HMAC-SHA-256, truncated to 16 octets, over their first 96 octets (RFC 8762, 4.4). TLVs
 other than padding are protected by an HMAC TLV of their own: over the sequence number and the TLVs before it (RFC
-8972, 4.8). Types 252 and 253 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
+8972, 4.8). Types 252 to 254 are for private use (RFC 8972, 5.1): only our reflector knows what they are.
 """
 
 from __future__ import annotations
 
-import hashlib
 import hmac
 import math
 import struct
@@ -23,7 +22,9 @@ HMAC_TLV = 8
 COUNTERS = 252
 """Private. A request has 16 zero octets, the reply the reflector's `ReflectorCounters`."""
 CHUNK = 253
-"""Private. A request has a `MessageChunk`, the reply an `Acknowledgement`."""
+"""Private. A request has a `MessageChunk`, the reply an `Acknowledgement`; the reply to a `REQUEST` has a chunk."""
+REQUEST = 254
+"""Private, authenticated alone. A request has a `MessageRequest`; its reply a `RequestStatus`, or a `CHUNK`."""
 UNRECOGNISED = 0x80
 """A sender sets it; a reflector that knows the type clears it."""
 MALFORMED = 0x40
@@ -42,6 +43,9 @@ _TLV = struct.Struct(">BBH")
 _COUNTERS = struct.Struct(">IIII")
 _CHUNK = struct.Struct(">IIHHBxH")
 _ACKNOWLEDGEMENT = struct.Struct(">IIHHQQ")
+_REQUEST = struct.Struct(">IIHHHxxI16s")
+_STATUS = struct.Struct(">IHxxI8x16s")
+_MOST_CHUNKS = 0xFFFF
 _MISSING = 16
 """How many missing chunks an acknowledgement names at most."""
 
@@ -50,6 +54,9 @@ HMAC_TLV_SIZE = TLV_SIZE + _HMAC_SIZE
 CHUNK_HEADER_SIZE = TLV_SIZE + _CHUNK.size
 ACKNOWLEDGEMENT_SIZE = TLV_SIZE + _ACKNOWLEDGEMENT.size + 2 * _MISSING
 """The longest one."""
+REQUEST_SIZE = TLV_SIZE + _REQUEST.size
+"""Of a `MessageRequest`, and of the `RequestStatus` that answers it."""
+TOKEN_SIZE = 16
 
 
 class BadPacket(ValueError):
@@ -271,8 +278,84 @@ class Acknowledgement:
         return cls(message, size, missing, first, last, struct.unpack_from(f">{count}H", value, _ACKNOWLEDGEMENT.size))
 
 
+@dataclass(frozen=True)
+class MessageRequest:
+    """Asks the reflector to send a message to the one who asks, or a part of it: `count` chunks from the `first` on."""
+
+    message: int
+    message_size: int
+    first: int
+    count: int
+    """0: only the `RequestStatus` is wanted."""
+    packet: int
+    """UDP payload of a chunk's packet at most."""
+    pace_kbps: int
+    """At which rate of UDP payload the chunks leave; 0: at once."""
+    token: bytes = bytes(TOKEN_SIZE)
+    """What a `RequestStatus` of this reflector gave to this address; without it nothing is sent."""
+
+    @property
+    def chunks(self) -> int:
+        """How many the whole message has."""
+        return -(-self.message_size // chunk_room(self.packet, authenticated=True))
+
+    def chunk_octets(self, index: int) -> int:
+        """How much of the message a chunk holds."""
+        room = chunk_room(self.packet, authenticated=True)
+        return min(room, self.message_size - index * room)
+
+    def encode(self) -> bytes:
+        """As the value of a TLV."""
+        numbers = (self.message, self.message_size, self.first, self.count, self.packet, self.pace_kbps)
+        return _REQUEST.pack(*numbers, self.token)
+
+    @classmethod
+    def decode(cls, value: bytes) -> MessageRequest:
+        """Read the value of a TLV. BadPacket."""
+        if len(value) != _REQUEST.size:
+            raise BadPacket("a request for a message has another length")
+        request = cls(*_REQUEST.unpack(value))
+        fits = request.message_size > 0 and chunk_room(request.packet, authenticated=True) > 0
+        if not fits or request.first + request.count > request.chunks or request.chunks > _MOST_CHUNKS:
+            raise BadPacket("a request for a message contradicts itself")
+        return request
+
+
+@dataclass(frozen=True)
+class RequestStatus:
+    """What became of the requests for a message."""
+
+    message: int
+    sent: int
+    """Chunks of it that were sent, each as often as it was; at most 65,535."""
+    rate_kbps: int
+    """What the reflector sends to one address at most."""
+    token: bytes
+
+    def encode(self) -> bytes:
+        """As the value of a TLV."""
+        return _STATUS.pack(self.message, min(self.sent, _MOST_CHUNKS), self.rate_kbps, self.token)
+
+    @classmethod
+    def decode(cls, value: bytes) -> RequestStatus:
+        """Read the value of a TLV. BadPacket."""
+        if len(value) != _STATUS.size:
+            raise BadPacket("the answer to a request for a message has another length")
+        return cls(*_STATUS.unpack(value))
+
+
+def extended_size(*, authenticated: bool) -> int:
+    """Give the UDP payload of a packet before its extensions, and the HMAC that protects them."""
+    return AUTHENTICATED_SIZE + HMAC_TLV_SIZE if authenticated else BASE_SIZE
+
+
+def chunk_room(packet: int, *, authenticated: bool) -> int:
+    """Give how many octets of a message a packet of this UDP payload carries; 0 or less: none."""
+    return packet - extended_size(authenticated=authenticated) - CHUNK_HEADER_SIZE
+
+
 def _digest(key: bytes, data: bytes) -> bytes:
-    return hmac.new(key, data, hashlib.sha256).digest()[:_HMAC_SIZE]
+    return hmac.digest(key, data, "sha256")[:_HMAC_SIZE]
 
 
 def _sealed(base: bytes, tlvs: Tlvs, key: bytes | None) -> bytes:

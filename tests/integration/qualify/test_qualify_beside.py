@@ -1,89 +1,224 @@
-"""irtt (Debian) beside our sender in one run, over a link of the same shape, and as the judge of our figures."""
+"""irtt and iperf3 (Debian) beside our sender in one run, over links of the same shape; irtt also judges our figures."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import select
 import socket
 import subprocess
 import sys
+import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from test_qualify_real_sockets import KEY, reflector
 
-from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape, UdpRelay
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
+from atlantis_netcfg.qualify.messages_down import DownMessageStream
+from atlantis_netcfg.qualify.reflector.stamp import chunk_room
 from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
 from atlantis_netcfg.qualify.session import ReflectorPeer, Train, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import message_figures
 from atlantis_netcfg.qualify.transport import UdpTransport
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from atlantis_netcfg.qualify.samples import Sample
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "unit" / "qualify"))
 
 from tolerances import tolerances
 
-IRTT = Path(__file__).parents[3] / ".venv-setup" / "debian" / "irtt" / "usr" / "bin" / "irtt"
-UP = LinkShape(delay_s=0.15, jitter_s=0.01, loss=0.02)
-DOWN = LinkShape(delay_s=0.15, jitter_s=0.01, loss=0.02)
+DEBIAN = Path(__file__).parents[3] / ".venv-setup" / "debian"
+IRTT = DEBIAN / "irtt" / "usr" / "bin" / "irtt"
+IPERF3 = DEBIAN / "iperf3" / "usr" / "bin" / "iperf3"
+LIBRARIES = ("libiperf0", "libsctp1")
+LINK = LinkShape(delay_s=0.15, jitter_s=0.01, loss=0.02)
+"""Each way, for round trips."""
+LOAD_UP = LinkShape(rate_bps=352_000, delay_s=0.05, queue_bytes=16_000)
+LOAD_DOWN = LinkShape(rate_bps=704_000, delay_s=0.05, queue_bytes=16_000)
+"""For goodput."""
+OFFERED_BPS = {"up": 1.15 * 352_000, "down": 1.15 * 704_000}
+SECONDS = 5
+CHUNKS = 10
+ROOM = chunk_room(DEFAULT_PACKET, authenticated=True)
+MESSAGE = CHUNKS * ROOM
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (IRTT.exists() and IPERF3.exists()), reason="no irtt or iperf3 in .venv-setup: `make test` unpacks them"
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class _Beside:
+    """What each has written in one run."""
+
+    train: list[Sample]
+    load: list[Sample]
+    irtt: dict[str, Any]
+    iperf3_up: dict[str, Any]
+    iperf3_down: dict[str, Any]
 
 
 def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as opened:
-        opened.bind(("127.0.0.1", 0))
-        return int(opened.getsockname()[1])
+    """Free for TCP and UDP both."""
+    while True:
+        with socket.create_server(("127.0.0.1", 0)) as tcp, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
+            port = int(tcp.getsockname()[1])
+            with contextlib.suppress(OSError):
+                udp.bind(("127.0.0.1", port))
+                return port
 
 
-PRESENT = pytest.mark.skipif(not IRTT.exists(), reason="no irtt in .venv-setup: `make test` unpacks it")
-pytestmark = pytest.mark.slow
+@contextlib.contextmanager
+def _program(*words: object, **more: Any) -> Iterator[None]:  # noqa: ANN401 - as Popen has them
+    with subprocess.Popen([str(word) for word in words], stdout=subprocess.DEVNULL, **more) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
 
 
-def _beside(tmp_path: Path) -> tuple[list[Sample], dict[str, Any]]:
+def _iperf3_environment() -> dict[str, str]:
+    folders = [place for name in LIBRARIES for place in DEBIAN.glob(f"{name}/usr/lib/*")]
+    return {**os.environ, "LD_LIBRARY_PATH": ":".join(map(str, folders))}
+
+
+class _ControlConnection(threading.Thread):
+    """iperf3 has one TCP connection beside its datagrams, to the same port: it goes by without the link."""
+
+    def __init__(self, at: tuple[str, int], server: tuple[str, int]) -> None:
+        super().__init__(daemon=True)
+        self._listener = socket.create_server(at)
+        self._server = server
+
+    def run(self) -> None:
+        near, _ = self._listener.accept()
+        with self._listener, near, socket.create_connection(self._server) as far:
+            other = {near: far, far: near}
+            while True:
+                for end in select.select([near, far], [], [])[0]:
+                    data = end.recv(65536)
+                    if not data:
+                        return
+                    other[end].sendall(data)
+
+
+@contextlib.contextmanager
+def _iperf3(*words: str) -> Iterator[list[dict[str, Any]]]:
+    """Run it over a link of its own; at the end the list has what it has written."""
     port = _free_port()
+    server, environment = ("127.0.0.1", port), _iperf3_environment()
+    written: list[dict[str, Any]] = []
     with (
-        subprocess.Popen([IRTT, "server", "-b", f"127.0.0.1:{port}"], stdout=subprocess.DEVNULL) as server,
-        UdpRelay(("127.0.0.1", port), UP, DOWN, seed=1) as theirs,
-        reflector(tmp_path / "far") as (_, ours_port),
-        UdpRelay(("127.0.0.1", ours_port), UP, DOWN, seed=2) as ours,
+        _program(IPERF3, "-s", "-1", "-B", "127.0.0.1", "-p", port, env=environment),
+        UdpRelay(server, LOAD_UP, LOAD_DOWN, seed=3) as relay,
+    ):
+        _until_it_listens(server)
+        _ControlConnection(relay.address, server).start()
+        command = [str(IPERF3), "-c", "127.0.0.1", "-p", str(relay.address[1]), "-u", "-J", "-O", "1", *words]
+        command += ["-t", str(SECONDS - 1), "-l", str(DEFAULT_PACKET)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as client:
+            yield written
+            text, _ = client.communicate(timeout=60)
+        written.append(json.loads(text))
+
+
+def _until_it_listens(server: tuple[str, int]) -> None:
+    """By the kernel's table: a connection would be taken for the one test that it serves."""
+    local = f"0100007F:{server[1]:04X} 00000000:0000 0A"
+    end = time.monotonic() + 40
+    while local not in Path("/proc/net/tcp").read_text(encoding="ascii"):
+        assert time.monotonic() < end, "iperf3 did not begin to listen"
+        time.sleep(0.02)
+
+
+def _load(address: tuple[str, int], way: str, samples: list[Sample]) -> None:
+    """More than the way carries, as iperf3 does."""
+    peer = ReflectorPeer(KEY)
+    rate_bps = OFFERED_BPS[way]
+    messages_hz = rate_bps / 8 / (MESSAGE + CHUNKS * (DEFAULT_PACKET - ROOM + HEADERS))
+    with UdpTransport(address) as transport:
+        plan = MessagePlan(MESSAGE, messages_hz, SECONDS - 1, pace_bps=rate_bps, timeout_s=1)
+        stream = MessageStream if way == "up" else DownMessageStream
+        run(
+            transport, peer, [stream(way, plan, peer, transport, samples.append)], BudgetGuard(Budget(), time.monotonic)
+        )
+
+
+def _beside(folder: Path) -> _Beside:
+    port = _free_port()
+    train: list[Sample] = []
+    load: list[Sample] = []
+    with (
+        _program(IRTT, "server", "-b", f"127.0.0.1:{port}"),
+        UdpRelay(("127.0.0.1", port), LINK, LINK, seed=1) as theirs,
+        reflector(folder / "far") as (_, ours_port),
+        UdpRelay(("127.0.0.1", ours_port), LINK, LINK, seed=2) as ours,
+        UdpRelay(("127.0.0.1", ours_port), LOAD_UP, LOAD_DOWN, seed=4) as loaded_up,
+        UdpRelay(("127.0.0.1", ours_port), LOAD_UP, LOAD_DOWN, seed=5) as loaded_down,
         UdpTransport(ours.address) as transport,
+        _iperf3("-b", f"{OFFERED_BPS['up']:.0f}") as iperf3_up,
+        _iperf3("-b", f"{OFFERED_BPS['down']:.0f}", "-R") as iperf3_down,
     ):
         host, relayed = theirs.address
-        told = tmp_path / "irtt.json"
-        words = ["-i", "50ms", "-d", "6s", "-l", "172", "-q", "-o", str(told), f"{host}:{relayed}"]
+        written = folder / "irtt.json"
+        words = ["-i", "50ms", "-d", f"{SECONDS}s", "-l", "172", "-q", "-o", str(written), f"{host}:{relayed}"]
         with subprocess.Popen([IRTT, "client", *words]) as client:
-            samples: list[Sample] = []
+            ways = (("up", loaded_up), ("down", loaded_down))
+            loads = [threading.Thread(target=_load, args=(relay.address, way, load)) for way, relay in ways]
+            for thread in loads:
+                thread.start()
             peer = ReflectorPeer(KEY)
-            train = Train("t", TrainPlan(172, 0.05, 6, timeout_s=3), peer, transport, samples.append)
-            run(transport, peer, [train], BudgetGuard(Budget(), time.monotonic))
+            stream = Train("t", TrainPlan(172, 0.05, SECONDS, timeout_s=1), peer, transport, train.append)
+            run(transport, peer, [stream], BudgetGuard(Budget(), time.monotonic))
+            for thread in loads:
+                thread.join()
             assert client.wait(timeout=60) == 0
-        server.terminate()
-    return samples, json.loads(told.read_text(encoding="utf-8"))
+    return _Beside(train, load, json.loads(written.read_text(encoding="utf-8")), iperf3_up[0], iperf3_down[0])
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Sample], dict[str, Any]]:
-    """Our samples, and what irtt wrote."""
+def beside(tmp_path_factory: pytest.TempPathFactory) -> _Beside:
+    """All of them in one run."""
     return _beside(tmp_path_factory.mktemp("beside"))
 
 
-@PRESENT
-def test_irtt_and_we_see_the_same_least_round_trip(both: tuple[list[Sample], dict[str, Any]]) -> None:
-    """Upper percentiles are late by what this machine is busy with: the emulated link and its two ends share it."""
-    samples, told = both
-    rtt = train_figures(samples, "t").rtt
+def test_irtt_and_we_see_the_same_round_trips(beside: _Beside) -> None:
+    rtt, stats = train_figures(beside.train, "t").rtt, beside.irtt["stats"]["rtt"]
     assert rtt is not None
-    assert rtt.min == pytest.approx(told["stats"]["rtt"]["min"] / 1e9, rel=tolerances()["judge_share"])
-    assert rtt.min >= UP.delay_s + DOWN.delay_s
+    for ours, theirs in ((rtt.p50, stats["median"]), (rtt.min, stats["min"])):
+        assert ours == pytest.approx(theirs / 1e9, rel=tolerances()["judge_share"])
+    assert rtt.min >= 2 * LINK.delay_s
 
 
-@PRESENT
-def test_our_figures_of_its_samples_are_its_own(both: tuple[list[Sample], dict[str, Any]]) -> None:
-    _, told = both
-    stats, figures = told["stats"], train_figures(_samples_of_irtt(told), "irtt")
+@pytest.mark.parametrize("way", ["up", "down"])
+def test_iperf3_and_we_see_the_same_goodput(beside: _Beside, way: str) -> None:
+    """By what each receiver had, as UDP payload: iperf3 has no header of its own to take off."""
+    figures = message_figures(beside.load, way)
+    assert figures is not None
+    assert figures.receiver_bps is not None
+    theirs = (beside.iperf3_up if way == "up" else beside.iperf3_down)["end"]["sum_received"]["bits_per_second"]
+    assert figures.receiver_bps * DEFAULT_PACKET / ROOM == pytest.approx(theirs, rel=tolerances()["judge_share"])
+    carries = (LOAD_UP if way == "up" else LOAD_DOWN).rate_bps
+    assert carries is not None
+    truth = carries * ROOM / (DEFAULT_PACKET + HEADERS)
+    assert figures.receiver_bps == pytest.approx(truth, rel=tolerances()["goodput_share"])
+
+
+def test_our_figures_of_its_samples_are_its_own(beside: _Beside) -> None:
+    stats, figures = beside.irtt["stats"], train_figures(_samples_of_irtt(beside.irtt), "irtt")
     exact = tolerances()["rtt_s"]
     assert figures.rtt is not None
     assert figures.up is not None
@@ -96,14 +231,14 @@ def test_our_figures_of_its_samples_are_its_own(both: tuple[list[Sample], dict[s
     assert loss.received == stats["packets_received"]
     assert loss.up == stats["packets_sent"] - stats["server_packets_received"]
     assert loss.down == stats["server_packets_received"] - stats["packets_received"]
-    least = min(trip["delay"]["send"] for trip in told["round_trips"] if trip["lost"] == "false")
-    worst = max(trip["delay"]["send"] for trip in told["round_trips"] if trip["lost"] == "false")
+    least = min(trip["delay"]["send"] for trip in beside.irtt["round_trips"] if trip["lost"] == "false")
+    worst = max(trip["delay"]["send"] for trip in beside.irtt["round_trips"] if trip["lost"] == "false")
     assert figures.up.above_min.max == pytest.approx((worst - least) / 1e9, abs=exact)
 
 
-def _samples_of_irtt(told: dict[str, Any]) -> list[Sample]:
+def _samples_of_irtt(written: dict[str, Any]) -> list[Sample]:
     """Its raw round trips as samples of ours."""
-    trips = told["round_trips"]
+    trips = written["round_trips"]
     begin = trips[0]["timestamps"]["client"]["send"]
     origin, wall = begin["monotonic"], begin["wall"]
     samples: list[Sample] = [TrainBegan("irtt", 0, wall, 172, 0.05, 6, 3, 28, authenticated=False, synchronised=False)]
@@ -117,6 +252,6 @@ def _samples_of_irtt(told: dict[str, Any]) -> list[Sample]:
             received, replied = server["receive"]["wall"], server["send"]["wall"]
             samples.append(ReplyReceived("irtt", trip["seqno"], at, numbers, received, replied, 172, 64, 1))
             numbers += 1
-    samples.append(ReflectorCounted("irtt", told["stats"]["server_packets_received"], 0, 0, numbers))
+    samples.append(ReflectorCounted("irtt", written["stats"]["server_packets_received"], 0, 0, numbers))
     samples.append(StreamEnded("irtt", 60_000_000_000, "done"))
     return samples

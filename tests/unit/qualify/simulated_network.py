@@ -44,6 +44,8 @@ class SimulatedNetwork:
     truth_up_ns: list[int] = field(default_factory=list)
     """Delay of each packet that arrived at the far end, in the order of sending."""
     truth_down_ns: list[int] = field(default_factory=list)
+    truth_replied_ns: list[int] = field(default_factory=list)
+    """When each of these left the far end."""
     delivered_bytes: int = 0
     longest_reply_over_request: int = 0
     _due: list[tuple[int, int, bool, bytes]] = field(default_factory=list)
@@ -68,11 +70,24 @@ class SimulatedNetwork:
             arrival = max(self.now, round(arrival_s * SECOND))
             if not copy:
                 truth.append(arrival - self.now)
+                if not up:
+                    self.truth_replied_ns.append(self.now)
             self._count += 1
             heapq.heappush(self._due, (arrival, self._count, up, datagram))
 
+    def _far_sends(self) -> int | None:
+        """When the reflector sends the next chunk that was requested, on our clock."""
+        due = self.reflector.due_ns()
+        return None if due is None else max(self.now, round((due - START - self.skew_ns) / (1 + self.drift)) + 1)
+
     def receive(self, until_ns: int) -> Arrival | None:
-        while self._due and self._due[0][0] <= until_ns:
+        while (at := self._next()) is not None and at <= until_ns:
+            if at == self._far_sends():
+                self._pass(at)
+                requested = self.reflector.requested_chunk(self.far_ns)
+                if requested is not None:
+                    self._carry(requested[0], up=False)
+                continue
             at, _, up, datagram = heapq.heappop(self._due)
             self._pass(at)
             if not up:
@@ -83,8 +98,19 @@ class SimulatedNetwork:
                 self.now += self.residence_ns
                 self.longest_reply_over_request = max(self.longest_reply_over_request, len(reply) - len(datagram))
                 self._carry(reply, up=False)
-        self._pass(until_ns)
+        if until_ns < 1 << 62:
+            self._pass(until_ns)
         return None
+
+    def _next(self) -> int | None:
+        times = [self._due[0][0]] if self._due else []
+        far = self._far_sends()
+        return min(times if far is None else [far, *times], default=None)
+
+    def drain(self) -> None:
+        """Let everything arrive that is under way: an interface counts it, also where nobody listens any more."""
+        while self._next() is not None:
+            self.receive(1 << 62)
 
     def _answer(self, datagram: bytes) -> bytes | None:
         received = self.far_ns()

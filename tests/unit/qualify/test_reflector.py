@@ -117,6 +117,26 @@ def test_a_recorded_session_is_not_played_again_when_it_is_forgotten(far: FarEnd
     assert far.ask(0, session=5) is not None, "a new session may bear its name"
 
 
+def test_another_session_may_draw_the_same_identifier(far: FarEnd) -> None:
+    """Of 65,535 identifiers a run of 60 streams draws one twice in 37 runs: a whole stream would be silent."""
+    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
+    assert all(far.raw(packet) for packet in recorded)
+    far.now += 5 * SECOND
+    again = [far.ask(n, session=5) for n in range(3)]
+    assert [reply.sequence for reply in again if reply is not None] == [0, 1, 2], "it counts from the beginning"
+    assert far.counters(3).received == 3
+    assert [far.raw(packet) for packet in recorded] == [None] * 9, "what was answered before is not once more"
+
+
+def test_a_recording_does_not_slip_into_the_next_session_of_its_identifier(far: FarEnd) -> None:
+    recorded = [SenderPacket(n, ntp(START + n), 1, 5).encode(KEY) for n in range(9)]
+    assert all(far.raw(packet) for packet in recorded)
+    far.now += LAST + SECOND
+    assert far.ask(0, session=6) is not None, "the first is forgotten"
+    assert far.ask(0, session=5) is not None
+    assert [far.raw(packet) for packet in recorded] == [None] * 9, "also those with a number that is new"
+
+
 def test_reordered_packets_are_answered(far: FarEnd) -> None:
     assert all(far.ask(sequence) for sequence in (0, 5, 3, 1, 4, 2))
 

@@ -1,4 +1,9 @@
-"""The traps of facts/devices.md, section 9, and others: each is a way to a figure that is not true."""
+"""The traps of facts/devices.md, section 9, and others: each is a way to a figure that is not true.
+
+Elsewhere: delays one way need two clocks (test_figures), `lost` of irtt is a word (test_qualify_beside), what a run
+costs is known before it (test_messages, test_messages_down), no kernel's netem is needed (test_udp_link), and an image
+is lost with each of its packets (test_messages). The bytes of DDS belong to `provision fit`.
+"""
 
 from __future__ import annotations
 
@@ -99,6 +104,28 @@ def test_what_is_under_way_at_the_end_is_not_lost() -> None:
     assert loss.lost <= net.up.lost
 
 
+def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
+    """iperf3 (c): 600 kbit/s into 352 lose 38 %, of which 1 % is the link's. The idle train tells that one."""
+    up = LinkShape(rate_bps=352_000, delay_s=0.28, loss=0.01, queue_bytes=16_000)
+    idle, full = network(up, DOWN, 6), network(up, DOWN, 7)
+    _, calm = run_train(idle, TrainPlan(484, 0.05, 100))
+    _, loaded = run_train(full, TrainPlan(484, 512 * 8 / 600_000, 20))
+    quiet, crowded = (train_figures(samples, "train").loss for samples in (calm, loaded))
+    assert quiet.lost == idle.up.lost > 0
+    assert quiet.share == pytest.approx(0.01, abs=0.008)
+    assert crowded.share == pytest.approx(1 - 352 / 600, abs=0.04)
+    assert full.up.lost < crowded.lost / 20
+
+
+def test_goodput_is_not_a_congestion_controls() -> None:
+    """iperf3 (e): what a TCP reports depends on its algorithm, and on what loss means to it. Messages have none."""
+    for loss in (0.0, 0.1):
+        net = network(LinkShape(rate_bps=352_000, delay_s=0.28, loss=loss), DOWN, 8)
+        figures = _messages(net, MessagePlan(200_000, 0.05, 100, pace_bps=350_000, give_up_s=200))
+        carries = 350_000 * 1048 / (1200 + HEADERS)
+        assert figures.busy_bps == pytest.approx(carries * (1 - loss), rel=tolerances()["goodput_share"])
+
+
 def test_late_is_not_lost() -> None:
     net = network(LinkShape(delay_s=0.1, reordered=0.1, reorder_s=4.0), LinkShape(delay_s=0.1))
     _, samples = run_train(net, TrainPlan(172, 0.25, 100, timeout_s=3))
@@ -172,6 +199,27 @@ def test_what_the_reflector_refuses_for_its_rate_is_no_loss_of_the_link() -> Non
     words = {j.criterion: j for j in judge(figures, profile("lte"))}
     assert words["FLR up"].verdict is Verdict.INCONCLUSIVE
     assert "the reflector refused" in words["FLR up"].reason
+
+
+def test_identifiers_that_are_drawn_twice_mix_nothing() -> None:
+    net, recording, peer = network(LinkShape(delay_s=0.1), LinkShape(delay_s=0.1)), Recording(), ReflectorPeer(KEY)
+    plan = TrainPlan(172, 0.25, 20)
+    for names in (("a", "b"), ("c",)):
+        streams = [Train(name, plan, peer, net, recording.write, session_id=7) for name in names]
+        assert run(net, peer, streams, unlimited(net)) == "done"
+    losses = [train_figures(recording.samples, name).loss for name in "abc"]
+    assert [(loss.received, loss.up, loss.down, loss.why) for loss in losses] == [
+        (80, 0, 0, "by the reflector's count")
+    ] * 3
+
+
+def test_what_the_reflector_may_send_does_not_bound_what_it_takes() -> None:
+    """Chunks that want no answer are not refused for a rate of answers: they would look like a slow link, and loss."""
+    net = network(SLOW_UP, DOWN)
+    net.reflector = Reflector(KEY, rate_bps=50_000)
+    figures = _messages(net, MessagePlan(60_000, 0.2, 100, pace_bps=1e6))
+    assert (figures.received, figures.lost) == (20, 0)
+    assert figures.busy_bps == pytest.approx(352_000 * 1048 / (1200 + HEADERS), rel=tolerances()["goodput_share"])
 
 
 @pytest.mark.parametrize(("seconds", "verdict"), [(60, Verdict.INCONCLUSIVE), (120, Verdict.FAIL)])
