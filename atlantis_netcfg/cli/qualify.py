@@ -50,9 +50,9 @@ QUALIFY = CommandSpec(
         JSON,
     ),
     details=(
-        "The site's traffic is not moved: for this computer's test packets alone the router gets a routing rule and rows "
-        "that count, under safe mode, and they are removed again. Exit code 0: every criterion passed, and the router's "
-        "counters prove the link; 6: one failed or is not proved; 7: nothing was sent."
+        "The site's traffic is not moved: for this computer's test packets alone the router gets a routing rule and "
+        "rows that count, under safe mode, and they are removed again. Exit code 0: every criterion passed, and the "
+        "router's counters prove the link; 6: one failed or is not proved; 7: nothing was sent."
     ),
     changes=True,
     again="type the same again: rows that it has added go with its session, by the safe mode of the router",
@@ -244,7 +244,7 @@ def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection
 
 
 def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
-    """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused beyond the cap."""
+    """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
     from atlantis_netcfg.bearers.cost import preview
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.costs import link_of

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration.model import Bearer
-    from atlantis_netcfg.operations.qualify.way import TestFlow
+    from atlantis_netcfg.operations.qualify.way import MeasuredFlow
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
 NOT_REHEARSED = (
@@ -52,7 +52,7 @@ class EmulatedLink:
         with UdpTransport(self.relay.address, source="127.0.0.1") as opened:
             yield opened
 
-    def tell(self, router: str, flow: TestFlow) -> list[str]:
+    def tell(self, router: str, flow: MeasuredFlow) -> list[str]:
         """Tell the router what was carried; what has to be said of it."""
         up, down = self.relay.up, self.relay.down
         came = down.sent - down.lost - down.dropped - down.in_gaps + down.copies
@@ -88,7 +88,7 @@ def _reflector(folder: Path, key: bytes) -> Iterator[int]:
     write_private(folder / "key", key)
     module = ["-P", "-m", "atlantis_netcfg.qualify.reflector"]
     where = ["--address", "127.0.0.1", "--port", "0", "--key-file", str(folder / "key")]
-    with subprocess.Popen(
+    with subprocess.Popen(  # noqa: S603 - our own program
         [sys.executable, *module, *where], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
     ) as process:
         try:

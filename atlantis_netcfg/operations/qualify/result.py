@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from decimal import ROUND_CEILING, Decimal
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.bearers.cost import bill, size
+from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import from_home
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.search import SustainedRate
 
 _UNDER_LOAD: Final = "buffer delay"
-_REASON_WIDTH: Final = 80
+_CENT: Final = Decimal("0.01")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,8 @@ class QualifyResult:
         if run.emulated:
             yield "  emulated: these figures say nothing of a real link"
         for each in self.judged:
-            yield f"  {each.verdict.value:<12} {each.criterion:<38} {_value(each.measured, each.unit):>9} {_limit(each):>12}"
+            measured = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
+            yield f"  {each.verdict.value:<12} {each.criterion:<38} {measured}"
             if each.verdict is not Verdict.PASS and each.reason != "beyond the limit":
                 yield f"  {'':<12} {each.reason}"
         if not self.judged:
@@ -158,11 +160,5 @@ def _ended(run: MeasuredRun) -> str:
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
     why = {"done": "all was measured", "stopped": "stopped; what was measured is kept"}
     words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")
-    cost = "" if run.price is None else f", {bill_words(run, seconds)}"
+    cost = "" if run.price is None else f", {run.price.quantize(_CENT, ROUND_CEILING)} {run.currency}"
     return f"{words}: {size(run.sent_bytes)} up and {size(run.received_bytes)} down in {seconds:.0f} s{cost}"
-
-
-def bill_words(run: MeasuredRun, seconds: float) -> str:
-    """The price as a bill has it, rounded up."""
-    priced = bill(run.sent_bytes + run.received_bytes, seconds, None)
-    return f"{run.price:.2f} {run.currency}" if run.price is not None else priced.money

@@ -1,4 +1,4 @@
-"""Measure one link of a declared site: this computer sends, the site's router leads and counts, a folder keeps it all."""
+"""Measure one link of a declared site: this computer sends, the router leads and counts, a folder keeps it all."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from atlantis_netcfg.operations.costs import link_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
-from atlantis_netcfg.operations.qualify.way import TestFlow, counters, first_rows, judge_way, link_counts, rows
+from atlantis_netcfg.operations.qualify.way import MeasuredFlow, counters, first_rows, judge_way, link_counts, rows
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.judgement import QualifyProfile, profile
 from atlantis_netcfg.qualify.measured_run import (
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.transport import DatagramTransport
 
 _ALIVE_S: Final = 10.0
-"""How often the router is asked whether its session is there: with it the rows go, and packets would take another way."""
+"""How often the router is asked whether its session is there: without it the rows go, and packets stray."""
 _STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 IN_TUNNEL: Final = "the packets are inside the VPN, where the router cannot count them apart"
 
@@ -173,15 +173,15 @@ class LinkRun:
         return run, measurement
 
     @contextmanager
-    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, TestFlow]]:
+    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, MeasuredFlow]]:
         if self.emulated is not None:
             with self.emulated.transport() as transport:
                 source = str(self.declaration.sites[self.site].management.technician)
-                yield transport, TestFlow(source, transport.source[1], far, port)
+                yield transport, MeasuredFlow(source, transport.source[1], far, port)
             return
         source = source_of(self.declaration, self.site, far, port)
         with UdpTransport((far, port), source=source) as transport:
-            yield transport, TestFlow(source, transport.source[1], far, port)
+            yield transport, MeasuredFlow(source, transport.source[1], far, port)
 
     def _budget(self) -> Budget:
         limits, tariff = self.limits, link_of(self.declaration, self.site, self.bearer.name).tariff
@@ -189,7 +189,7 @@ class LinkRun:
             limits.max_bytes, limits.max_seconds, limits.max_price, tariff, closing_s=self.plan.times.timeout_s
         )
 
-    async def _led(self, router: Host, request: Request, measurement: Measurement, flow: TestFlow) -> None:
+    async def _led(self, router: Host, request: Request, measurement: Measurement, flow: MeasuredFlow) -> None:
         """Have the rows on the router while everything is sent, and read its counts before they go."""
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
@@ -236,7 +236,7 @@ class LinkRun:
     def _said(self, router: str) -> Callable[[str, int, int], None]:
         return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
 
-    def _begun(self, flow: TestFlow, now: datetime) -> MeasuredRun:
+    def _begun(self, flow: MeasuredFlow, now: datetime) -> MeasuredRun:
         name, thresholds = thresholds_of(self.bearer)
         qualify = self.declaration.pilot.qualify
         assert qualify is not None  # noqa: S101 - `far_end_of` has looked

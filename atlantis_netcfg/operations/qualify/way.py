@@ -29,7 +29,7 @@ FEW = 2
 
 
 @dataclass(frozen=True, slots=True)
-class TestFlow:
+class MeasuredFlow:
     """The test packets of a run, as the router sees them before it translates addresses."""
 
     source: str
@@ -48,14 +48,14 @@ class Counters:
     """Received and sent bytes of each port, whatever they were."""
 
 
-def rows(flow: TestFlow, link: str, ports: Sequence[str], rules: Reply, mangle: Reply) -> tuple[Command, ...]:
+def rows(flow: MeasuredFlow, link: str, ports: Sequence[str], rules: Reply, mangle: Reply) -> tuple[Command, ...]:
     """The rows that lead the flow over a link and count it on every port; ahead of all others."""
     where = (("src-address", f"{flow.source}/32"), ("dst-address", f"{flow.far}/32"), ("table", f"via-{link}"))
     rule = Command(f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_first(rules)))
     return (rule, *_counting(flow, ports, _first(mangle)))
 
 
-def _counting(flow: TestFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[Command]:
+def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[Command]:
     words = (("action", "passthrough"), ("chain", "forward"), ("comment", MARK), ("protocol", "udp"))
     for port in ports:
         up = (

@@ -83,7 +83,9 @@ def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
     return {"port": name, "passed": passed}
 
 
-def _met(core: Core, table: str, chain: str, packet: Packet, number: int, octets: int) -> PacketVerdict:
+def _met(  # noqa: PLR0913, PLR0917 - packets in a chain
+    core: Core, table: str, chain: str, packet: Packet, number: int, octets: int
+) -> PacketVerdict:
     rules: list[int] = []
     verdict = walk(core.topology, table, chain, packet, met=rules)
     for rule in rules:
