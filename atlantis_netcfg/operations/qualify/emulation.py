@@ -55,7 +55,7 @@ class EmulatedLink:
     def tell(self, router: str, flow: MeasuredFlow) -> list[str]:
         """Tell the router what was carried; what has to be said of it."""
         up, down = self.relay.up, self.relay.down
-        came = down.sent - down.lost - down.dropped - down.in_gaps + down.copies
+        arrived = down.sent - down.lost - down.dropped - down.in_gaps + down.copies
         answer = self.twins.twins.do(
             router,
             "carry",
@@ -64,7 +64,7 @@ class EmulatedLink:
             target=flow.far,
             target_port=flow.far_port,
             up=[up.sent, up.sent_bytes],
-            down=[came, down.delivered_bytes],
+            down=[arrived, down.delivered_bytes],
         )
         if answer["passed"]:
             return []

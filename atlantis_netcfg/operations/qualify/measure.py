@@ -20,7 +20,7 @@ from atlantis_netcfg.qualify.transfers import message_figures
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from atlantis_netcfg.operations.qualify.plan import Cell, QualifyPlan
+    from atlantis_netcfg.operations.qualify.plan import RateCell, QualifyPlan
     from atlantis_netcfg.qualify.budget import BudgetGuard
     from atlantis_netcfg.qualify.messages import MessagePlan
     from atlantis_netcfg.qualify.samples import Sample
@@ -115,7 +115,7 @@ class Measurement:
         return self.reason
 
     def _idle(self) -> None:
-        self._one(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
+        self._run_streams(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
 
     def _mtu(self) -> None:
         times = self.plan.times
@@ -130,17 +130,19 @@ class Measurement:
         assert self.plan.load is not None  # noqa: S101 - `measure` has looked
         idle = self.plan.idle
         beside = TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
-        self._one(Train(LOADED, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load))
+        self._run_streams(
+            Train(LOADED, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
+        )
 
-    def _cell(self, cell: Cell) -> None:
-        self._one(self._stream(cell.stream, cell.plan))
+    def _cell(self, cell: RateCell) -> None:
+        self._run_streams(self._stream(cell.stream, cell.plan))
 
     def _stream(self, name: str, plan: TrainPlan | MessagePlan) -> PacketStream:
         if isinstance(plan, TrainPlan):
             return Train(name, plan, self.peer, self.transport, self.write)
         return MessageStream(name, plan, self.peer, self.transport, self.write)
 
-    def _one(self, *streams: PacketStream) -> None:
+    def _run_streams(self, *streams: PacketStream) -> None:
         self.reason = run(self.transport, self.peer, streams, self.guard)
 
     def _search(self, size: int) -> None:
@@ -163,7 +165,7 @@ class Measurement:
 
     def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
         plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)
-        self._one(self._stream(stream, plan))
+        self._run_streams(self._stream(stream, plan))
         return message_figures(self.samples, stream) if self.reason == EndReason.DONE else None
 
 

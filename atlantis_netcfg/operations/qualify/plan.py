@@ -75,7 +75,7 @@ REHEARSED: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class RateCell:
     """A size at a rate of one of the grids."""
 
     stream: str
@@ -94,7 +94,7 @@ class QualifyPlan:
     up_bps: float
     idle: TrainPlan
     load: MessagePlan | None
-    cells: tuple[Cell, ...]
+    cells: tuple[RateCell, ...]
     left_out: int
     """Cells that the link cannot carry by its declaration."""
     sizes: tuple[int, ...]
@@ -182,22 +182,22 @@ def _load(up_bps: float, times: StageTimes) -> MessagePlan:
     return MessagePlan(round(pace / 8 / 2), 2.0, times.load_s, pace_bps=pace, give_up_s=times.give_up_s)
 
 
-def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[Cell]:
+def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]:
     if Selection.TELEMETRY in chosen:
         for octets in TELEMETRY_SIZES:
             for rate in TELEMETRY_RATES_HZ:
                 made = telemetry_plan(octets, rate, max(times.cell_s, _LEAST_MESSAGES / rate))
                 plan = TrainPlan(made.size, made.interval_s, made.duration_s, times.timeout_s)
-                yield Cell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
+                yield RateCell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
     if Selection.IMAGES in chosen:
         for image in IMAGES:
             for rate in IMAGE_RATES_HZ:
                 made_of = image_plan(image, rate, max(times.image_s, _LEAST_MESSAGES / rate))
                 messages = MessagePlan(made_of.size, rate, made_of.duration_s, give_up_s=times.give_up_s)
-                yield Cell(f"image {image.label} {rate:g}", rate, messages, image, image.octets)
+                yield RateCell(f"image {image.label} {rate:g}", rate, messages, image, image.octets)
 
 
-def _offered_bps(cell: Cell) -> float:
+def _offered_bps(cell: RateCell) -> float:
     plan = cell.plan
     if isinstance(plan, TrainPlan):
         return 8 * (plan.size + IPV4_HEADERS) * cell.rate_hz

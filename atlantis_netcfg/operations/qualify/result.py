@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.operations.qualify.plan import Cell
+    from atlantis_netcfg.operations.qualify.plan import RateCell
     from atlantis_netcfg.qualify.grids import RateRow
     from atlantis_netcfg.qualify.judgement import Judgement
     from atlantis_netcfg.qualify.measured_run import MeasuredRun
@@ -101,7 +101,7 @@ class QualifyResult:
 def result(
     run: MeasuredRun,
     samples: Sequence[Sample],
-    cells: Sequence[Cell],
+    cells: Sequence[RateCell],
     rates: Sequence[SustainedRate],
     folder: Path,
 ) -> QualifyResult:
@@ -120,7 +120,7 @@ def _train(samples: Sequence[Sample], stream: str) -> TrainFigures | None:
         return None
 
 
-def _rows(samples: Sequence[Sample], cells: Sequence[Cell], idle: TrainFigures | None) -> Iterator[RateRow]:
+def _rows(samples: Sequence[Sample], cells: Sequence[RateCell], idle: TrainFigures | None) -> Iterator[RateRow]:
     """Judge the cells that were sent; images of a size against the quickest median of their rates."""
     images = {
         cell.stream: found

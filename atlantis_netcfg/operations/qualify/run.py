@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
-    from atlantis_netcfg.operations.qualify.way import Counters
+    from atlantis_netcfg.operations.qualify.way import FlowCounts
     from atlantis_netcfg.operations.request import Request
     from atlantis_netcfg.qualify.transport import DatagramTransport
 
@@ -103,9 +103,9 @@ def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
     """What a link is held against, with the name that a person reads."""
     declared = bearer.qualify
     name = (declared.profile or bearer.kind.traits.thresholds).value
-    own = declared.model_dump(exclude={"profile"}, exclude_none=True)
-    shown = f"{name}, with its own {', '.join(own)}" if own else name
-    return shown, profile(name).model_copy(update=own)
+    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
+    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
+    return shown, profile(name).model_copy(update=changes)
 
 
 def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
@@ -140,8 +140,8 @@ class LinkRun:
     emulated: EmulatedLink | None = None
     notify: Subscriber = lambda _event: None
     stop: threading.Event = field(default_factory=threading.Event)
-    _before: Counters | None = None
-    _after: Counters | None = None
+    _before: FlowCounts | None = None
+    _after: FlowCounts | None = None
     _remarks: list[str] = field(default_factory=list)
 
     @property
@@ -158,7 +158,7 @@ class LinkRun:
             guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
             with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
                 measurement = Measurement(
-                    self.plan, ReflectorPeer(key), counted, guard, SampleWriter(file), self._said(router.name)
+                    self.plan, ReflectorPeer(key), counted, guard, SampleWriter(file), self._progress(router.name)
                 )
                 begun = self._begun(flow, datetime.now(UTC))
                 write_run(self.folder, begun)
@@ -212,8 +212,8 @@ class LinkRun:
         active = active_bearer((await session.command(read)).checked().rows, ways_of(self.declaration, router))
         if active != self.bearer.name:
             raise NothingToQualify(
-                f"the VPN goes over {active or 'an unknown link'} now, not over {self.bearer.name}",
-                hint=f"`provision use site={self.site} link={self.bearer.name}` moves it for some minutes",
+                f"the VPN goes over {active or "another link"} now, not over {self.bearer.name}",
+                hint="measure the link that carries it, or leave `over=vpn` out: then the named link carries the packets",
             )
 
     async def _send(self, session: Session, measurement: Measurement) -> None:
@@ -233,7 +233,7 @@ class LinkRun:
         bearers = {bearer.name for bearer in self.declaration.sites[self.site].bearers}
         return {port: link for port, link in ports_of(router).items() if link in bearers}
 
-    def _said(self, router: str) -> Callable[[str, int, int], None]:
+    def _progress(self, router: str) -> Callable[[str, int, int], None]:
         return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
 
     def _begun(self, flow: MeasuredFlow, now: datetime) -> MeasuredRun:

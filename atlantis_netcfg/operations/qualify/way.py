@@ -39,7 +39,7 @@ class MeasuredFlow:
 
 
 @dataclass(frozen=True, slots=True)
-class Counters:
+class FlowCounts:
     """What a router has counted since the rows were made; packets and bytes by port and direction."""
 
     up: Mapping[str, tuple[int, int]]
@@ -88,7 +88,7 @@ async def first_rows(session: Session) -> tuple[Reply, Reply]:
     return rules, mangle
 
 
-async def counters(session: Session) -> Counters:
+async def counters(session: Session) -> FlowCounts:
     """Read the counting rows and the ports. Raises Refused, DeviceFailed where a row tells no count."""
     rule = Command(
         f"{_MANGLE}/print", ((".proplist", "in-interface,out-interface,packets,bytes"),), (f"?comment={MARK}",)
@@ -109,15 +109,15 @@ async def counters(session: Session) -> Counters:
         for row in ports.checked().rows
         if row.get("rx-byte", "").isdecimal() and row.get("tx-byte", "").isdecimal()
     }
-    return Counters(up, down, read)
+    return FlowCounts(up, down, read)
 
 
-def link_counts(links: Mapping[str, str], before: Counters, after: Counters | None) -> tuple[LinkCount, ...]:
+def link_counts(links: Mapping[str, str], before: FlowCounts, after: FlowCounts | None) -> tuple[LinkCount, ...]:
     """What was counted on each link of the site; `links`: port to link. `after` None: the router was not read again."""
     return tuple(_count(link, port, before, after) for port, link in links.items())
 
 
-def _count(link: str, port: str, before: Counters, after: Counters | None) -> LinkCount:
+def _count(link: str, port: str, before: FlowCounts, after: FlowCounts | None) -> LinkCount:
     if after is None:
         return LinkCount(link=link)
     up, down = after.up.get(port, (None, None)), after.down.get(port, (None, None))
@@ -133,7 +133,7 @@ def _count(link: str, port: str, before: Counters, after: Counters | None) -> Li
     )
 
 
-def _risen(before: Counters, after: Counters, port: str) -> tuple[int | None, int | None]:
+def _risen(before: FlowCounts, after: FlowCounts, port: str) -> tuple[int | None, int | None]:
     if port not in before.ports or port not in after.ports:
         return None, None
     rx, tx = (now - then for then, now in zip(before.ports[port], after.ports[port], strict=True))
@@ -145,14 +145,14 @@ def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, 
 
     `sent` and `received` are this computer's packets, `lost` how many of them may be lost on the way at most.
     """
-    own = next((count for count in counts if count.link == link), None)
-    if own is None or own.test_packets_up is None or own.test_packets_down is None:
+    meant = next((count for count in counts if count.link == link), None)
+    if meant is None or meant.test_packets_up is None or meant.test_packets_down is None:
         return Verdict.INCONCLUSIVE, "the router has not told what it counted"
     for other in counts:
         strayed = (other.test_packets_up or 0) + (other.test_packets_down or 0)
         if other.link != link and strayed:
             return Verdict.FAIL, f"{strayed} test packets went over {other.link}"
-    up, down = own.test_packets_up, own.test_packets_down
+    up, down = meant.test_packets_up, meant.test_packets_down
     counted = f"the router counted {up} packets up and {down} down over {link}"
     if not up and received:
         return Verdict.FAIL, f"none of {sent} packets went over {link}, and {received} answers came by another way"

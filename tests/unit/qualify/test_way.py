@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.core.errors import DeviceFailed
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations.allow_list_test.prove import MARK
-from atlantis_netcfg.operations.qualify.way import Counters, MeasuredFlow, counters, judge_way, link_counts, rows
+from atlantis_netcfg.operations.qualify.way import FlowCounts, MeasuredFlow, counters, judge_way, link_counts, rows
 from atlantis_netcfg.qualify.measured_run import LinkCount
 from atlantis_netcfg.routeros.api import Command, Reply
 
@@ -37,7 +37,7 @@ class CountingRouter:
         return [Reply(rows=tuple(self.counted)), Reply(rows=tuple(self.ports))]
 
 
-def read(router: CountingRouter) -> Counters:
+def read(router: CountingRouter) -> FlowCounts:
     return asyncio.run(counters(cast("Session", router)))
 
 
