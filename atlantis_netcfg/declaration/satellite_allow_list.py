@@ -1,9 +1,10 @@
 """What may pass over a satellite link: derived from the declaration, plus what a person adds.
 
 Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
-satellite needs both: TLS refuses certificates while the clock is wrong. So is the far end of measurements. The declaration names no DNS servers (the
-router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived. `allow` of the bearer holds additions.
-Canaries of a satellite pass as well: the router's own pings to them, and nothing of the LAN.
+satellite needs both: TLS refuses certificates while the clock is wrong. So is the far end of measurements. The
+declaration names no DNS servers (the router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived.
+`allow` of the bearer holds additions. Canaries of a satellite pass as well: the router's own pings to them, and nothing
+of the LAN.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from atlantis_netcfg.qualify.transfers import message_figures
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from atlantis_netcfg.operations.qualify.plan import RateCell, QualifyPlan
+    from atlantis_netcfg.operations.qualify.plan import QualifyPlan, RateCell
     from atlantis_netcfg.qualify.budget import BudgetGuard
     from atlantis_netcfg.qualify.messages import MessagePlan
     from atlantis_netcfg.qualify.samples import Sample

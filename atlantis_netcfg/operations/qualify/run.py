@@ -212,8 +212,8 @@ class LinkRun:
         active = active_bearer((await session.command(read)).checked().rows, ways_of(self.declaration, router))
         if active != self.bearer.name:
             raise NothingToQualify(
-                f"the VPN goes over {active or "another link"} now, not over {self.bearer.name}",
-                hint="measure the link that carries it, or leave `over=vpn` out: then the named link carries the packets",
+                f"the VPN goes over {active or 'another link'} now, not over {self.bearer.name}",
+                hint="measure the link that carries it, or leave `over=vpn` out",
             )
 
     async def _send(self, session: Session, measurement: Measurement) -> None:

@@ -116,8 +116,8 @@ def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_inpu
             path.parent.mkdir(exist_ok=True)
             path.write_text(file.content)
     command = [sys.executable, "-s", "-B", "-m", "reflector", "--port", "0", "--key-file", "-", "--address", HERE]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as program:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, text=True, stdin=pipe, stdout=pipe) as program:
         assert program.stdin is not None
         assert program.stdout is not None
         program.stdin.write("a key of 16 octets, and more\n")
