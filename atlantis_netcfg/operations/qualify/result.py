@@ -160,5 +160,8 @@ def _ended(run: MeasuredRun) -> str:
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
     why = {"done": "all was measured", "stopped": "stopped; what was measured is kept"}
     words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")
-    cost = "" if run.price is None else f", {run.price.quantize(_CENT, ROUND_CEILING)} {run.currency}"
+    cost = ""
+    if run.price is not None:
+        would = "a real link would have cost " if run.emulated else ""
+        cost = f", {would}{run.price.quantize(_CENT, ROUND_CEILING)} {run.currency}"
     return f"{words}: {size(run.sent_bytes)} up and {size(run.received_bytes)} down in {seconds:.0f} s{cost}"
