@@ -1,18 +1,14 @@
 """A link whose truth is known: rate, delay, jitter, loss, copies, order, gaps, queue and MTU of each direction.
 
 `LinkModel` is pure: it is given a packet's size and the time, and says when it arrives. `UdpRelay` puts two of them
-between a client and a server of the loopback; the relays of emulated devices ask `carry`. The same seed gives the same
-fate to the same packets. Sizes count IPv4 and UDP headers.
+between a client and a server of the loopback; `tcp_link` is for the relays of emulated devices. The same seed gives the
+same fate to the same packets. Sizes count IPv4 and UDP headers.
 
 The model of a direction: what is longer than the MTU, or finds no room in the queue, is dropped; the rest is sent at
 the rate, lost at random after that, and arrives after the delay and a half-normal jitter, in order. A reordered packet
 is delayed once more, and holds up no other. In a gap everything that was sent is lost. Delays may be those that were
 measured (`delays_s`), and gaps drawn from lengths that were (`gaps`). Not modelled: a rate that changes, loss in
 bursts shorter than a gap.
-
-A relay of TCP cannot lose octets that it has taken. There a segment that the link loses, at random or in a gap, is sent
-again after a timeout that doubles each time, and what is behind it waits: the stall that TCP makes of loss. Not
-modelled: fast retransmission, and a congestion window that shrinks.
 """
 
 from __future__ import annotations
@@ -34,16 +30,9 @@ _LONGEST: Final = 65536
 _WAIT_S: Final = 0.05
 _RETRIES: Final = 15
 """How often TCP sends a segment again before it gives up (Linux: tcp_retries2); here it arrives then."""
-_LEAST_TIMEOUT_S: Final = 0.2
-"""Linux; RFC 6298 has a second."""
 _LONGEST_TIMEOUT_S: Final = 60.0
 _APART_S: Final = 2.0
 """Between two gaps that are drawn, where there is room: two that touch would be one."""
-
-
-def retransmission_s(rtt_s: float) -> float:
-    """TCP's first timeout: about twice the round trip, which is what its variation adds (RFC 6298)."""
-    return max(_LEAST_TIMEOUT_S, 2 * rtt_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +63,7 @@ class LinkShape:
     """Begin and end after the model was made: what is sent in between is lost."""
     mtu: int | None = None
     delays_s: tuple[float, ...] = ()
-    """Instead of `delay_s` and `jitter_s`: delays, each as likely as every other; none is drawn again before all are."""
+    """Instead of `delay_s` and `jitter_s`: delays, each as likely as every other; none comes again before all have."""
     hold_s: float = 0.0
     """So long each of them holds, for whatever is sent meanwhile."""
     gaps: tuple[DrawnGap, ...] = ()
@@ -140,7 +129,7 @@ class LinkModel:
         return times
 
     def carry(self, size: int, now: float, timeout_s: float) -> float:
-        """When a segment of TCP has arrived: what is lost is sent again, and then counts as lost here."""
+        """When a segment of TCP has arrived: what is lost is sent again after a timeout that doubles each time."""
         self.sent += 1
         self.sent_bytes += size
         leaves = self._serialised(size, now)
@@ -152,8 +141,7 @@ class LinkModel:
             leaves += timeout_s
             timeout_s = min(2 * timeout_s, _LONGEST_TIMEOUT_S)
         self.delivered_bytes += size
-        self._latest = max(leaves + self._delay(leaves), self._latest)
-        return self._latest
+        return leaves + self._delay(leaves)
 
     def _happens(self, what: str, share: float, *, in_gap: bool) -> bool:
         if not self.shape.even:

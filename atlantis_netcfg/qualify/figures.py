@@ -129,6 +129,7 @@ class AnsweredPacket:
 
     @property
     def rtt(self) -> int:
+        """In nanoseconds, less the time at the reflector."""
         return self.arrived - self.sent - (self.replied - self.received)
 
 

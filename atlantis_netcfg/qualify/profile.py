@@ -164,9 +164,7 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
         up=_direction(
             up, late_up, loss_up, (counted.duplicates if counted else 0) / len(pairs), rate_up, run.path_mtu_up
         ),
-        down=_direction(
-            down, late_down, loss_down, (replies - len(pairs)) / len(pairs), rate_down, run.path_mtu_both
-        ),
+        down=_direction(down, late_down, loss_down, (replies - len(pairs)) / len(pairs), rate_down, run.path_mtu_both),
         gaps=gaps,
     )
 
@@ -239,9 +237,7 @@ def _losses(silences: Sequence[_Silence], answered: int) -> tuple[float, float]:
     return (lost - down) / (answered + lost), down / (answered + down)
 
 
-def _delays(
-    begin: TrainBegan, pairs: Sequence[AnsweredPacket]
-) -> tuple[dict[int, float], dict[int, float], str]:
+def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[int, float], dict[int, float], str]:
     """Give each answered packet's delay up and down by its number, and how the round trip was split."""
     up = [(pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) / _SECOND for pair in pairs]
     down = [(pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) / _SECOND for pair in pairs]
