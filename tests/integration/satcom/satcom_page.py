@@ -24,16 +24,34 @@ _DASHES = ("", "6 3", "2 3", "8 3 2 3")
 Series = tuple[str, list[tuple[float, float]]]
 
 
+_HEAD = """\
+# Satellite tests over an emulated link
+
+<!-- Written by `make satcom`: run it again in place of editing. -->
+
+**Everything on this page is emulated.** No satellite carried a byte of it. Real are OpenVPN with the product's own
+files, Cyclone DDS with the profile of `provision dds`, and test packets of `provision qualify`; the link is a relay.
+Measured on {day} by `make satcom`, on a computer with other work.
+"""
+_IMAGES = """\
+Random octets, as many as a JPEG of that size and quality may have. Nothing is sent again: an image of which one
+fragment is lost is lost, so where packets are lost, large images seldom arrive whole, at any rate.
+"""
+_AGAIN = """\
+`make satcom ARGS='--cell-s 60 --write'` needs root and two hours; without `--write` it prints this page. With
+`--profile FOLDER` the link is a run that `provision qualify` measured, [replayed](qualify.md#replay). CI sends one size
+at one rate of each table (`tests/integration/satcom`).
+"""
+_ASSUMED = """\
+Assumed of a Certus link, not measured on one. Not in it: gaps (real ones last up to 70 s), loss in bursts, a rate that
+changes, and the satellite's own priorities.
+"""
+
+
 def page(done: Campaign) -> list[str]:
     """Give the page, line by line."""
     return [
-        "# Satellite tests over an emulated link",
-        "",
-        "<!-- Written by `make satcom`: run it again in place of editing. -->",
-        "",
-        "**Everything on this page is emulated.** No satellite carried a byte of it. Real are OpenVPN with the product's",
-        "own files, Cyclone DDS with the profile of `provision dds`, and the test packets of `provision qualify`; the link",
-        f"is a relay. Measured on {done.at:%Y-%m-%d} by `make satcom`.",
+        *_HEAD.format(day=f"{done.at:%Y-%m-%d}").splitlines(),
         "",
         *_assumptions(done),
         "",
@@ -54,8 +72,7 @@ def page(done: Campaign) -> list[str]:
         "",
         "## Images (Table 34)",
         "",
-        "Random octets, as many as a JPEG of that size and quality may have. Nothing is sent again: an image of which one",
-        "fragment is lost is lost, so at 1 % loss large images seldom arrive whole, at any rate.",
+        *_IMAGES.splitlines(),
         "",
         *_packets(done, "image"),
         "",
@@ -65,9 +82,7 @@ def page(done: Campaign) -> list[str]:
         "",
         "## How to make it again",
         "",
-        "`make satcom ARGS='--cell-s 60 --write'` needs root and two hours; without `--write` it prints this page. With",
-        "`--profile RUN` the link is a run that `provision qualify` measured, [replayed](qualify.md#replay). CI sends one",
-        "size at one rate of each table (`tests/integration/satcom`).",
+        *_AGAIN.splitlines(),
     ]
 
 
@@ -93,8 +108,7 @@ def _assumptions(done: Campaign) -> list[str]:
         "|---|---|---|---|---|---|",
         *(f"| {name} | {_shape(shape)} |" for name, shape in (("up", up), ("down", down))),
         "",
-        "Assumed of a Certus link, not measured on one. Not in it: gaps (real ones last up to 70 s), loss in bursts, a rate",
-        "that changes, and the satellite's own priorities.",
+        *_ASSUMED.splitlines(),
     ]
 
 
@@ -117,8 +131,7 @@ def _idle(done: Campaign) -> list[str]:
         + " | ".join(f"{value * 1000:.0f} ms" for value in (rtt.min, rtt.p50, rtt.p90, rtt.p95, rtt.p99, rtt.max))
         + f" | {loss.lost}{ways} |",
         "",
-        f"On the gateway's port the whole campaign came to {done.up_bytes / 1e6:.1f} MB up and "
-        f"{done.down_bytes / 1e6:.1f} MB down.",
+        f"In all {done.up_bytes / 1e6:.1f} MB left by the gateway's port, and {done.down_bytes / 1e6:.1f} MB came.",
     ]
 
 
@@ -182,7 +195,7 @@ def _chart(path: Path, title: str, across: str, along: str, series: Sequence[Ser
     )
     ET.SubElement(root, "title").text = f"{title} (emulated link)"
     ET.SubElement(root, "rect", {"width": str(_WIDTH), "height": str(_HEIGHT), "fill": "#ffffff"})
-    _text(root, _LEFT, 22, f"{title}: EMULATED link", anchor="start", size=15)
+    _text(root, _LEFT, 22, f"{title}: EMULATED link", anchor="start")
 
     def place(x: float, y: float) -> tuple[float, float]:
         right = _LEFT + (x - low) / ((high - low) or 1) * (_WIDTH - _LEFT - _RIGHT)
@@ -208,8 +221,8 @@ def _chart(path: Path, title: str, across: str, along: str, series: Sequence[Ser
     path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
 
 
-def _text(root: ET.Element, x: float, y: float, text: str, *, anchor: str = "middle", size: int = 12) -> None:
-    style = {"font-family": "sans-serif", "font-size": str(size), "text-anchor": anchor, "fill": "#222222"}
+def _text(root: ET.Element, x: float, y: float, text: str, *, anchor: str = "middle") -> None:
+    style = {"font-family": "sans-serif", "font-size": "12", "text-anchor": anchor, "fill": "#222222"}
     ET.SubElement(root, "text", {"x": f"{x:.1f}", "y": f"{y:.1f}", **style}).text = text
 
 

@@ -115,12 +115,13 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 @contextmanager
-def vpn(
+def vpn(  # noqa: PLR0913 - each is a choice of a test's
     declaration: Declaration,
     wishes: Sequence[EnrolmentRequest],
     folder: Path,
     slow: Sequence[str] = (),
     before: Callable[[Vpn], None] = lambda _made: None,
+    *,
     shapes: tuple[LinkShape, ...] = SATELLITE,
 ) -> Iterator[Vpn]:
     """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` of these shapes.

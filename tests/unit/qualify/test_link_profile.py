@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.figures import TrainFigures
     from atlantis_netcfg.qualify.profile import LinkProfile
 
-PLAN = TrainPlan(172, 0.25, 600)
+PLAN = TrainPlan(172, 0.5, 600)
 CERTUS_UP = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01)
 CERTUS_DOWN = LinkShape(704_000, 0.28, jitter_s=0.03, loss=0.01)
 ONE_GAP = ((100.0, 170.0), (300.0, 303.0), (400.0, 408.0))
@@ -90,7 +90,7 @@ def agree(recorded: TrainFigures, again: TrainFigures) -> None:
     assert again.gaps.beyond_1_s == pytest.approx(recorded.gaps.beyond_1_s, rel=share)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.campaign) for seed in range(2, 12))])
 def test_a_replay_agrees_with_the_recording_of_a_satellite(seed: int) -> None:
     up = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01, gaps_s=ONE_GAP)
     down = LinkShape(704_000, 0.28, jitter_s=0.05, loss=0.02, gaps_s=ONE_GAP)
@@ -119,7 +119,7 @@ def test_a_replay_agrees_with_the_recording_of_a_4g_link() -> None:
     again = train_figures(measure(replay(profile)).samples, "idle")
     agree(recorded, again)
     assert recorded.reordered_up == pytest.approx(0.02, abs=0.01)
-    assert again.reordered_up == pytest.approx(recorded.reordered_up, abs=1.01 / 2400)
+    assert again.reordered_up == pytest.approx(recorded.reordered_up, abs=1.01 / 1200)
     assert again.loss.copies_down == pytest.approx(recorded.loss.copies_down, abs=1)
 
 
