@@ -41,7 +41,7 @@ class Replay:
 
     @property
     def words(self) -> str:
-        """What a person reads who rehearses over it."""
+        """What a person reads before a rehearsal over it."""
         profile = self.profile
         rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
         emulated = ", itself a rehearsal" if profile.emulated else ""
@@ -50,6 +50,12 @@ class Replay:
             f"{rtt_ms:.0f} ms, loss {100 * profile.up.loss:.1f} % up and {100 * profile.down.loss:.1f} % down, "
             f"{len(profile.gaps)} gaps in {profile.recorded_s:.0f} s"
         )
+
+    @property
+    def not_rehearsed(self) -> str:
+        """What a report says of it."""
+        emulated = ", which was a rehearsal itself" if self.profile.emulated else ""
+        return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{emulated}"
 
     def refuse_elsewhere(self, declaration: Declaration, sites: Collection[str]) -> None:
         """Raise UsageError where no site has such a link: the rehearsal would be one of the declared links."""

@@ -139,7 +139,7 @@ def rehearsal(
             radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
         routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
-        replayed = () if replay is None else (replay.words,)
+        replayed = () if replay is None else (replay.not_rehearsed,)
         untold = (*replayed, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
         yield Rehearsal(targets, untold, twins, units, computers, replay)
 

@@ -115,3 +115,5 @@ def test_the_words_say_that_it_is_a_replay_and_of_what() -> None:
         "Replay: link satellite is as run satellite-20261126T022248Z at coastal measured it: 620 ms, "
         "loss 1.2 % up and 0.0 % down, 2 gaps in 120 s"
     )
+    reported = Replay(_profile(), "it").not_rehearsed
+    assert reported == "link satellite as it is today: it was a replay of run satellite-20261126T022248Z"
