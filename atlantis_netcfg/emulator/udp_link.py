@@ -93,7 +93,7 @@ class LinkModel:
     _latest: float = field(default=0.0, init=False)
     _spread: dict[str, _EvenShare] = field(default_factory=dict, init=False)
     _deck: list[float] = field(default_factory=list, init=False)
-    _held: tuple[float, float] | None = field(default=None, init=False)
+    _drawn: tuple[float, float] | None = field(default=None, init=False)
     """The delay that was drawn, and when."""
     _cycle: tuple[int, tuple[tuple[float, float], ...]] = field(default=(-1, ()), init=False)
 
@@ -154,12 +154,12 @@ class LinkModel:
         shape = self.shape
         if not shape.delays_s:
             return shape.delay_s + (abs(self.random.gauss(0.0, shape.jitter_s)) if shape.jitter_s else 0.0)
-        if self._held is None or now - self._held[1] >= shape.hold_s:
+        if self._drawn is None or now - self._drawn[1] >= shape.hold_s:
             if not self._deck:
                 self._deck = list(shape.delays_s)
                 self.random.shuffle(self._deck)
-            self._held = self._deck.pop(), now
-        return self._held[0]
+            self._drawn = self._deck.pop(), now
+        return self._drawn[0]
 
     def _in_gap(self, now: float) -> bool:
         shape = self.shape

@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 VERSION: Final = 1
 PROFILE_FILE: Final = "profile.json"
 IDLE: Final = "idle"
+_LOAD_DOWN: Final = "load down"
+"""The one stream of messages that the far end sends; all others go up."""
 _LEAST_GAP_S: Final = 1.0
 _LEAST_GAP_PACKETS: Final = 3
 _MOST_DELAYS: Final = 1000
@@ -297,10 +299,12 @@ def _thinned(ordered: Sequence[float]) -> Sequence[float]:
 
 
 def _rates(samples: Sequence[Sample], headers: int) -> tuple[float | None, float | None]:
-    """Give the rates at which messages arrived, as they went over the wire: up and down."""
+    """Give the highest rates at which messages arrived, as they went over the wire: up and down."""
     names = dict.fromkeys(sample.stream for sample in samples if isinstance(sample, MessageEnded))
-    up = [rate for name in names if name != "load down" if (rate := _rate(samples, name, headers)) is not None]
-    return max(up, default=None), _rate(samples, "load down", headers) if "load down" in names else None
+    rates = {name: rate for name in names if (rate := _rate(samples, name, headers)) is not None}
+    down = [rate for name, rate in rates.items() if name == _LOAD_DOWN]
+    up = [rate for name, rate in rates.items() if name != _LOAD_DOWN]
+    return max(up, default=None), max(down, default=None)
 
 
 def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
