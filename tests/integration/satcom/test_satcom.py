@@ -13,6 +13,9 @@ if find_spec("cyclonedds") is None:
 from satcom_campaign import CERTUS, campaign, cells
 from satcom_page import page
 
+from atlantis_netcfg.operations.link_shapes import replayed
+from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -45,3 +48,24 @@ def test_the_full_grids_are_those_of_the_tables() -> None:
     assert len(grid) == 3 * 4 + 6 * 4
     assert len({cell.stream for cell in grid}) == len(grid)
     assert all(cell.messages >= 5 for cell in grid)
+
+
+@pytest.mark.campaign
+def test_the_vpn_and_dds_over_a_replayed_run(tmp_path: Path) -> None:
+    """A measured run takes the link's place: its least delay and its loss are what tunnel and samples meet."""
+    steps = tuple(0.2 + n / 1000 for n in range(50))
+    way = DirectionProfile(
+        delays_s=steps, loss=0.1, duplicates=0.0, reordered=0.0, reorder_s=0.0, rate_bps=1_000_000, mtu=None
+    )
+    profile = LinkProfile(
+        run="4g-1", site="coastal", link="4g", kind="lte", emulated=True, recorded_s=600, interval_s=0.1,
+        packet_octets=200, packets=50, split="", up=way, down=way, gaps=(),
+    )  # fmt: skip
+    grid = cells(5.0, shortened=True)
+    done = campaign(tmp_path, grid, cell_s=5.0, idle_s=20.0, shapes=replayed(profile, None, None), link=profile.run)
+    assert done.idle.rtt is not None
+    assert 0.4 <= done.idle.rtt.min < 0.45
+    assert done.idle.rtt.p50 == pytest.approx(0.449, rel=0.05), "the medians of both ways"
+    assert done.idle.loss.share == pytest.approx(0.19, abs=0.05), "a tenth each way"
+    assert min(delay for row in done.dds for delay in row.delays_s) >= 0.2
+    assert "The link is run `4g-1`, replayed" in "\n".join(page(done))
