@@ -13,7 +13,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 # Container images like to set it; then each of the thousands of processes of a test run would compile our modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help rehearse test quick lint docs pictures campaign test-arm64 bench clean
+.PHONY: help rehearse test quick lint docs pictures campaign satcom test-arm64 bench clean
 
 help: ## list the targets
 	@echo "make TARGET, where TARGET is one of:"
@@ -48,6 +48,10 @@ campaign: ## run the long tests: every cut point, every kill point, many seeds
 	@tools/develop system
 	@tools/strangers
 	python -P -m pytest -n auto --dist worksteal -m campaign --timeout 0 $(ARGS)
+
+satcom: ## the satellite tests of the report over an emulated link, as root (ARGS='--cell-s 60 --write'; --help)
+	@tools/develop system
+	PYTHONPATH=.:tests/integration/vpn:tests/integration/dds:tests/integration/satcom python -P -m satcom_campaign $(ARGS)
 
 test-arm64: ## boot a gateway's card on the gateways' processor, emulated; once per release, takes half an hour
 	@tools/develop system tests/system-packages-arm64.txt

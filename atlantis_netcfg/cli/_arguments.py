@@ -130,6 +130,7 @@ REMOVE_FOREIGN = Flag(
     "remove rows of others by the hundred from menus that are ours entirely; `--yes` does not say that",
 )
 ASK_VAULT_PASS = Flag("ask-vault-pass", "type the password of the inventory's vault, also where a file is named for it")
+PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provision qualify` measured", takes="RUN")
 SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")

@@ -51,7 +51,8 @@ def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunRep
             print(translate(words), file=sys.stderr, flush=True)
         via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
         for host in opened.contacted:
-            twins.relink(host, bearer_of(opened.declaration, host, via.get(host.name, opened.via)))
+            bearer = bearer_of(opened.declaration, host, via.get(host.name, opened.via))
+            twins.relink(opened.declaration, host, bearer.name)
         again = opened.perform(Mode.APPLY, via=via)
         for device, result in again.devices.items():
             if device in via or device in units or result.get("other_end") in via:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from atlantis_netcfg.cli._arguments import (
     ACCEPT_COST,
     JSON,
+    PROFILE,
     REMOVE_FOREIGN,
     STREAM,
     SUMMARY,
@@ -30,7 +31,7 @@ from atlantis_netcfg.cli._output import Stopped, as_typed, carried, page, progre
 from atlantis_netcfg.cli._passphrase import vault_of
 from atlantis_netcfg.cli._playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import paths, printable
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, worst
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.declaration import Declaration, Host, choose, load
 from atlantis_netcfg.journal import Store
@@ -45,6 +46,7 @@ from atlantis_netcfg.report.run import RunReport, consent_question
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.operations.link_shapes import Replay
     from atlantis_netcfg.operations.rehearsal import Rehearsal
     from atlantis_netcfg.operations.request import LinkOrder
     from atlantis_netcfg.operations.vault import Vault
@@ -444,8 +446,11 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
             if rehearse:
                 from atlantis_netcfg.operations.rehearsal import rehearsal
 
+                replay = _replay(arguments, hosts)
                 with progress(quiet=arguments.flag(JSON.name)) as notify:
-                    twins = stack.enter_context(rehearsal(declaration, hosts, via, notify))
+                    twins = stack.enter_context(rehearsal(declaration, hosts, via, notify, replay))
+            elif arguments.given(PROFILE):
+                raise UsageError("`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse")
             yield CommandSession(
                 arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via, changed=changed
             )
@@ -453,6 +458,19 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         if not arguments.command.plays:
             raise
         raise Stopped(stop, changed) from stop
+
+
+def _replay(arguments: Arguments, hosts: Sequence[Host]) -> Replay | None:
+    """Find the run that takes the place of a declared link, and say so. Raises UsageError."""
+    if not arguments.given(PROFILE):
+        return None
+    from atlantis_netcfg.operations.link_shapes import open_replay
+
+    roots = [Store(paths.state_dir(), rehearsed=rehearsed).root for rehearsed in (False, True)]
+    replay = open_replay(arguments.value(PROFILE.name) or "", roots, tuple(dict.fromkeys(host.site for host in hosts)))
+    if not arguments.flag(JSON.name):
+        print(translate(replay.words), flush=True)
+    return replay
 
 
 def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:

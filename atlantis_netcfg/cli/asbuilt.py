@@ -10,6 +10,7 @@ from atlantis_netcfg.cli._arguments import (
     INVENTORY,
     JSON,
     ONLY,
+    PROFILE,
     VIA,
     Arguments,
     CommandSpec,
@@ -38,6 +39,7 @@ ASBUILT = CommandSpec(
     flags=(
         Flag("labels", "also a sheet of labels with QR codes, one for each device and each port"),
         Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        PROFILE,
         ACCEPT_COST,
         ASK_VAULT_PASS,
         JSON,

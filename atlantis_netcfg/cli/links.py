@@ -15,6 +15,7 @@ from atlantis_netcfg.cli._arguments import (
     INVENTORY,
     JSON,
     ONLY,
+    PROFILE,
     VIA,
     CommandSpec,
     Flag,
@@ -48,6 +49,7 @@ LINKS = CommandSpec(
     ),
     flags=(
         Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        PROFILE,
         ACCEPT_COST,
         ASK_VAULT_PASS,
         JSON,
@@ -124,6 +126,7 @@ PROVE = CommandSpec(
             "try-all", "also try TCP targets and the time, for which rows are added under safe mode and removed again"
         ),
         Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
+        PROFILE,
         ACCEPT_COST,
         ASK_VAULT_PASS,
         JSON,

@@ -1,13 +1,14 @@
-"""A link for UDP whose truth is known: rate, delay, jitter, loss, copies, order, gaps, queue and MTU of each direction.
+"""A link whose truth is known: rate, delay, jitter, loss, copies, order, gaps, queue and MTU of each direction.
 
 `LinkModel` is pure: it is given a packet's size and the time, and says when it arrives. `UdpRelay` puts two of them
-between a client and a server of the loopback. The same seed gives the same fate to the same packets. Sizes count IPv4
-and UDP headers.
+between a client and a server of the loopback; `tcp_link` is for the relays of emulated devices. The same seed gives the
+same fate to the same packets. Sizes count IPv4 and UDP headers.
 
 The model of a direction: what is longer than the MTU, or finds no room in the queue, is dropped; the rest is sent at
 the rate, lost at random after that, and arrives after the delay and a half-normal jitter, in order. A reordered packet
-is delayed once more, and holds up no other. In a gap everything that was sent is lost. Not modelled: a rate that
-changes, loss in bursts.
+is delayed once more, and holds up no other. In a gap everything that was sent is lost. Delays may be those that were
+measured (`delays_s`), and gaps drawn from lengths that were (`gaps`). Not modelled: a rate that changes, loss in
+bursts shorter than a gap.
 """
 
 from __future__ import annotations
@@ -27,6 +28,20 @@ HEADERS: Final = 28
 """IPv4 and UDP."""
 _LONGEST: Final = 65536
 _WAIT_S: Final = 0.05
+_RETRIES: Final = 15
+"""How often TCP sends a segment again before it gives up (Linux: tcp_retries2); here it arrives then."""
+_LONGEST_TIMEOUT_S: Final = 60.0
+_APART_S: Final = 2.0
+"""Between two gaps that are drawn, where there is room: two that touch would be one."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnGap:
+    """A time in which the link carries nothing; when it comes is drawn."""
+
+    seconds: float
+    carries: bool = False
+    """True: only the other direction has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +62,16 @@ class LinkShape:
     gaps_s: tuple[tuple[float, float], ...] = ()
     """Begin and end after the model was made: what is sent in between is lost."""
     mtu: int | None = None
+    delays_s: tuple[float, ...] = ()
+    """Instead of `delay_s` and `jitter_s`: delays, each as likely as every other; none comes again before all have."""
+    hold_s: float = 0.0
+    """So long each of them holds, for whatever is sent meanwhile."""
+    gaps: tuple[DrawnGap, ...] = ()
+    """Each comes once in every `gap_cycle_s`; both directions draw the same moments if they have the same gaps."""
+    gap_cycle_s: float = 3600.0
+    gap_seed: int = 0
+    even: bool = False
+    """Loss, copies and changes of order are spread: at a share of 1 %, one of each hundred packets, no more or less."""
 
 
 @dataclass(slots=True)
@@ -66,28 +91,34 @@ class LinkModel:
     delivered_bytes: int = 0
     _free_at: float = field(default=0.0, init=False)
     _latest: float = field(default=0.0, init=False)
+    _spread: dict[str, _EvenShare] = field(default_factory=dict, init=False)
+    _deck: list[float] = field(default_factory=list, init=False)
+    _drawn: tuple[float, float] | None = field(default=None, init=False)
+    """The delay that was drawn, and when."""
+    _cycle: tuple[int, tuple[tuple[float, float], ...]] = field(default=(-1, ()), init=False)
 
     def offer(self, size: int, now: float) -> tuple[float, ...]:
         """Send a packet of `size` octets, headers included; when it arrives: not at all, once or twice."""
         self.sent += 1
         self.sent_bytes += size
         shape = self.shape
+        in_gap = self._in_gap(now)
         # Always the same number of draws, so that the fate of one packet does not depend on that of another.
-        is_lost = self.random.random() < shape.loss
-        is_copied = self.random.random() < shape.duplicates
-        is_reordered = self.random.random() < shape.reordered
-        jitter = abs(self.random.gauss(0.0, shape.jitter_s)) if shape.jitter_s else 0.0
+        is_lost = self._happens("loss", shape.loss, in_gap=in_gap)
+        is_copied = self._happens("copy", shape.duplicates, in_gap=in_gap)
+        is_reordered = self._happens("order", shape.reordered, in_gap=in_gap)
+        delay = self._delay(now)
         leaves = self._leave(size, now)
         if leaves is None:
             self.dropped += 1
             return ()
-        if any(begin <= now < end for begin, end in shape.gaps_s):
+        if in_gap:
             self.in_gaps += 1
             return ()
         if is_lost:
             self.lost += 1
             return ()
-        arrival = max(leaves + shape.delay_s + jitter, self._latest)
+        arrival = max(leaves + delay, self._latest)
         if is_reordered:
             arrival += shape.reorder_s
         else:
@@ -97,6 +128,49 @@ class LinkModel:
         self.delivered_bytes += size * len(times)
         return times
 
+    def carry(self, size: int, now: float, timeout_s: float) -> float:
+        """When a segment of TCP has arrived: what is lost is sent again after a timeout that doubles each time."""
+        self.sent += 1
+        self.sent_bytes += size
+        leaves = self._serialised(size, now)
+        for _ in range(_RETRIES):
+            in_gap = self._in_gap(leaves)
+            if not self._happens("loss", self.shape.loss, in_gap=in_gap) and not in_gap:
+                break
+            self.in_gaps, self.lost = self.in_gaps + in_gap, self.lost + (not in_gap)
+            leaves += timeout_s
+            timeout_s = min(2 * timeout_s, _LONGEST_TIMEOUT_S)
+        self.delivered_bytes += size
+        return leaves + self._delay(leaves)
+
+    def _happens(self, what: str, share: float, *, in_gap: bool) -> bool:
+        if not self.shape.even:
+            return self.random.random() < share
+        if in_gap or not share:
+            return False
+        return self._spread.setdefault(what, _EvenShare(share, self.random)).next()
+
+    def _delay(self, now: float) -> float:
+        shape = self.shape
+        if not shape.delays_s:
+            return shape.delay_s + (abs(self.random.gauss(0.0, shape.jitter_s)) if shape.jitter_s else 0.0)
+        if self._drawn is None or now - self._drawn[1] >= shape.hold_s:
+            if not self._deck:
+                self._deck = list(shape.delays_s)
+                self.random.shuffle(self._deck)
+            self._drawn = self._deck.pop(), now
+        return self._drawn[0]
+
+    def _in_gap(self, now: float) -> bool:
+        shape = self.shape
+        if shape.gaps:
+            number = int(now // shape.gap_cycle_s)
+            if self._cycle[0] != number:
+                self._cycle = number, gaps_of_cycle(shape, number)
+            if any(begin <= now < end for begin, end in self._cycle[1]):
+                return True
+        return any(begin <= now < end for begin, end in shape.gaps_s)
+
     def _leave(self, size: int, now: float) -> float | None:
         """When its last octet is sent; None: it is dropped."""
         shape = self.shape
@@ -104,11 +178,49 @@ class LinkModel:
             return None
         if shape.rate_bps is None:
             return now
-        start = max(now, self._free_at)
-        if (start - now) * shape.rate_bps / 8 + size > shape.queue_bytes:
-            return None
-        self._free_at = start + size * 8 / shape.rate_bps
+        waits = max(now, self._free_at) - now
+        return None if waits * shape.rate_bps / 8 + size > shape.queue_bytes else self._serialised(size, now)
+
+    def _serialised(self, size: int, now: float) -> float:
+        if self.shape.rate_bps is None:
+            return now
+        self._free_at = max(now, self._free_at) + size * 8 / self.shape.rate_bps
         return self._free_at
+
+
+class _EvenShare:
+    """Says of a share of questions yes, at a random place in each stretch in which there is to be one."""
+
+    def __init__(self, share: float, generator: random.Random) -> None:
+        self._share, self._random = share, generator
+        self._questions, self._stretch = 0, 0
+        self._place = generator.random() / share
+
+    def next(self) -> bool:
+        """Answer the next question."""
+        yes = self._place < self._questions + 1
+        self._questions += 1
+        if yes:
+            self._stretch += 1
+            self._place = max(self._questions, (self._stretch + self._random.random()) / self._share)
+        return yes
+
+
+def gaps_of_cycle(shape: LinkShape, number: int) -> tuple[tuple[float, float], ...]:
+    """Begin and end of the gaps of this direction in one cycle, drawn apart from each other."""
+    draw = random.Random(f"{shape.gap_seed} {number}")  # noqa: S311 - an emulation
+    gaps = list(shape.gaps)
+    draw.shuffle(gaps)
+    free = max(0.0, shape.gap_cycle_s - sum(gap.seconds for gap in gaps))
+    apart = min(_APART_S, free / 2 / (len(gaps) + 1))
+    places = sorted(draw.uniform(0.0, free - apart * (len(gaps) + 1)) for _ in gaps)
+    at, found = number * shape.gap_cycle_s, []
+    for count, (place, gap) in enumerate(zip(places, gaps, strict=True), start=1):
+        begin = at + place + apart * count
+        at += gap.seconds
+        if not gap.carries:
+            found.append((begin, begin + gap.seconds))
+    return tuple(found)
 
 
 class UdpRelay:

@@ -35,6 +35,7 @@ from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.costs import ports_of
 from atlantis_netcfg.operations.kinds import handled, is_unit, managed
+from atlantis_netcfg.operations.link_shapes import shapes_to
 from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, not_rehearsed
 from atlantis_netcfg.operations.request import Request, Target
 from atlantis_netcfg.operations.schedule import members_of, with_other_ends
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.operations.adoption import Adoption
-    from atlantis_netcfg.routeros.estimate import BearerProfile
+    from atlantis_netcfg.operations.link_shapes import Replay
 
 _LISTENS_S = 1.0
 """Instead of the minute (or ten) for which an access point listens for radar: nobody would rehearse twice."""
@@ -72,6 +73,8 @@ class Rehearsal:
     units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
     """4G units that are not RouterOS."""
     computers: RehearsedComputers = field(default_factory=RehearsedComputers)
+    replay: Replay | None = None
+    """A measured run that takes the place of a declared link."""
 
     @property
     def left_out(self) -> Mapping[str, str]:
@@ -86,23 +89,30 @@ class Rehearsal:
             return self.units[name].export()
         return str(self.twins.do(name, "export"))
 
-    def relink(self, host: Host, bearer: BearerProfile) -> None:
+    def relink(self, declaration: Declaration, host: Host, via: str) -> None:
         """Put the twin of a host behind another bearer."""
         if host.name in self.computers.machines:
-            self.computers.relink(host.name, bearer)
+            shapes = shapes_to(declaration, host.site, via, self.replay)
+            self.computers.machines[host.name].link(shapes=shapes)
             return
-        self.twins.do(host.name, "link", **link(bearer, host).model_dump())
+        self.twins.do(host.name, "link", **link(declaration, host, via, self.replay).model_dump())
 
 
 @contextmanager
 def rehearsal(
-    declaration: Declaration, hosts: Sequence[Host], via: str | None = None, notify: Subscriber = ignore
+    declaration: Declaration,
+    hosts: Sequence[Host],
+    via: str | None = None,
+    notify: Subscriber = ignore,
+    replay: Replay | None = None,
 ) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
+    if replay is not None:
+        replay.refuse_elsewhere(declaration, dict.fromkeys(host.site for host in hosts))
     requested = {host.name for host in hosts}
     emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
     others = [host for host in hosts if is_unit(host)]
-    spec = site_spec(declaration, emulated, via, {end.name for end in emulated} - requested)
+    spec = site_spec(declaration, emulated, via, {end.name for end in emulated} - requested, replay)
     if emulated or others:
         number = len(emulated) + len(others)
         words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
@@ -129,19 +139,24 @@ def rehearsal(
             radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
         routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
-        untold = (*routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
-        yield Rehearsal(targets, untold, twins, units, computers)
+        replayed = () if replay is None else (replay.not_rehearsed,)
+        untold = (*replayed, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
+        yield Rehearsal(targets, untold, twins, units, computers, replay)
 
 
 def site_spec(
-    declaration: Declaration, hosts: Sequence[Host], via: str | None = None, along: Collection[str] = ()
+    declaration: Declaration,
+    hosts: Sequence[Host],
+    via: str | None = None,
+    along: Collection[str] = (),
+    replay: Replay | None = None,
 ) -> SiteSpec:
     """Describe the twins of these hosts, each of a kind that the engine handles.
 
     `along`: those that come along as the other end of a bridge, at a site that need not have the bearer `via`.
     """
     name = ",".join(sorted({host.site for host in hosts}))
-    twins = tuple(_twin(declaration, host, None if host.name in along else via) for host in hosts)
+    twins = tuple(_twin(declaration, host, None if host.name in along else via, replay) for host in hosts)
     return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts, via, along)))
 
 
@@ -202,7 +217,7 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
     return adopted.model_copy(update={"router": router, "link": RouterLink()})
 
 
-def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
+def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay | None = None) -> TwinSpec:
     known = managed(declaration, host)
     hardware, place, access = known.hardware, known.place, known.access
     return TwinSpec(
@@ -220,7 +235,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None) -> TwinSpec:
             certificates=known.certificates,
             neighbours=_around(declaration, host),
         ),
-        link=link(bearer_of(declaration, host, via), host),
+        link=link(declaration, host, bearer_of(declaration, host, via).name, replay),
     )
 
 
@@ -232,9 +247,8 @@ def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return tuple(str(address) for bearer in bearers for address in (bearer.gateway, *bearer.canaries))
 
 
-def link(bearer: BearerProfile, host: Host) -> RouterLink:
-    """Make the twin's link as slow as the bearer is declared to be, and count on the router's port that it hangs on."""
-    port = next((port for port, name in ports_of(host).items() if name == bearer.name), None)
-    return RouterLink(
-        delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps, port=port
-    )
+def link(declaration: Declaration, host: Host, via: str, replay: Replay | None = None) -> RouterLink:
+    """Make the twin's link as the bearer is declared or replayed, and count on the router's port that it hangs on."""
+    port = next((port for port, name in ports_of(host).items() if name == via), None)
+    up, down = shapes_to(declaration, host.site, via, replay)
+    return RouterLink(up=up, down=down, port=port)

@@ -116,7 +116,7 @@ class TrainFigures:
 
 
 @dataclass(frozen=True, slots=True)
-class _AnsweredPacket:
+class AnsweredPacket:
     """A packet and its first answer."""
 
     sequence: int
@@ -129,6 +129,7 @@ class _AnsweredPacket:
 
     @property
     def rtt(self) -> int:
+        """In nanoseconds, less the time at the reflector."""
         return self.arrived - self.sent - (self.replied - self.received)
 
 
@@ -172,7 +173,7 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     counted = next((sample for sample in mine if isinstance(sample, ReflectorCounted)), None)
     end = next((sample for sample in mine if isinstance(sample, StreamEnded)), None)
     ended_at = end.ended_at_ns if end is not None else max((s.arrived_at_ns for s in replies), default=0)
-    pairs = _pairs(sent, replies)
+    pairs = answered_packets(sent, replies)
     rtts = [pair.rtt / _SECOND for pair in pairs]
     both_synchronised = begin.synchronised and bool(pairs) and all(is_synchronised(pair.error) for pair in pairs)
     up = [(pair.received, pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) for pair in pairs]
@@ -192,13 +193,13 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     )
 
 
-def _pairs(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[_AnsweredPacket]:
+def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[AnsweredPacket]:
     """Put packets and their first answers together, in the order of sending."""
     first: dict[int, ReplyReceived] = {}
     for reply in replies:
         first.setdefault(reply.sequence, reply)
     return [
-        _AnsweredPacket(
+        AnsweredPacket(
             packet.sequence,
             packet.sent_at_ns,
             answer.arrived_at_ns,
@@ -216,7 +217,7 @@ def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
     begin: TrainBegan,
     sent: Sequence[PacketSent],
     replies: Sequence[ReplyReceived],
-    pairs: Sequence[_AnsweredPacket],
+    pairs: Sequence[AnsweredPacket],
     counted: ReflectorCounted | None,
     ended_at: int,
 ) -> TrainLoss:
@@ -244,7 +245,7 @@ def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
 
 
 def _direction(
-    sent: int, lost: int, in_flight: int, pairs: Sequence[_AnsweredPacket], counted: ReflectorCounted | None
+    sent: int, lost: int, in_flight: int, pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
 ) -> tuple[int | None, int | None, str]:
     """Split loss by the reflector's own count, else by its sequence numbers (RFC 8762, 4.3.1)."""
     numbers = [pair.reflector_sequence for pair in pairs]
@@ -258,7 +259,7 @@ def _direction(
     return (0, 0, "nothing was lost") if not lost else _by_numbers(lost, pairs)
 
 
-def _by_numbers(lost: int, pairs: Sequence[_AnsweredPacket]) -> tuple[int | None, int | None, str]:
+def _by_numbers(lost: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
     """Split loss where the reflector has told no count of its own."""
     if not pairs:
         return None, None, "nothing was answered"
@@ -273,7 +274,7 @@ def _by_numbers(lost: int, pairs: Sequence[_AnsweredPacket]) -> tuple[int | None
 
 
 def _variation(
-    pairs: Sequence[_AnsweredPacket], delays: Sequence[tuple[int, int]], *, absolute: bool
+    pairs: Sequence[AnsweredPacket], delays: Sequence[tuple[int, int]], *, absolute: bool
 ) -> DelayVariation | None:
     """`delays`: for each packet in the order of sending when it arrived, and its delay up to a constant."""
     if not delays:
@@ -320,7 +321,7 @@ def _reordered(sequences: Sequence[int]) -> float | None:
     return reordered / len(sequences)
 
 
-def _gaps(sent: Sequence[PacketSent], pairs: Sequence[_AnsweredPacket], ended_at: int) -> ArrivalGaps:
+def _gaps(sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int) -> ArrivalGaps:
     """Between arrivals; the first packet and the last are taken to arrive after the least round trip."""
     if not sent:
         return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False)

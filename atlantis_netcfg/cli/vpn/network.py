@@ -16,6 +16,7 @@ from atlantis_netcfg.cli._arguments import (
     ASK_VAULT_PASS,
     INVENTORY,
     JSON,
+    PROFILE,
     VIA,
     CommandSpec,
     Flag,
@@ -47,6 +48,7 @@ VPN_INSTALL = CommandSpec(
     flags=(
         Flag("plan", "say what would be done, change nothing", harmless=True),
         Flag("rehearse", "the same against an emulated router", harmless=True),
+        PROFILE,
         Flag("yes", "do not ask before changing the router"),
         ACCEPT_COST,
         ASK_VAULT_PASS,

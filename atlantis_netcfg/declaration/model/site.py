@@ -139,8 +139,17 @@ BEARER_TRAITS: dict[BearerKind, BearerTraits] = {
 """One row a kind: a new one is a name above and its row here."""
 
 
+class LinkGap(Model):
+    """Times in which a link carries nothing, both ways; a rehearsal draws when they come."""
+
+    length_s: Annotated[StrictFloat, Field(gt=0, le=600)]
+    """How long each of them lasts, in seconds."""
+    per_hour: Annotated[StrictInt, Field(ge=1, le=120)]
+    """How many there are in an hour."""
+
+
 class LinkRate(Model):
-    """What a bearer can do, for estimates and rehearsals."""
+    """What a bearer can do, for estimates and rehearsals. Jitter, loss and gaps count in rehearsals only."""
 
     rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
     """Round trip to the control centre, in milliseconds."""
@@ -148,6 +157,12 @@ class LinkRate(Model):
     """From the site, in kbit/s."""
     down_kbps: Annotated[StrictFloat, Field(gt=0)]
     """To the site, in kbit/s."""
+    jitter_ms: Annotated[StrictFloat, Field(ge=0, le=5000)] = 0
+    """By how much packets come later than half of the round trip, each way: two of three by less, in milliseconds."""
+    loss: Annotated[StrictFloat, Field(ge=0, le=0.5)] = 0
+    """Share of the packets that are lost each way, outside of gaps."""
+    gaps: tuple[LinkGap, ...] = ()
+    """Times in which it carries nothing; all together at most half of an hour in each."""
 
 
 class Billing(Model):

@@ -189,11 +189,8 @@ def converted(annotation: Any, typed: str) -> Any:  # noqa: ANN401 - a type, and
     """What was typed, as YAML would have read it in a file."""
     if _schema.model_of(annotation) is LinkRate:
         numbers = [_number(part) for part in typed.replace(",", " ").split()]
-        return (
-            dict(zip(LinkRate.model_fields, numbers, strict=False))
-            if len(numbers) == len(LinkRate.model_fields)
-            else typed
-        )
+        required = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
+        return dict(zip(required, numbers, strict=True)) if len(numbers) == len(required) else typed
     item = _schema.item_of(annotation)
     if item is not None:
         return [converted(item, part) for part in typed.replace(",", " ").split()]

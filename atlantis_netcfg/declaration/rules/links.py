@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 _RESERVED = "lan"
+_MOST_SILENT_S = 1800
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +54,17 @@ def addresses(draft: Draft) -> Iterator[Finding]:
         gateway = getattr(link, "gateway", None)
         if gateway is not None:
             yield from _in_network(draft, end, "gateway", gateway)
+
+
+def gaps_leave_time(draft: Draft) -> Iterator[Finding]:
+    """A link that is silent for more than half of the time carries no rehearsal."""
+    for name, site in draft.sites.items():
+        for index, bearer in enumerate(site.bearers):
+            silent_s = sum(gap.length_s * gap.per_hour for gap in bearer.rate.gaps)
+            if silent_s > _MOST_SILENT_S:
+                message = f"the gaps of link `{bearer.name}` take {silent_s:g} s of each hour"
+                hint = f"declare at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
+                yield draft.wrong(Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
 def _in_network(draft: Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
@@ -163,7 +175,7 @@ def boxes_in_network(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("device", host), path, message, example_in(end.link.network))
 
 
-RULES: tuple[Rule, ...] = (addresses, names, devices, each_box_once, no_box_idle, boxes_in_network)
+RULES: tuple[Rule, ...] = (addresses, names, devices, each_box_once, no_box_idle, boxes_in_network, gaps_leave_time)
 
 
 def bridges(draft: Draft) -> Iterator[Finding]:

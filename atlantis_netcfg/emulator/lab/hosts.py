@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from ipaddress import IPv4Interface
 
+    from atlantis_netcfg.emulator.udp_link import LinkShape
+
 
 class MachineFailed(NetcfgError):
     """A machine could not be built, started, or asked; nothing beyond this computer was touched."""
@@ -327,9 +329,10 @@ class Machine:
         rate_up_bps: float | None = None,
         rate_down_bps: float | None = None,
         up: bool = True,
+        shapes: tuple[LinkShape, LinkShape] | None = None,
     ) -> None:
         """Make the way through `port` such; what is left out is as good as can be. See `RelayWay`."""
-        self._relay.set(RelayWay(delay_s, rate_up_bps, rate_down_bps, up))
+        self._relay.set(RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
     def power_on(self, *, configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot it and wait for its sshd.

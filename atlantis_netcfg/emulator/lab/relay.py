@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.tcp_link import TcpLink
+from atlantis_netcfg.emulator.udp_link import LinkShape
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -33,6 +36,16 @@ class RelayWay:
     """From the machine to this computer."""
     up: bool = True
     """False: nothing arrives on either side, not even the end of a connection; what is under way is kept."""
+    shapes: tuple[LinkShape, LinkShape] | None = None
+    """All that the link does from this computer to the machine, and back, in place of delay and rates."""
+
+    @property
+    def tcp(self) -> TcpLink:
+        """What it makes of TCP connections."""
+        up, down = self.shapes or (
+            LinkShape(rate_bps=rate, delay_s=self.delay_s) for rate in (self.rate_up_bps, self.rate_down_bps)
+        )
+        return TcpLink(up, down)
 
 
 @dataclass
@@ -117,17 +130,16 @@ class Relay:
 
 
 class _RelayBearer:
-    """The state that all connections share: when each direction is free again, and whether anything arrives."""
+    """The state that all connections share: the link, and whether anything arrives."""
 
     def __init__(self) -> None:
-        self._way = RelayWay()
+        self._tcp = RelayWay().tcp
         self._air = asyncio.Event()
         self._air.set()
-        self._free_at = dict.fromkeys(_Direction, 0.0)
         self.traffic = RelayTraffic()
 
     async def set(self, way: RelayWay) -> None:
-        self._way = way
+        self._tcp = way.tcp
         if way.up:
             self._air.set()
         else:
@@ -136,7 +148,7 @@ class _RelayBearer:
     async def connected(self) -> None:
         """Wait for what a TCP connection costs before its first byte."""
         self.traffic.connections += 1
-        await asyncio.sleep(2 * self._way.delay_s)
+        await asyncio.sleep(self._tcp.connect_s)
         await self._air.wait()
 
     def arrival(self, direction: _Direction, size: int) -> float:
@@ -144,10 +156,7 @@ class _RelayBearer:
         up = direction is _Direction.UP
         self.traffic.up_bytes += size if up else 0
         self.traffic.down_bytes += 0 if up else size
-        rate = self._way.rate_up_bps if up else self._way.rate_down_bps
-        start = max(asyncio.get_running_loop().time(), self._free_at[direction])
-        self._free_at[direction] = start if rate is None else start + size * 8 / rate
-        return self._free_at[direction] + self._way.delay_s
+        return self._tcp.arrival(size, asyncio.get_running_loop().time(), up=up)
 
     async def until(self, arrival: float) -> None:
         await asyncio.sleep(arrival - asyncio.get_running_loop().time())

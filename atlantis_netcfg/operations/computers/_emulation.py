@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration, Host
-    from atlantis_netcfg.routeros.estimate import BearerProfile
     from atlantis_netcfg.vpn.identity import Identity
 
 
@@ -83,12 +82,6 @@ class RehearsedComputers:
     def export(self, name: str) -> str:
         """What the computer's configuration and its packages look like now: name, size and time of every file."""
         return self.machines[name].run(_STATE).stdout
-
-    def relink(self, name: str, bearer: BearerProfile) -> None:
-        """Put the computer behind another bearer."""
-        self.machines[name].link(
-            delay_s=bearer.rtt_s / 2, rate_up_bps=bearer.rate_up_bps, rate_down_bps=bearer.rate_down_bps
-        )
 
 
 @contextmanager

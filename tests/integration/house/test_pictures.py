@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 PICTURES = ROOT / "docs" / "pictures"
 LARGEST = 200_000
+SATCOM = ("satcom-round-trips.svg", "satcom-received.svg")
+"""Of `make satcom`."""
 AGAIN = "they are not those of this program any more; type: make pictures"
 
 
@@ -35,6 +37,11 @@ def test_the_flow_is_that_of_the_architecture_page(tmp_path: Path) -> None:
     assert (tmp_path / "flow.svg").read_text() == (PICTURES / "flow.svg").read_text(), AGAIN
 
 
+def test_a_picture_of_an_emulated_link_says_that_it_is_one() -> None:
+    for name in SATCOM:
+        assert "EMULATED link" in words(PICTURES / name)
+
+
 @pytest.mark.slow
 def test_the_drawing_is_that_of_a_rehearsed_checklist(tmp_path: Path) -> None:
     make(tmp_path, "drawing")
@@ -50,11 +57,11 @@ def test_the_run_ends_in_the_words_of_a_real_one(tmp_path: Path) -> None:
 
 def test_each_is_small_is_used_and_fetches_nothing() -> None:
     found = {path.name: path for path in PICTURES.iterdir()}
-    assert found.keys() == {"run.svg", "checklist.png", "site.svg", "flow.svg"}
+    assert found.keys() == {"run.svg", "checklist.png", "site.svg", "flow.svg", *SATCOM}
     assert [name for name, path in found.items() if path.stat().st_size > LARGEST] == []
     pages = "".join(path.read_text() for path in (ROOT / "README.md", *ROOT.glob("docs/*.md")))
     assert [name for name in found if f"pictures/{name})" not in pages] == []
-    for name in ("run.svg", "site.svg", "flow.svg"):
+    for name in ("run.svg", "site.svg", "flow.svg", *SATCOM):
         text = found[name].read_text()
         assert re.search(r"""url\(['"]?\w+:|href=|@import|<script""", text) is None
     with Image.open(found["checklist.png"]) as image:

@@ -19,7 +19,7 @@ from typing import IO, TYPE_CHECKING
 
 import pytest
 from matrix_papers import issued, write
-from slow_link import Link, open_in
+from slow_link import SATELLITE, Link, open_in
 
 from atlantis_netcfg.vpn import server as product
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.udp_link import LinkShape
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
     from atlantis_netcfg.vpn.identity import MembershipList
@@ -114,14 +115,16 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 @contextmanager
-def vpn(
+def vpn(  # noqa: PLR0913 - each is a choice of a test's
     declaration: Declaration,
     wishes: Sequence[EnrolmentRequest],
     folder: Path,
     slow: Sequence[str] = (),
     before: Callable[[Vpn], None] = lambda _made: None,
+    *,
+    shapes: tuple[LinkShape, ...] = SATELLITE,
 ) -> Iterator[Vpn]:
-    """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` before them.
+    """A server, and every wish a connected member; members in `slow` have a link of `Vpn.links` of these shapes.
 
     `before` is done when all stands there and nobody has connected yet.
     """
@@ -138,7 +141,7 @@ def vpn(
         )
         _ground(made)
         for number, name in enumerate(made.members):
-            _member(made, name, number + 10, slow=name in slow)
+            _member(made, name, number + 10, shapes if name in slow else None)
         _behind(made)
         before(made)
         _connect(made)
@@ -205,14 +208,14 @@ def _cable(made: Vpn, who: str, bridge: str, address: str, gateway: str, at: str
     _ip(made, who, f"address add {address} dev eth0", "link set eth0 up", f"route add default via {gateway}")
 
 
-def _member(made: Vpn, name: str, number: int, *, slow: bool) -> None:
+def _member(made: Vpn, name: str, number: int, slow: tuple[LinkShape, ...] | None) -> None:
     """One in the internet; the control centre stands in the server's LAN."""
     _namespace(made, name)
     if name == CENTRE:
         return _cable(made, name, "lan", "10.64.0.11/24", "10.64.0.1")
     _cable(made, name, "wan", f"192.0.2.{number}/24", "192.0.2.1")
-    if slow:
-        made.links[name] = Link(made.name(NET), ("10.64.0.10", 1194))
+    if slow is not None:
+        made.links[name] = Link(made.name(NET), ("10.64.0.10", 1194), slow)
         made.stack.callback(made.links[name].close)
         element = f"{{ 192.0.2.{number} : {made.links[name].port} }}"
         made.run(NET, "nft", f"add element ip nat slow {element}")

@@ -1,7 +1,7 @@
 """A slow link with outages for one OpenVPN client: its UDP packets arrive late, one after the other, or not at all.
 
-352 kbit/s up and 704 down, 350 ms each way; what would have to wait for longer than a second is lost, as is whatever
-is under way when the link is cut. Headers of UDP and IP are counted.
+352 kbit/s up and 704 down, 350 ms each way, unless it is given other shapes; what would have to wait for longer than a
+second is lost, as is whatever is under way when the link is cut. Headers of UDP and IP are counted.
 """
 
 from __future__ import annotations
@@ -9,17 +9,20 @@ from __future__ import annotations
 import ctypes
 import heapq
 import os
+import random
 import selectors
 import socket
 import threading
 import time
 from pathlib import Path
 
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
+
 DELAY_S = 0.35
 UP_BPS, DOWN_BPS = 352_000, 704_000
 _QUEUE_S = 1.0
-_HEADERS = 28
 _CLONE_NEWNET = 0x40000000
+SATELLITE = tuple(LinkShape(rate, DELAY_S, queue_bytes=int(rate / 8 * _QUEUE_S)) for rate in (UP_BPS, DOWN_BPS))
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -42,7 +45,9 @@ def open_in(namespace: str, *kind: int) -> socket.socket:
 class Link:
     """Listens on a port of the namespace, and leads what comes to the server and back."""
 
-    def __init__(self, namespace: str, server: tuple[str, int]) -> None:
+    def __init__(
+        self, namespace: str, server: tuple[str, int], shapes: tuple[LinkShape, ...] = SATELLITE, seed: int = 1
+    ) -> None:
         self._client, self._server = (open_in(namespace, socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
         self._client.bind(("0.0.0.0", 0))  # noqa: S104 - own namespace
         self._server.connect(server)
@@ -52,8 +57,10 @@ class Link:
         self._up = threading.Event()
         self._up.set()
         self._from: tuple[str, int] | None = None
-        self._free = {UP_BPS: 0.0, DOWN_BPS: 0.0}
-        self._air: list[tuple[float, int, int, bytes]] = []
+        up, down = shapes
+        self.up, self.down = LinkModel(up, random.Random(seed)), LinkModel(down, random.Random(seed + 1))  # noqa: S311
+        self._begin = time.monotonic()
+        self._air: list[tuple[float, int, LinkModel, bytes]] = []
         self._taken = 0
         self._wake, self._waker = os.pipe()
         self._thread = threading.Thread(target=self._run, name="link", daemon=True)
@@ -75,8 +82,8 @@ class Link:
 
     def _run(self) -> None:
         with selectors.DefaultSelector() as ready:
-            for source, rate in ((self._client, UP_BPS), (self._server, DOWN_BPS)):
-                ready.register(source, selectors.EVENT_READ, rate)
+            for source, way in ((self._client, self.up), (self._server, self.down)):
+                ready.register(source, selectors.EVENT_READ, way)
             ready.register(self._wake, selectors.EVENT_READ)
             while True:
                 wait = max(0.0, self._air[0][0] - time.monotonic()) if self._air else None
@@ -86,29 +93,27 @@ class Link:
                     self._take(key.data)
                 self._give()
 
-    def _take(self, rate: int) -> None:
+    def _take(self, way: LinkModel) -> None:
         try:
-            if rate == UP_BPS:
+            if way is self.up:
                 data, self._from = self._client.recvfrom(65536)
             else:
                 data = self._server.recv(65536)
         except ConnectionError:  # nobody listens there yet
             return
-        now = time.monotonic()
-        start = max(now, self._free[rate])
-        if not self._up.is_set() or start - now > _QUEUE_S:
+        if not self._up.is_set():
             return
-        self._free[rate] = start + (len(data) + _HEADERS) * 8 / rate
-        self._taken += 1
-        heapq.heappush(self._air, (self._free[rate] + DELAY_S, self._taken, rate, data))
+        for arrival in way.offer(len(data) + HEADERS, time.monotonic() - self._begin):
+            self._taken += 1
+            heapq.heappush(self._air, (self._begin + arrival, self._taken, way, data))
 
     def _give(self) -> None:
         while self._air and self._air[0][0] <= time.monotonic():
-            _, _, rate, data = heapq.heappop(self._air)
+            _, _, way, data = heapq.heappop(self._air)
             if not self._up.is_set():
                 continue
             self.carried += 1
-            if rate == UP_BPS:
+            if way is self.up:
                 self._server.send(data)
             elif self._from is not None:
                 self._client.sendto(data, self._from)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
+from atlantis_netcfg.emulator.udp_link import LinkShape
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,6 +99,16 @@ def test_a_connection_and_a_question_cost_two_round_trips(server: socket.socket,
         both.machine.sendall(b"!")
         assert both.client.recv(1) == b"!"
     assert time.monotonic() - begin >= 4 * 0.05
+
+
+def test_a_shape_takes_the_place_of_delay_and_rates(server: socket.socket, relay: Relay) -> None:
+    up = LinkShape(delay_s=0.05, gaps_s=((0.0, 0.15),))
+    relay.set(RelayWay(delay_s=100, shapes=(up, LinkShape(delay_s=0.02))))
+    with closing(Both(relay, server)) as both:
+        begin = time.monotonic()
+        both.client.sendall(b"?")
+        assert both.machine.recv(1) == b"?"
+        assert time.monotonic() - begin >= 0.2 + 0.05, "lost in the gap, and sent again"
 
 
 def test_a_rate_is_shared_by_all_connections(server: socket.socket, relay: Relay) -> None:

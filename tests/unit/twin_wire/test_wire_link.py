@@ -6,6 +6,7 @@ import pytest
 from wire_helpers import run
 
 from atlantis_netcfg.emulator.routeros.wire.link import SEGMENT, Chunk, DelayLine, Direction, RouterLink, WireBearer
+from atlantis_netcfg.emulator.udp_link import LinkShape
 
 
 def test_delay_is_one_way_and_does_not_add_up() -> None:
@@ -60,6 +61,21 @@ def test_what_is_put_together_arrives_together() -> None:
 
 def test_what_waits_behind_a_lost_segment_comes_after_it() -> None:
     assert run(_arrivals(RouterLink(stall_every=2, stall_s=5), [b"a", b"b", b"c"])) == [0, 5, 5]
+
+
+def test_a_shape_takes_the_place_of_delay_and_rate() -> None:
+    bearer = WireBearer(RouterLink(delay_s=9, up=LinkShape(rate_bps=8000, delay_s=0.3), down=LinkShape(delay_s=0.2)))
+    assert bearer.arrival(Direction.UP, 1000, 5.0) == pytest.approx(6.3)
+    assert bearer.arrival(Direction.DOWN, 1000, 5.0) == pytest.approx(5.2)
+    assert bearer.connect_s == pytest.approx(0.5)
+    bearer.link = RouterLink(delay_s=1, tcp_connect=False)
+    assert bearer.arrival(Direction.UP, 1000, 5.0) == pytest.approx(6.0)
+    assert bearer.connect_s == 0
+
+
+def test_a_gap_of_a_shape_is_a_stall() -> None:
+    gapped = RouterLink(up=LinkShape(delay_s=0.5, gaps_s=((0.0, 30.0),)), down=LinkShape(delay_s=0.5))
+    assert run(_arrivals(gapped, [b"a", b"b"])) == [30.5, 30.5], "sent again after 2, 4, 8 and 16 s"
 
 
 def test_a_gap_holds_what_would_arrive_in_it() -> None:

@@ -232,8 +232,7 @@ class Pipe(asyncio.Protocol):
         bearer, air = self._host.bearer, self._host.air
         self._up = DelayLine(bearer, Direction.UP, air, self._arrive)
         self._down = DelayLine(bearer, Direction.DOWN, air, self._leave)
-        if bearer.link.tcp_connect:
-            self._up.earliest = asyncio.get_running_loop().time() + 2 * bearer.link.delay_s
+        self._up.earliest = asyncio.get_running_loop().time() + bearer.connect_s
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
         for task in self._tasks:
             self._host.watch(task)

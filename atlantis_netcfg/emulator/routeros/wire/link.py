@@ -29,6 +29,8 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from atlantis_netcfg.core.secret import MASK
+from atlantis_netcfg.emulator.tcp_link import TcpLink
+from atlantis_netcfg.emulator.udp_link import LinkShape
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -58,6 +60,10 @@ class RouterLink(BaseModel):
     """From the client to the router; None is unlimited."""
     rate_down_bps: float | None = Field(default=None, gt=0)
     """From the router to the client."""
+    up: LinkShape | None = None
+    """All that the link does from the client to the router, in place of delay and rate."""
+    down: LinkShape | None = None
+    """The same from the router to the client."""
     stall_every: int | None = Field(default=None, ge=1)
     """Every n-th segment of a direction is lost once: TCP sends it again, and all behind it waits."""
     stall_s: float = Field(default=1.0, ge=0)
@@ -104,27 +110,44 @@ class WireBearer:
     """The link's state that all connections share: when each direction is free again, and how many segments it took."""
 
     def __init__(self, link: RouterLink) -> None:
-        self.link = link
-        self._free_at = dict.fromkeys(Direction, 0.0)
+        self._link, self._tcp = link, _tcp(link)
         self._segments = dict.fromkeys(Direction, 0)
         self.count: Callable[[str | None, Direction, int], None] = _uncounted
         """Told the link's port and every segment's bytes, its headers included; acknowledgements are not."""
 
+    @property
+    def link(self) -> RouterLink:
+        """What it does; another one holds for everything that is sent from then on."""
+        return self._link
+
+    @link.setter
+    def link(self, link: RouterLink) -> None:
+        self._link, self._tcp = link, _tcp(link)
+
+    @property
+    def connect_s(self) -> float:
+        """What the connection itself costs."""
+        return self._tcp.connect_s if self._link.tcp_connect else 0.0
+
     def arrival(self, direction: Direction, size: int, departure: float) -> float:
         """When `size` bytes that are handed over at `departure` have arrived at the other end."""
-        rate = self.link.rate_up_bps if direction is Direction.UP else self.link.rate_down_bps
-        start = max(departure, self._free_at[direction])
-        sent = start if rate is None else start + size * 8 / rate
-        self._free_at[direction] = sent
         if size:
             self.count(self.link.port, direction, size + HEADERS)
-        return sent + self.link.delay_s + self._retransmission(direction, size)
+        arrival = self._tcp.arrival(size, departure, up=direction is Direction.UP)
+        return arrival + self._retransmission(direction, size)
 
     def _retransmission(self, direction: Direction, size: int) -> float:
         if not size or self.link.stall_every is None:
             return 0.0
         self._segments[direction] += 1
         return 0.0 if self._segments[direction] % self.link.stall_every else self.link.stall_s
+
+
+def _tcp(link: RouterLink) -> TcpLink:
+    return TcpLink(
+        link.up or LinkShape(rate_bps=link.rate_up_bps, delay_s=link.delay_s),
+        link.down or LinkShape(rate_bps=link.rate_down_bps, delay_s=link.delay_s),
+    )
 
 
 class DelayLine:

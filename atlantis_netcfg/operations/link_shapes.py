@@ -1,0 +1,143 @@
+"""What an emulated link does in a rehearsal: as the bearer's `rate:` is declared, or as a run has measured it.
+
+Every link of a rehearsal asks here: routers, computers, and the test packets of `provision qualify`. A profile takes
+the place of what is declared for the link of its name; what it has not measured (a rate) stays as declared. Estimates
+and timeouts go on counting with the declaration, as they would on the real link.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.emulator.udp_link import DrawnGap, LinkShape
+from atlantis_netcfg.operations.bearers import LAN
+from atlantis_netcfg.qualify.profile import read_profile
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.qualify.profile import DirectionProfile, LinkProfile
+
+LinkShapes = tuple[LinkShape, LinkShape]
+"""From the site, and to it."""
+_HOLDS = 0.5
+"""A delay that was measured holds for so much of the train's interval: the train says nothing of less."""
+_HOUR_S = 3600.0
+_MEDIAN = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """A measured run as the link of a rehearsal."""
+
+    profile: LinkProfile
+    name: str
+    """As a person has named the run."""
+
+    @property
+    def words(self) -> str:
+        """What a person reads before a rehearsal over it."""
+        profile = self.profile
+        rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
+        emulated = ", itself a rehearsal" if profile.emulated else ""
+        return (
+            f"Replay: link {profile.link} is as run {profile.run} at {profile.site} measured it{emulated}: "
+            f"{rtt_ms:.0f} ms, loss {100 * profile.up.loss:.1f} % up and {100 * profile.down.loss:.1f} % down, "
+            f"{len(profile.gaps)} gaps in {profile.recorded_s:.0f} s"
+        )
+
+    @property
+    def not_rehearsed(self) -> str:
+        """What a report says of it."""
+        emulated = ", which was a rehearsal itself" if self.profile.emulated else ""
+        return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{emulated}"
+
+    def refuse_elsewhere(self, declaration: Declaration, sites: Collection[str]) -> None:
+        """Raise UsageError where no site has such a link: the rehearsal would be one of the declared links."""
+        links = [bearer.name for site in sites for bearer in declaration.sites[site].bearers]
+        if self.profile.link not in links:
+            raise UsageError(
+                f"`--profile {self.name}`: the run is of link `{self.profile.link}`, which {', '.join(sites)} has not",
+                hint=f"its links are: {', '.join(dict.fromkeys(links)) or 'none'}",
+            )
+
+
+def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
+    """Give what a link does from the site and to it; `replay` counts where it is of this link."""
+    rate = bearer.rate
+    if replay is not None and replay.profile.link == bearer.name:
+        return replayed(replay.profile, rate.up_kbps * 1000, rate.down_kbps * 1000)
+    gaps = tuple(DrawnGap(gap.length_s) for gap in rate.gaps for _ in range(gap.per_hour))
+    up, down = (
+        LinkShape(
+            rate_bps=kbps * 1000,
+            delay_s=rate.rtt_ms / 2000,
+            jitter_s=rate.jitter_ms / 1000,
+            loss=rate.loss,
+            gaps=gaps,
+            gap_cycle_s=_HOUR_S,
+        )
+        for kbps in (rate.up_kbps, rate.down_kbps)
+    )
+    return up, down
+
+
+def shapes_to(declaration: Declaration, site: str, via: str, replay: Replay | None = None) -> LinkShapes:
+    """Give those of the way over a bearer of a site, or over the technician's cable."""
+    for bearer in declaration.sites[site].bearers:
+        if bearer.name == via:
+            return link_shapes(bearer, replay)
+    up, down = (LinkShape(rate_bps=rate, delay_s=LAN.rtt_s / 2) for rate in (LAN.rate_up_bps, LAN.rate_down_bps))
+    return up, down
+
+
+def replayed(profile: LinkProfile, up_bps: float | None, down_bps: float | None) -> LinkShapes:
+    """Make a profile's shapes; the rates are those where it has none of its own."""
+    up = _shape(profile, profile.up, up_bps, tuple(DrawnGap(gap.seconds, not gap.up) for gap in profile.gaps))
+    down = _shape(profile, profile.down, down_bps, tuple(DrawnGap(gap.seconds, not gap.down) for gap in profile.gaps))
+    return up, down
+
+
+def _shape(
+    profile: LinkProfile, direction: DirectionProfile, rate_bps: float | None, gaps: tuple[DrawnGap, ...]
+) -> LinkShape:
+    """The time in which a test packet was sent is in its delay, and the link takes it again: it is subtracted."""
+    rate = direction.rate_bps or rate_bps
+    sending_s = 0.0 if rate is None else profile.packet_octets * 8 / rate
+    return LinkShape(
+        rate_bps=rate,
+        loss=direction.loss,
+        duplicates=direction.duplicates,
+        reordered=direction.reordered,
+        reorder_s=direction.reorder_s,
+        mtu=direction.mtu,
+        delays_s=tuple(max(0.0, delay - sending_s) for delay in direction.delays_s),
+        hold_s=_HOLDS * profile.interval_s,
+        gaps=gaps,
+        gap_cycle_s=profile.recorded_s,
+        even=True,
+    )
+
+
+def _median(direction: DirectionProfile) -> float:
+    return direction.delays_s[len(direction.delays_s) // _MEDIAN]
+
+
+def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Replay:
+    """Find a run by its name among those of these sites, or by a path. NoProfile; UsageError: there is none."""
+    named = Path(name).expanduser()
+    kept = [folder for root in roots for site in sites if (folder := root / site / "qualify" / name).is_dir()]
+    if "/" not in name and kept:
+        return Replay(read_profile(kept[0]), name)
+    if named.exists():
+        return Replay(read_profile(named), name)
+    folders = [folder for root in roots for site in sites for folder in (root / site / "qualify").glob("*/")]
+    known = sorted(folder.name for folder in folders)
+    latest = f"its latest runs: {', '.join(known[-3:])}"
+    hint = latest if known else "`provision qualify` makes them; a path is taken too"
+    raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and no such file is there", hint=hint)

@@ -1,0 +1,42 @@
+"""`--profile RUN`: there where emulated devices are started, and for rehearsals alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._commands import COMMANDS, load
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+_WITHOUT = {"adopt", "resume", "rollback"}
+"""Their rehearsals go over the technician's cable, or repeat an earlier one."""
+
+
+def test_a_real_link_is_what_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
+    assert main(["links", "site=coastal", "--profile", "satellite-1"]) == ExitCode.USAGE
+    assert "`--profile` is for rehearsals" in capsys.readouterr().err
+
+
+def test_a_run_that_is_not_there_starts_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
+    assert main(["links", "site=coastal", "--rehearse", "--profile", "satellite-1"]) == ExitCode.USAGE
+    told = capsys.readouterr()
+    assert "`--profile satellite-1`: coastal has no such run" in told.err
+    assert "starting" not in told.out + told.err
+
+
+def test_it_is_there_wherever_emulated_devices_of_a_site_are_started() -> None:
+    commands = {name: load(name, COMMANDS).command for name in COMMANDS}
+    rehearse = {name for name, command in commands.items() if command.flag("rehearse") is not None}
+    assert {name for name, command in commands.items() if command.flag("profile") is not None} == rehearse - _WITHOUT
+    assert rehearse > _WITHOUT
