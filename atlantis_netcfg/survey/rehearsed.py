@@ -21,7 +21,7 @@ from atlantis_netcfg.qualify.transport import Arrival
 from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, Position
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, Track
     from atlantis_netcfg.survey.measure import RadioReader, RadioSample
@@ -121,6 +121,16 @@ class DeclaredRate:
     down_bps: float
 
 
+def gpsd_reports(at: datetime, latitude: float, longitude: float) -> tuple[bytes, bytes]:
+    """Two lines as gpsd 3.22 writes them for a fix in three dimensions."""
+    device = "/dev/ttyACM0"
+    sky = {"class": "SKY", "device": device, "hdop": 0.9, "nSat": 11, "uSat": 9}
+    fix = {"class": "TPV", "device": device, "mode": 3, "time": f"{at:%Y-%m-%dT%H:%M:%S}.000Z", "ept": 0.005}
+    fix |= {"lat": round(latitude, 9), "lon": round(longitude, 9), "altHAE": 59.0, "eph": 17.1}
+    sky_line, fix_line = (json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in (sky, fix))
+    return sky_line, fix_line
+
+
 @dataclass(slots=True)
 class Voyage:
     """All that is emulated of a survey. `tune` hands what is on the air to the emulated unit."""
@@ -131,6 +141,8 @@ class Voyage:
     tune: Callable[[PlaceTruth], None]
     clock: SimulatedClock = field(default_factory=SimulatedClock)
     name: str = "an emulated track"
+    reports: Callable[[datetime, float, float], Iterable[bytes]] = gpsd_reports
+    """What gpsd says at a second and a place."""
     link: SimulatedLink = field(init=False)
     _stream: GpsdStream = field(default_factory=GpsdStream)
     _told_s: int = -1
@@ -159,19 +171,9 @@ class Voyage:
         second = int(self.clock.now_s())
         if second != self._told_s:
             self._told_s = second
-            for report in gpsd_reports(START + timedelta(seconds=second), *self.track.at(second)):
+            for report in self.reports(START + timedelta(seconds=second), *self.track.at(second)):
                 self._stream.feed(second, report)
         return self._stream.position(self.clock.now_s())
-
-
-def gpsd_reports(at: datetime, latitude: float, longitude: float) -> tuple[bytes, bytes]:
-    """Two lines as gpsd 3.22 writes them for a fix in three dimensions."""
-    device = "/dev/ttyACM0"
-    sky = {"class": "SKY", "device": device, "hdop": 0.9, "nSat": 11, "uSat": 9}
-    fix = {"class": "TPV", "device": device, "mode": 3, "time": f"{at:%Y-%m-%dT%H:%M:%S}.000Z", "ept": 0.005}
-    fix |= {"lat": round(latitude, 9), "lon": round(longitude, 9), "altHAE": 59.0, "eph": 17.1}
-    sky_line, fix_line = (json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in (sky, fix))
-    return sky_line, fix_line
 
 
 @dataclass(frozen=True, slots=True)
