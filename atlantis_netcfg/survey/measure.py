@@ -7,6 +7,7 @@ all the same: that costs nothing on the link.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
@@ -302,3 +303,34 @@ class RunningSurvey:
 
 def _fields(sample: RadioSample | TestSample) -> dict[str, Any]:
     return {name: getattr(sample, name) for name in sample.__dataclass_fields__}
+
+
+_STEP = re.compile(r"(\d{1,5}(?:\.\d{1,2})?)(m|s)")
+_LEAST_S, _LEAST_M = 2.0, 1.0
+
+
+def steps(text: str | None) -> tuple[float | None, float]:
+    """Read `every=50m,30s`, `every=10s`, `every=20m`: metres (None: by time alone) and seconds. Raises UsageError."""
+    plan = SurveyPlan()
+    if text is None:
+        return plan.step_m, plan.step_s
+    found = [_STEP.fullmatch(part.strip()) for part in text.split(",")]
+    named = {match[2]: float(match[1]) for match in found if match is not None}
+    if None in found or len(named) != len(found):
+        raise UsageError(f"`every={text}` is no step", hint="type metres, seconds, or both: `every=50m,30s`")
+    if named.get("s", _LEAST_S) < _LEAST_S or named.get("m", _LEAST_M) < _LEAST_M:
+        raise UsageError(
+            f"`every={text}` is too often",
+            hint=f"at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
+        )
+    return named.get("m"), named.get("s", plan.step_s)
+
+
+def hourly_bytes(text: str) -> int:
+    """Read `--max-mb`: 2 at most, for that is what a survey may cost. Raises UsageError."""
+    if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
+        raise UsageError(
+            f"`--max-mb {text}` is no budget of a survey",
+            hint=f"type megabytes for each hour, {MAX_MB:g} at most: `--max-mb 0.5`",
+        )
+    return round(float(text) * 1_000_000)

@@ -231,7 +231,7 @@ def summary(survey: Survey) -> tuple[str, ...]:
         f"{heard} points with a level of the unit",
         f"{tested} tests over the link, {answered} of them answered, {spent / 1000:.1f} kB sent and received",
     ]
-    if unproved and survey.header.far_end is not None:
+    if unproved and not survey.header.emulated:
         lines.append(f"of {unproved} tests nobody knows which link has carried them: the router did not say")
     return tuple(lines)
 
