@@ -65,6 +65,7 @@ SURVEY = CommandSpec(
 def run_survey(arguments: Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
     from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.declaration import choose
     from atlantis_netcfg.survey.radio import surveyed_link, unit_of
 
     plan = _plan(arguments)
@@ -73,6 +74,7 @@ def run_survey(arguments: Arguments) -> ExitCode:
         return _made_again(arguments, coast)
 
     def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        choose(declaration, arguments.word("site"), ())
         link = surveyed_link(declaration, arguments.word("site"), arguments.optional("link"))
         return (unit_of(declaration, link),)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -65,10 +65,8 @@ class TypedPositions:
 
     name: str = "a person"
     current: Position | None = None
-
-    def __post_init__(self) -> None:
-        """No place has a name yet."""
-        self._known: dict[str, Position] = {}
+    _known: dict[str, Position] = field(default_factory=dict)
+    """Places that were named."""
 
     def type(self, text: str) -> bool:
         """Take what was typed; an empty line is the same place again. False: it is no position."""
