@@ -97,8 +97,8 @@ class UnitRadio:
             return RadioSample(no_radio=str(error))
 
     async def _carried_by(self, router: Host) -> str | None:
-        door = session_to(self.declaration, router.site, router, self.request)
         with suppress(NetcfgError, TimeoutError):
+            door = session_to(self.declaration, router.site, router, self.request)
             async with asyncio.timeout(_ROUTER_S), door.opened() as session:
                 answers = rows(await session.command(_ROUTES))
             return None if answers is None else active_bearer(answers, ways_of(self.declaration, router))
