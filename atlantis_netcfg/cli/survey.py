@@ -81,7 +81,7 @@ def run_survey(arguments: Arguments) -> ExitCode:
     _one_site(arguments)
     with session(arguments, rehearse=arguments.flag("rehearse"), chosen=chosen) as opened:
         folder = _measured(opened, plan)
-        return _told(opened.arguments, folder, coast, opened.rehearsed)
+        return _report(opened.arguments, folder, coast, opened.rehearsed)
 
 
 def _one_site(arguments: Arguments) -> None:
@@ -133,7 +133,7 @@ def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
     rehearsed = arguments.flag("rehearse")
     store = Store(paths.state_dir(), rehearsed=rehearsed)
     folder = kept_survey(folder_of(store, arguments.word("site")), arguments.optional("from") or "")
-    return _told(arguments, folder, coast, rehearsed)
+    return _report(arguments, folder, coast, rehearsed)
 
 
 def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
@@ -265,7 +265,7 @@ def _line(point: SurveyPoint) -> str:
     return f"{point.number:>4}  {where}  {radio}  {test}"
 
 
-def _told(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
+def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
     """Make the files, and say what there is."""
     import json
     from pathlib import Path

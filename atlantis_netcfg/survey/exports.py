@@ -66,7 +66,7 @@ class Coast:
     lines: tuple[tuple[tuple[float, float], ...], ...]
 
 
-_WANTED: Final = {
+_DEPTHS: Final = {
     "LineString": 1,
     "Polygon": 2,
     "MultiLineString": 2,
@@ -99,8 +99,8 @@ def _outlines(item: Any) -> Iterator[tuple[tuple[float, float], ...]]:  # noqa: 
     elif kind == "GeometryCollection":
         for geometry in item["geometries"]:
             yield from _outlines(geometry)
-    elif kind in _WANTED:
-        yield from _parts(item["coordinates"], _WANTED[kind])
+    elif kind in _DEPTHS:
+        yield from _parts(item["coordinates"], _DEPTHS[kind])
 
 
 def _parts(coordinates: Any, depth: int) -> Iterator[tuple[tuple[float, float], ...]]:  # noqa: ANN401 - as above

@@ -72,26 +72,26 @@ def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> 
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SurveyOutcome:
     """How a survey ends as a command."""
 
     exit: ExitCode
     words: str
 
 
-def outcome(survey: Survey) -> Outcome:
+def outcome(survey: Survey) -> SurveyOutcome:
     """What of that which was meant to be measured was measured nowhere is said, and is not green."""
     if not survey.points:
-        return Outcome(ExitCode.NOTHING, "no point was taken")
+        return SurveyOutcome(ExitCode.NOTHING, "no point was taken")
     tested = [point for point in survey.points if point.rtt_median_s is not None]
-    heard = [point for point in survey.points if point.rsrp_dbm is not None]
+    levels = [point for point in survey.points if point.rsrp_dbm is not None]
     lacks = [] if survey.placed else [f"no point has a position ({survey.points[-1].no_position})"]
-    if not heard:
+    if not levels:
         lacks.append(f"the unit told no level ({survey.points[-1].no_radio or 'it does not say'})")
     if survey.header.far_end is not None and not tested:
         reasons = list(dict.fromkeys(point.no_test for point in survey.points if point.no_test))
         lacks.append(f"no test over the link was answered ({', '.join(reasons)})")
     if lacks:
-        return Outcome(ExitCode.CHECKS_FAILED, "; ".join(lacks))
+        return SurveyOutcome(ExitCode.CHECKS_FAILED, "; ".join(lacks))
     whole = sum(point.position is not None and point.rsrp_dbm is not None for point in survey.points)
-    return Outcome(ExitCode.DONE, f"{whole} of {len(survey.points)} points have a position and a level")
+    return SurveyOutcome(ExitCode.DONE, f"{whole} of {len(survey.points)} points have a position and a level")

@@ -21,7 +21,7 @@ from atlantis_netcfg.qualify.samples import MessageEnded, ReplyReceived
 from atlantis_netcfg.qualify.session import SECOND, EndReason, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
 from atlantis_netcfg.survey.points import SurveyPoint
-from atlantis_netcfg.survey.positions import Position
+from atlantis_netcfg.survey.positions import TrackPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -217,7 +217,7 @@ class RunningSurvey:
     _again_s: float = 0.0
     """While another link carries the traffic: a point for the sake of a test is not due before."""
     _last_s: float | None = None
-    _last: Position | None = None
+    _last: TrackPosition | None = None
 
     def begin(self) -> None:
         """Time begins now."""
@@ -246,7 +246,7 @@ class RunningSurvey:
         if self.tester is not None and now_s >= max(self._next_test_s, self._again_s):
             return True
         here = self.positions.position() if self.plan.step_m is not None and self._last is not None else None
-        if not isinstance(here, Position) or self._last is None or self.plan.step_m is None:
+        if not isinstance(here, TrackPosition) or self._last is None or self.plan.step_m is None:
             return False
         return here.distance_m(self._last) >= self.plan.step_m
 
@@ -256,7 +256,7 @@ class RunningSurvey:
         radio = self.radio.read()
         here = self.positions.position()
         at, at_s = self.clock.utc(), self.clock.now_s()
-        self._last = here if isinstance(here, Position) else self._last
+        self._last = here if isinstance(here, TrackPosition) else self._last
         test = self._test()
         point = SurveyPoint(
             number=len(self.points) + 1,
@@ -273,15 +273,15 @@ class RunningSurvey:
         return point
 
     @staticmethod
-    def _position(here: Position | str) -> dict[str, Any]:
-        if not isinstance(here, Position):
+    def _position(here: TrackPosition | str) -> dict[str, Any]:
+        if not isinstance(here, TrackPosition):
             return {"no_position": str(here)}
         place = {"latitude": round(here.latitude, 7), "longitude": round(here.longitude, 7), "place": here.place}
         return {**place, "fix_age_s": here.age_s, "hdop": here.hdop}
 
-    def _moved(self, here: Position | str) -> float | None:
+    def _moved(self, here: TrackPosition | str) -> float | None:
         there = self.positions.position()
-        if not isinstance(here, Position) or not isinstance(there, Position):
+        if not isinstance(here, TrackPosition) or not isinstance(there, TrackPosition):
             return None
         return round(here.distance_m(there), 1)
 

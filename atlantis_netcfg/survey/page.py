@@ -90,7 +90,7 @@ KINDS: Final = (("cell", "Cell"), ("technology", "Technology"))
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class TrackMark:
     """A point of the drawing."""
 
     x: float
@@ -110,17 +110,17 @@ class LegendRow:
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class ValueLayer:
     """The track by one value."""
 
     key: str
     title: str
-    marks: tuple[Mark, ...]
+    marks: tuple[TrackMark, ...]
     legend: tuple[LegendRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class MapFrame:
     """What part of the world is drawn, and how large: a plane that touches it in the middle."""
 
     south: float
@@ -131,7 +131,7 @@ class Frame:
     """Metres of a degree of longitude, by those of one of latitude."""
 
     @classmethod
-    def around(cls, positions: Sequence[tuple[float, float]]) -> Frame:
+    def around(cls, positions: Sequence[tuple[float, float]]) -> MapFrame:
         """Around positions; the longer side fills the sheet."""
         latitudes, longitudes = zip(*positions, strict=True)
         narrowing = max(0.01, math.cos(math.radians((min(latitudes) + max(latitudes)) / 2)))
@@ -159,21 +159,21 @@ class Frame:
         return round(metres * self.per_metre, 1), f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - from there on in km
 
 
-def layers(survey: Survey, frame: Frame) -> tuple[Layer, ...]:
+def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
     """The track by each value that can be shown."""
     return (*(_by_scale(survey, frame, scale) for scale in SCALES), *(_by_kind(survey, frame, *kind) for kind in KINDS))
 
 
-def _by_scale(survey: Survey, frame: Frame, scale: BandScale) -> Layer:
+def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
     marks = []
     for point in survey.placed:
         value = scale.shown(point)
         words = f"no value: {_why(point, scale.name)}" if value is None else f"{value:.{scale.digits}f} {scale.unit}"
         marks.append(_mark(frame, point, None if value is None else scale.band(value), words))
-    return Layer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
+    return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
 
 
-def _by_kind(survey: Survey, frame: Frame, name: str, title: str) -> Layer:
+def _by_kind(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLayer:
     met = list(dict.fromkeys(value for point in survey.placed if (value := getattr(point, name)) is not None))
     marks = []
     for point in survey.placed:
@@ -181,13 +181,15 @@ def _by_kind(survey: Survey, frame: Frame, name: str, title: str) -> Layer:
         words = f"no value: {_why(point, name)}" if value is None else str(value)
         marks.append(_mark(frame, point, None if value is None else min(met.index(value), len(SHAPES) - 1), words))
     names = met[: len(SHAPES) - 1] + ([", ".join(met[len(SHAPES) - 1 :])] if len(met) >= len(SHAPES) else [])
-    return Layer(name, title, tuple(marks), _legend(marks, names))
+    return ValueLayer(name, title, tuple(marks), _legend(marks, names))
 
 
-def _mark(frame: Frame, point: SurveyPoint, band: int | None, words: str) -> Mark:
+def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> TrackMark:
     x, y = frame.place(*(point.position or (0.0, 0.0)))
     place = f"{point.place}, " if point.place else ""
-    return Mark(x, y, band, f"{translate('point')} {point.number}, {place}{point.at:%H:%M:%S} UTC: {translate(words)}")
+    return TrackMark(
+        x, y, band, f"{translate('point')} {point.number}, {place}{point.at:%H:%M:%S} UTC: {translate(words)}"
+    )
 
 
 def _why(point: SurveyPoint, name: str) -> str:
@@ -197,12 +199,12 @@ def _why(point: SurveyPoint, name: str) -> str:
     return point.no_radio or "the unit does not say"
 
 
-def _legend(marks: Sequence[Mark], words: Sequence[str]) -> tuple[LegendRow, ...]:
+def _legend(marks: Sequence[TrackMark], words: Sequence[str]) -> tuple[LegendRow, ...]:
     rows = [LegendRow(band, text, sum(mark.band == band for mark in marks)) for band, text in enumerate(words)]
     return (*rows, LegendRow(None, "no value", sum(mark.band is None for mark in marks)))
 
 
-def coast_paths(coast: Coast | None, frame: Frame) -> tuple[str, ...]:
+def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
     """The parts of a coast that cross the sheet, as paths of SVG."""
     if coast is None:
         return ()
@@ -221,14 +223,14 @@ def coast_paths(coast: Coast | None, frame: Frame) -> tuple[str, ...]:
 def summary(survey: Survey) -> tuple[str, ...]:
     """What the survey holds, in sentences."""
     points = survey.points
-    heard = sum(point.rsrp_dbm is not None for point in points)
+    levels = sum(point.rsrp_dbm is not None for point in points)
     tested = sum(point.sent is not None for point in points)
     answered = sum(point.rtt_median_s is not None for point in points)
     unproved = sum(point.sent is not None and point.carried_by is None for point in points)
     spent = sum(point.test_bytes for point in points)
     lines = [
         f"{len(points)} points, {len(survey.placed)} of them with a position",
-        f"{heard} points with a level of the unit",
+        f"{levels} points with a level of the unit",
         f"{tested} tests over the link, {answered} of them answered, {spent / 1000:.1f} kB sent and received",
     ]
     if unproved and not survey.header.emulated:
@@ -246,7 +248,7 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
     """The page; the same for the same survey."""
     style = _environment().get_template("survey.css.j2").render()
     positions = [point.position for point in survey.placed if point.position is not None]
-    frame = Frame.around(positions) if positions else None
+    frame = MapFrame.around(positions) if positions else None
     text = (
         _environment()
         .get_template("survey.html.j2")

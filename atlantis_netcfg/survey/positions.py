@@ -55,7 +55,7 @@ class NoPosition(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class TrackPosition:
     """A place, and what is known of how good it is."""
 
     latitude: float
@@ -64,7 +64,7 @@ class Position:
     hdop: float | None = None
     place: str = ""
 
-    def distance_m(self, other: Position) -> float:
+    def distance_m(self, other: TrackPosition) -> float:
         """Along the great circle."""
         return distance_m(self.latitude, self.longitude, other.latitude, other.longitude)
 
@@ -74,7 +74,7 @@ class PositionSource(Protocol):
 
     name: str
 
-    def position(self) -> Position | NoPosition:
+    def position(self) -> TrackPosition | NoPosition:
         """Where we are now."""
 
 
@@ -119,7 +119,7 @@ class GpsdStream:
                 self._since_s = at_s
             self._last = report
 
-    def position(self, now_s: float) -> Position | NoPosition:
+    def position(self, now_s: float) -> TrackPosition | NoPosition:
         """The position at this time, on the clock of `feed`."""
         report = self._last
         if report is None or (not report.fixed and now_s - self._heard_s > self.max_age_s):
@@ -132,7 +132,7 @@ class GpsdStream:
         reason = self._why_not(report, age_s)
         if reason is not None:
             return reason
-        return Position(report.latitude, report.longitude, round(age_s, 3), self._hdop)
+        return TrackPosition(report.latitude, report.longitude, round(age_s, 3), self._hdop)
 
     def _why_not(self, report: Report, age_s: float) -> NoPosition | None:
         if age_s > self.max_age_s:
@@ -166,7 +166,7 @@ class GpsdSource:
         self._thread.join()
         self._stop.close()
 
-    def position(self) -> Position | NoPosition:
+    def position(self) -> TrackPosition | NoPosition:
         """As `PositionSource` has it."""
         with self._lock:
             return NoPosition.NO_GPSD if self._stream is None else self._stream.position(time.monotonic())
@@ -225,7 +225,7 @@ _TYPED = re.compile(
 )
 
 
-def typed_position(text: str, known: dict[str, Position]) -> Position | None:
+def typed_position(text: str, known: dict[str, TrackPosition]) -> TrackPosition | None:
     """Understand `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place that was typed before.
 
     A named one is kept in `known`. None: it is neither.
@@ -236,7 +236,7 @@ def typed_position(text: str, known: dict[str, Position]) -> Position | None:
     latitude, longitude = float(found["latitude"]), float(found["longitude"])
     if abs(latitude) > 90 or abs(longitude) > 180:  # noqa: PLR2004 - degrees
         return None
-    position = Position(latitude, longitude, place=(found["place"] or "").strip())
+    position = TrackPosition(latitude, longitude, place=(found["place"] or "").strip())
     if position.place:
         known[position.place] = position
     return position

@@ -18,7 +18,7 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.qualify.session import SECOND
 from atlantis_netcfg.qualify.transport import Arrival
-from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, Position
+from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -166,7 +166,7 @@ class Voyage:
         up, down = (bps * truth.rate_share for bps in (self.rate.up_bps, self.rate.down_bps))
         return LinkShape(up, delay_s, loss=lost), LinkShape(down, delay_s, loss=lost)
 
-    def position(self) -> Position | NoPosition:
+    def position(self) -> TrackPosition | NoPosition:
         """As `PositionSource` has it: the receiver reports once a second."""
         second = int(self.clock.now_s())
         if second != self._told_s:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.survey.measure import SurveyPlan
     from atlantis_netcfg.survey.points import SurveyPoint
-    from atlantis_netcfg.survey.positions import Position
+    from atlantis_netcfg.survey.positions import TrackPosition
 
 _PORT_OF_VIANA = (41.6864, -8.8388)
 """Where an emulated voyage begins at a site without a geofence: the report's point."""
@@ -64,8 +64,8 @@ class TypedPositions:
     """Positions that a person types; the last one is where we are."""
 
     name: str = "a person"
-    current: Position | None = None
-    _known: dict[str, Position] = field(default_factory=dict)
+    current: TrackPosition | None = None
+    _known: dict[str, TrackPosition] = field(default_factory=dict)
     """Places that were named."""
 
     def type(self, text: str) -> bool:
@@ -76,7 +76,7 @@ class TypedPositions:
             return found is not None
         return self.current is not None
 
-    def position(self) -> Position | NoPosition:
+    def position(self) -> TrackPosition | NoPosition:
         """As `PositionSource` has it."""
         return self.current or NoPosition.NOT_TYPED
 

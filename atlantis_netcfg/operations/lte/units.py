@@ -311,11 +311,11 @@ def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> Emul
     target = Target(
         host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
     )
-    heard = running.unit.modem
+    twin = running.unit.modem
 
     def tune(truth: PlaceTruth) -> None:
         levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        heard.hear(rutos.RutosNetwork(silent=not truth.served, cell_id=truth.cell_id, **levels))
+        twin.hear(rutos.RutosNetwork(silent=not truth.served, cell_id=truth.cell_id, **levels))
 
     return EmulatedUnit(target, running.unit.export, tune)
 

@@ -14,7 +14,7 @@ from voyage_stand import nmea, replayed, sailing
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd, RunningNmea
 from atlantis_netcfg.survey.measure import SurveyPlan
-from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, Position
+from atlantis_netcfg.survey.positions import GpsdSource, NoPosition, TrackPosition
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,7 +78,7 @@ def test_an_hour_with_the_real_gpsd(tmp_path: Path) -> None:
     assert len(points) > 200
 
 
-def until(source: GpsdSource, holds: Callable[[Position | NoPosition], bool]) -> Position | NoPosition:
+def until(source: GpsdSource, holds: Callable[[TrackPosition | NoPosition], bool]) -> TrackPosition | NoPosition:
     """Wait for a position or a reason."""
     deadline = time.monotonic() + 20.0
     while not holds(found := source.position()):
@@ -90,15 +90,15 @@ def until(source: GpsdSource, holds: Callable[[Position | NoPosition], bool]) ->
 def test_a_gpsd_is_heard_through_its_socket_and_through_a_program() -> None:
     with RunningNmea(GnssSpec(every_s=0.1)) as receiver, gpsd(f"tcp://127.0.0.1:{receiver.port}") as port:
         with GpsdSource("real", ("127.0.0.1", port)) as source:
-            found = until(source, lambda found: isinstance(found, Position))
+            found = until(source, lambda found: isinstance(found, TrackPosition))
         relay = "import socket,sys,threading as t,os\ns=socket.create_connection(('127.0.0.1',int(sys.argv[1])))\n"
         relay += "t.Thread(target=lambda:[s.sendall(d) for d in iter(lambda:os.read(0,999),b'')],daemon=True).start()\n"
         relay += "[os.write(1,d) for d in iter(lambda:s.recv(9999),b'')]"
         with GpsdSource("through", command=["python3", "-c", relay, str(port)]) as source:
-            through = until(source, lambda found: isinstance(found, Position))
+            through = until(source, lambda found: isinstance(found, TrackPosition))
         assert receiver.forbidden == []
     for each in (found, through):
-        assert isinstance(each, Position)
+        assert isinstance(each, TrackPosition)
         assert distance_m(each.latitude, each.longitude, 41.68642, -8.83883) < 1.0
 
 
@@ -106,7 +106,7 @@ def test_a_gpsd_that_is_missing_or_goes_is_said_so() -> None:
     with ExitStack() as stack:
         twin = stack.enter_context(RunningGpsd(GnssSpec(every_s=0.05)))
         with GpsdSource("twin", (twin.host, twin.port)) as source:
-            until(source, lambda found: isinstance(found, Position))
+            until(source, lambda found: isinstance(found, TrackPosition))
             stack.close()
             until(source, lambda found: found is NoPosition.NO_GPSD)
 

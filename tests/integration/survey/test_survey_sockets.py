@@ -17,7 +17,7 @@ from atlantis_netcfg.operations.lte.units import emulated_units
 from atlantis_netcfg.qualify.reflector.__main__ import answer_waiting, open_socket
 from atlantis_netcfg.qualify.reflector.answering import Reflector
 from atlantis_netcfg.survey.measure import SurveyPlan
-from atlantis_netcfg.survey.positions import Position
+from atlantis_netcfg.survey.positions import TrackPosition
 from atlantis_netcfg.survey.radio import surveyed_link
 from atlantis_netcfg.survey.site import SiteSurvey, TypedPositions
 
@@ -74,7 +74,7 @@ def test_a_point_through_real_sockets(tmp_path: Path) -> None:
         store, gps = Store(tmp_path, rehearsed=True), f"{twin.host}:{twin.port}"
         site = SiteSurvey(declaration, link, UNIT, request, store, SurveyPlan(max_seconds=0.6), gps=gps)
         survey = site.running(stack, samples.append, points.append)
-        while not isinstance(survey.positions.position(), Position):
+        while not isinstance(survey.positions.position(), TrackPosition):
             survey.clock.wait(0.05)
         assert survey.run() == "done"
         header = site.header(survey, "name")

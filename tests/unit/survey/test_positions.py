@@ -10,7 +10,7 @@ import pytest
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import encode_reports
 from atlantis_netcfg.survey.measure import hourly_bytes, steps
-from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, Position, gpsd_address, typed_position
+from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition, gpsd_address, typed_position
 from atlantis_netcfg.survey.site import TypedPositions
 
 START = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
@@ -27,7 +27,7 @@ def sky(hdop: float, device: str = DEVICE) -> bytes:
     return encode_reports({"class": "SKY", "device": device, "hdop": hdop, "uSat": 9, "nSat": 11})
 
 
-def heard(*pieces: bytes, now_s: float = 0.0) -> Position | NoPosition:
+def heard(*pieces: bytes, now_s: float = 0.0) -> TrackPosition | NoPosition:
     stream = GpsdStream()
     for piece in pieces:
         stream.feed(0.0, piece)
@@ -59,7 +59,7 @@ def test_what_counts(case: str) -> None:
     pieces, now_s, reason = CASES[case]
     found = heard(*pieces, now_s=now_s)
     if reason is None:
-        assert isinstance(found, Position)
+        assert isinstance(found, TrackPosition)
         assert (found.latitude, found.longitude, found.age_s) == (41.6864, -8.8388, 0.5)
     else:
         assert found is reason
@@ -79,7 +79,7 @@ def test_a_position_before_its_time_does_not_replace_a_whole_one() -> None:
     stream.feed(0.0, tpv(0.0))
     stream.feed(1.0, tpv(1.0, time=None, lat=41.7))
     found = stream.position(1.0)
-    assert isinstance(found, Position)
+    assert isinstance(found, TrackPosition)
     assert (found.latitude, found.age_s) == (41.6864, 1.0)
 
 
@@ -90,8 +90,8 @@ def test_a_second_receiver_counts_once_the_first_is_silent() -> None:
     first = stream.position(1.0)
     stream.feed(11.0, tpv(11.0, device="/dev/ttyUSB0", lat=41.7))
     second = stream.position(11.0)
-    assert isinstance(first, Position)
-    assert isinstance(second, Position)
+    assert isinstance(first, TrackPosition)
+    assert isinstance(second, TrackPosition)
     assert (first.latitude, second.latitude) == (41.6864, 41.7)
 
 
@@ -99,7 +99,7 @@ def test_bytes_may_come_one_by_one() -> None:
     stream = GpsdStream()
     for byte in sky(0.9) + tpv():
         stream.feed(0.0, bytes([byte]))
-    assert stream.position(0.0) == Position(41.6864, -8.8388, 0.0, 0.9)
+    assert stream.position(0.0) == TrackPosition(41.6864, -8.8388, 0.0, 0.9)
 
 
 def test_typed_positions() -> None:
@@ -108,12 +108,12 @@ def test_typed_positions() -> None:
     assert not typed.type("")
     assert typed.type("pier end: 41.6864, -8.8388")
     assert typed.type("41.7 -8.9")
-    assert typed.position() == Position(41.7, -8.9)
+    assert typed.position() == TrackPosition(41.7, -8.9)
     assert typed.type("pier end")
-    assert typed.position() == Position(41.6864, -8.8388, place="pier end")
+    assert typed.position() == TrackPosition(41.6864, -8.8388, place="pier end")
     assert typed.type("")
     assert not typed.type("quay")
-    assert typed.position() == Position(41.6864, -8.8388, place="pier end")
+    assert typed.position() == TrackPosition(41.6864, -8.8388, place="pier end")
 
 
 @pytest.mark.parametrize("text", ["91, 0", "0, 181", "41.6864", "north", "41,6864, -8,8388", "1e3, 2"])

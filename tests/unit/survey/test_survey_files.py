@@ -14,7 +14,7 @@ from survey_examples import header, point, survey
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, read_coast
 from atlantis_netcfg.survey.kept import export, kept_survey, outcome
-from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, Frame, html, layers
+from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
 from atlantis_netcfg.survey.points import (
     SURVEY_FILE,
     SurveyEnd,
@@ -112,7 +112,7 @@ def test_the_page_shows_each_value_with_its_shape_and_its_limits() -> None:
 
 def test_a_point_without_a_value_is_said_so_and_says_why() -> None:
     made = example()
-    by_name = {layer.key: layer for layer in layers(made, Frame.around([(41.68, -8.83), (41.7, -8.86)]))}
+    by_name = {layer.key: layer for layer in layers(made, MapFrame.around([(41.68, -8.83), (41.7, -8.86)]))}
     assert [mark.band for mark in by_name["rsrp_dbm"].marks] == [1, 3, None]
     assert [mark.band for mark in by_name["cell"].marks] == [0, 1, None]
     assert by_name["goodput_up_bps"].marks[1].words.endswith("no value: the hourly budget")
@@ -133,7 +133,7 @@ def test_bands_and_their_words_agree(scale: BandScale) -> None:
 
 def test_north_is_up_and_a_kilometre_is_as_long_both_ways() -> None:
     degree = 1000 / 111_195.0
-    frame = Frame.around([(41.6864, -8.8388), (41.7064, -8.8688)])
+    frame = MapFrame.around([(41.6864, -8.8388), (41.7064, -8.8688)])
     x, y = frame.place(41.69, -8.85)
     north = frame.place(41.69 + degree, -8.85)
     east = frame.place(41.69, -8.85 + degree / frame.narrowing)
