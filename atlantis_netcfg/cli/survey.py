@@ -145,6 +145,7 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     from atlantis_netcfg.qualify.samples import SampleWriter
     from atlantis_netcfg.survey.kept import folder_of, new_folder
     from atlantis_netcfg.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
+    from atlantis_netcfg.survey.positions import GpsdSource
 
     refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
     site = _site(opened, plan)
@@ -164,6 +165,8 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
         _begin_words(opened, survey)
         reason = _by_clicks(survey) if opened.arguments.flag("clicks") else survey.run()
         write(SurveyEnd(at=survey.clock.utc(), reason=reason))
+    if isinstance(survey.positions, GpsdSource) and survey.positions.trouble and not opened.as_json:
+        print(translate(f"{survey.positions.name}: {survey.positions.trouble}"), flush=True)
     return folder
 
 

@@ -150,6 +150,8 @@ class GpsdSource:
 
     def __init__(self, name: str, address: tuple[str, int] | None = None, command: Sequence[str] = ()) -> None:
         self.name = name
+        self.trouble = ""
+        """What the program said when it ended last: OpenSSH's reason."""
         self._address, self._command = address, command
         self._stream: GpsdStream | None = None
         """None: nobody answers."""
@@ -187,12 +189,23 @@ class GpsdSource:
         ours, theirs = socket.socketpair()
         stack.enter_context(ours)
         with theirs:
+            handle = theirs.fileno()
             process = subprocess.Popen(  # noqa: S603 - OpenSSH with options of ours
-                self._command, stdin=theirs, stdout=theirs, stderr=subprocess.DEVNULL, start_new_session=True
+                self._command, stdin=handle, stdout=handle, stderr=subprocess.PIPE, start_new_session=True
             )
-        stack.callback(process.wait)
-        stack.callback(process.terminate)
+        stack.callback(self._end, process)
         return ours
+
+    def _end(self, process: subprocess.Popen[bytes]) -> None:
+        """End the program, and keep what it has complained of at last."""
+        process.terminate()
+        try:
+            _, complaints = process.communicate(timeout=_CONNECT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            _, complaints = process.communicate(timeout=_CONNECT_S)
+        lines = complaints.decode("utf-8", "replace").strip().splitlines()
+        self.trouble = lines[-1].strip() if lines else ""
 
     def _hear(self, wire: socket.socket) -> None:
         wire.sendall(gpsd.WATCH)

@@ -151,8 +151,8 @@ class Voyage:
     def __post_init__(self) -> None:
         """Lay the link."""
         seeded = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
-        models = (LinkModel(LinkShape(), source) for source in seeded)
-        self.link = SimulatedLink(self.clock, self._shapes, *models)
+        up, down = (LinkModel(LinkShape(), source) for source in seeded)
+        self.link = SimulatedLink(self.clock, self._shapes, up, down)
 
     @property
     def truth(self) -> PlaceTruth:

@@ -111,6 +111,17 @@ def test_a_gpsd_that_is_missing_or_goes_is_said_so() -> None:
             until(source, lambda found: found is NoPosition.NO_GPSD)
 
 
+def test_what_a_program_complains_of_is_kept() -> None:
+    words = ["sh", "-c", "echo first >&2; echo Host key verification failed. >&2; exit 255"]
+    with GpsdSource("gpsd of a gateway", command=words) as source:
+        deadline = time.monotonic() + 20.0
+        while not source.trouble:
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        assert source.position() is NoPosition.NO_GPSD
+    assert source.trouble == "Host key verification failed."
+
+
 def test_a_gpsd_without_a_fix_is_said_so() -> None:
     with RunningGpsd(GnssSpec(every_s=0.05, mode=1)) as twin, GpsdSource("twin", (twin.host, twin.port)) as source:
         until(source, lambda found: found is NoPosition.NO_FIX)

@@ -38,8 +38,14 @@ class Told:
         truth = self.truth
         if truth is None or not truth.served:
             return RadioSample(registration="searching")
-        levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        return RadioSample("registered_home", "lte", cell=str(truth.cell_id), **levels)
+        return RadioSample(
+            "registered_home",
+            "lte",
+            cell=str(truth.cell_id),
+            rsrp_dbm=truth.rsrp_dbm,
+            rsrq_db=truth.rsrq_db,
+            sinr_db=truth.sinr_db,
+        )
 
     def carried_by(self) -> str | None:
         return self.carries
