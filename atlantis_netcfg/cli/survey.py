@@ -158,7 +158,7 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
         def point_taken(point: SurveyPoint) -> None:
             write(point)
             if not opened.as_json and not opened.rehearsed:
-                print(translate(_line(point)), flush=True)
+                print(_line(point), flush=True)
 
         survey = site.running(stack, samples, point_taken)
         write(site.header(survey, folder.name))
@@ -253,19 +253,16 @@ def _by_clicks(survey: RunningSurvey) -> str:
 
 
 def _line(point: SurveyPoint) -> str:
-    """A point on the screen."""
-    where = point.no_position if point.position is None else f"{point.latitude:.5f}, {point.longitude:.5f}"
-    levels = [
-        f"{name} {value:g}"
-        for name, value in (("RSRP", point.rsrp_dbm), ("RSRQ", point.rsrq_db), ("SINR", point.sinr_db))
-        if value is not None
-    ]
-    radio = " ".join(levels) or point.no_radio or "no level"
-    test = point.no_test
-    if point.rtt_median_s is not None:
-        test = f"{point.rtt_median_s * 1000:.0f} ms"
-        test += "" if point.goodput_up_bps is None else f", {point.goodput_up_bps / 1e6:.2f} Mbit/s up"
-    return f"{point.number:>4}  {where}  {radio}  {test}"
+    """A point on the screen, in the language of the person."""
+    where = translate(point.no_position)
+    if point.position is not None:
+        where = f"{point.latitude:.5f}, {point.longitude:.5f}"
+    levels = (("RSRP", point.rsrp_dbm), ("RSRQ", point.rsrq_db), ("SINR", point.sinr_db))
+    radio = " ".join(f"{name} {value:g}" for name, value in levels if value is not None)
+    test = translate(point.no_test)
+    if point.rtt_median_s is not None and not test:
+        test = translate(f"{point.rtt_median_s * 1000:.0f} ms, {(point.goodput_up_bps or 0) / 1e6:.2f} Mbit/s up")
+    return f"{point.number:>4}  {where}  {radio or translate(point.no_radio or 'no level')}  {test}"
 
 
 def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
@@ -302,7 +299,6 @@ def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: 
         f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
         *(["emulated devices, nothing real was asked"] if rehearsed else []),
         *(f"  {line}" for line in summary(survey)),
-        *(f"  {count} points without a position: {reason}" for reason, count in missing(survey)),
         *(f"  not rehearsed: {entry}" for entry in beyond),
         f"kept: {folder}",
         found.words,

@@ -154,9 +154,9 @@ class LinkTester:
         """Measure now; one that is stopped by Ctrl-C says so."""
         budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
         guard = BudgetGuard(budget, lambda: self.transport.now_ns() / SECOND, self.transport.headers)
-        found, stopped = self._train(guard, f"point {number}")
+        found, stopped = self._train(guard, f"point-{number}")
         if found.rtt_median_s is not None and not stopped:
-            rate, stopped = self._message(guard, f"point {number} load")
+            rate, stopped = self._message(guard, f"point-{number}-load")
             found = replace(found, goodput_up_bps=rate, no_test=NOT_CONFIRMED if rate is None else "")
         reason = STOPPED if stopped else found.no_test
         return replace(found, no_test=reason, test_bytes=guard.sent_bytes + guard.received_bytes)

@@ -66,11 +66,12 @@ class BandScale:
 
     def words(self) -> Iterator[str]:
         """Of each band, its limits in numbers."""
-        better, worse = ("from", "below") if self.falls else ("up to", "above")
-        yield f"{better} {self.limits[0]:g} {self.unit}"
-        for high, low in pairwise(self.limits):
-            yield f"{min(high, low):g} to {max(high, low):g} {self.unit}"
-        yield f"{worse} {self.limits[-1]:g} {self.unit}"
+        best, last, unit = self.limits[0], self.limits[-1], self.unit
+        yield f"from {best:g} {unit}" if self.falls else f"up to {best:g} {unit}"
+        for first, second in pairwise(self.limits):
+            low, high = sorted((first, second))
+            yield f"{low:g} to {high:g} {unit}"
+        yield f"below {last:g} {unit}" if self.falls else f"above {last:g} {unit}"
 
     def shown(self, point: SurveyPoint) -> float | None:
         """The value of a point in the unit of the scale."""
@@ -220,6 +221,13 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
     return tuple(found)
 
 
+_ENDS: Final = {
+    "done": "it went on until its time was over, or until a person ended it",
+    "stopped": "it was stopped, and everything until then is here",
+    "cut off": "its end is missing: the program was killed, or the survey goes on",
+}
+
+
 def summary(survey: Survey) -> tuple[str, ...]:
     """What the survey holds, in sentences."""
     points = survey.points
@@ -235,7 +243,8 @@ def summary(survey: Survey) -> tuple[str, ...]:
     ]
     if unproved and not survey.header.emulated:
         lines.append(f"of {unproved} tests nobody knows which link has carried them: the router did not say")
-    return tuple(lines)
+    lines += [f"{count} points without a position: {reason}" for reason, count in missing(survey)]
+    return (*lines, _ENDS[survey.reason])
 
 
 def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
@@ -246,7 +255,7 @@ def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
 
 def html(survey: Survey, coast: Coast | None = None) -> bytes:
     """The page; the same for the same survey."""
-    style = _environment().get_template("survey.css.j2").render()
+    style, header = _environment().get_template("survey.css.j2").render(), survey.header
     positions = [point.position for point in survey.placed if point.position is not None]
     frame = MapFrame.around(positions) if positions else None
     text = (
@@ -254,16 +263,16 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
         .get_template("survey.html.j2")
         .render(
             survey=survey,
-            header=survey.header,
-            begun=time_text(survey.header.begun, survey.header.time_zone),
+            header=header,
+            subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+            source=f"link {header.link}, read from {header.unit}, positions by {header.positions_by}",
             frame=frame,
             width=_WIDTH,
             layers=layers(survey, frame) if frame is not None else (),
             track=" ".join(f"{x},{y}" for x, y in (frame.place(*position) for position in positions)) if frame else "",
-            coast=coast,
+            coast_words=None if coast is None else f"The coast line is that of {coast.name}, as it was given",
             coast_paths=coast_paths(coast, frame) if frame is not None else (),
             summary=summary(survey),
-            missing=missing(survey),
             style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
             style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
             language=page_language(),

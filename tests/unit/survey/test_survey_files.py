@@ -61,7 +61,7 @@ def test_what_was_killed_is_whole_without_its_last_line(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-5])
     found = read_survey(path)
     assert ([item.number for item in found.points], found.end, found.reason) == ([1], None, "cut off")
-    assert b"cut off" in html(found)
+    assert b"its end is missing" in html(found)
 
 
 @pytest.mark.parametrize("line", ["{}", "x", '{"kind":"point","number":1,"more":2}', "[]"])

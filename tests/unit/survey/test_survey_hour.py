@@ -176,5 +176,5 @@ def test_ctrl_c_between_points_keeps_them(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_lossy_link_has_no_goodput_but_where_the_receiver_says_so(hour: Sailing) -> None:
     """What is told as goodput is what the receiver had: raw samples say the same."""
     whole = {s.stream for s in hour.samples if isinstance(s, MessageEnded) and s.acknowledged_at_ns is not None}
-    told = {f"point {point.number} load" for point in hour.points if point.goodput_up_bps is not None}
+    told = {f"point-{point.number}-load" for point in hour.points if point.goodput_up_bps is not None}
     assert told == whole
