@@ -25,9 +25,10 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.qualify.samples import Sample
     from atlantis_netcfg.survey.exports import Coast
     from atlantis_netcfg.survey.measure import RunningSurvey, SurveyPlan
-    from atlantis_netcfg.survey.points import SurveyPoint
+    from atlantis_netcfg.survey.points import SurveyLine, SurveyPoint
     from atlantis_netcfg.survey.site import SiteSurvey
 
 SURVEY = CommandSpec(
@@ -151,16 +152,26 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     site = _site(opened, plan)
     _paid(opened, site.link, plan)
     folder = new_folder(folder_of(opened.store, opened.site), utc_now())
-    with os_errors_as("the survey", folder), ExitStack() as stack:
-        write = SurveyWriter(stack.enter_context((folder / SURVEY_FILE).open("a", encoding="utf-8")))
-        samples = SampleWriter(stack.enter_context((folder / SAMPLES_FILE).open("a", encoding="utf-8")))
+    with ExitStack() as stack:
+        with os_errors_as("the survey", folder):
+            lines = stack.enter_context((folder / SURVEY_FILE).open("a", encoding="utf-8"))
+            raw = stack.enter_context((folder / SAMPLES_FILE).open("a", encoding="utf-8"))
+        add, add_sample = SurveyWriter(lines), SampleWriter(raw)
+
+        def write(line: SurveyLine) -> None:
+            with os_errors_as("the survey", folder):
+                add(line)
+
+        def sample_taken(sample: Sample) -> None:
+            with os_errors_as("the survey", folder):
+                add_sample(sample)
 
         def point_taken(point: SurveyPoint) -> None:
             write(point)
             if not opened.as_json and not opened.rehearsed:
                 print(_line(point), flush=True)
 
-        survey = site.running(stack, samples, point_taken)
+        survey = site.running(stack, sample_taken, point_taken)
         write(site.header(survey, folder.name))
         _begin_words(opened, survey)
         reason = _by_clicks(survey) if opened.arguments.flag("clicks") else survey.run()

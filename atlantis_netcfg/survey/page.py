@@ -86,7 +86,7 @@ SCALES: Final = (
     BandScale("rtt_median_s", "Round trip", "ms", (60.0, 120.0, 250.0, 800.0), factor=1000.0),
     BandScale("goodput_up_bps", "Goodput up", "Mbit/s", (10.0, 4.0, 1.0, 0.3), factor=1e-6, digits=2),
 )
-KINDS: Final = (("cell", "Cell"), ("technology", "Technology"))
+KINDS: Final = (("cell", "Serving cell"), ("technology", "Radio technology"))
 """Values that are names: each has its own shape, in the order in which it was met."""
 
 

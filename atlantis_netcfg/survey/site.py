@@ -123,13 +123,22 @@ class SiteSurvey:
             return self._emulated(samples, write)
         tester = None
         if not self.radio_only:
-            address, port, key = self.far_end
-            transport = stack.enter_context(UdpTransport((address, port)))
-            tester = LinkTester(self.plan, transport, ReflectorPeer(key), samples)
+            transport = stack.enter_context(self._transport())
+            tester = LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
             self.plan.test_every_s(transport.headers)
         radio = UnitRadio(self.declaration, self.unit, self.request, self.store, router_of(self.declaration, self.site))
         positions = TypedPositions() if self.clicks else stack.enter_context(self._gpsd())
         return RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
+
+    def _transport(self) -> UdpTransport:
+        address, port, _ = self.far_end
+        try:
+            return UdpTransport((address, port))
+        except OSError as error:
+            raise UsageError(
+                f"this computer has no way to the far end {address}: {error.strerror}",
+                hint="connect it to the network of the site, or type `--radio-only`, which sends nothing",
+            ) from error
 
     def _emulated(self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]) -> RunningSurvey:
         assert self.tune is not None  # noqa: S101 - the caller has looked

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 import threading
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import pytest
 from voyage_stand import DECLARATION, UNIT
 
+from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.gnss import GnssSpec, RunningGpsd
 from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations import Mode, Request
@@ -91,6 +94,18 @@ def test_a_point_through_real_sockets(tmp_path: Path) -> None:
     assert header.far_end.startswith("127.0.0.1:")
     assert header.positions_by == f"gpsd at {gps}"
     assert not header.emulated
+
+
+def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unreachable(_far_end: tuple[str, int]) -> None:
+        raise OSError(errno.ENETUNREACH, "Network is unreachable")
+
+    monkeypatch.setattr("atlantis_netcfg.survey.site.UdpTransport", unreachable)
+    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, rehearsed=True)
+    request = Request(state=tmp_path, mode=Mode.DRIFT)
+    site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan())
+    with ExitStack() as stack, pytest.raises(UsageError, match=r"no way to the far end .*: Network is unreachable"):
+        site.running(stack, lambda _sample: None, lambda _point: None)
 
 
 def test_a_point_where_a_person_says_where_it_is_and_nothing_is_sent(tmp_path: Path) -> None:
