@@ -52,6 +52,7 @@ IN = (
     "bootstrap",
     "core",
     "routeros",
+    "survey",
     "vpn/enrolment_package",
     "declaration",
 )

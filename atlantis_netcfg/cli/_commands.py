@@ -42,6 +42,7 @@ COMMANDS: Mapping[str, str] = {
     "use": "atlantis_netcfg.cli.use:use",
     "prove": "atlantis_netcfg.cli.links:prove",
     "qualify": "atlantis_netcfg.cli.qualify:qualify",
+    "survey": "atlantis_netcfg.cli.survey:survey",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
     "report list": "atlantis_netcfg.cli.checklist:report_list",

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.operations.adoption import Adoption
     from atlantis_netcfg.operations.link_shapes import Replay
 
@@ -88,6 +89,17 @@ class Rehearsal:
         if name in self.units:
             return self.units[name].export()
         return str(self.twins.do(name, "export"))
+
+    def tune(self, name: str, truth: PlaceTruth) -> bool:
+        """Let an emulated 4G unit hear what is on the air at a place; False: it hears the same everywhere."""
+        if name in self.units:
+            hear = self.units[name].tune
+            if hear is not None:
+                hear(truth)
+            return hear is not None
+        levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
+        self.twins.do(name, "modem", cell={"cell_id": truth.cell_id, **levels} if truth.served else None)
+        return True
 
     def relink(self, declaration: Declaration, host: Host, via: str) -> None:
         """Put the twin of a host behind another bearer."""

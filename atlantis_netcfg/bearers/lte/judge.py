@@ -52,6 +52,8 @@ class LteReading:
     """Mobile country and network code, like 26801."""
     band: str | None = None
     """Like B3."""
+    cell: str | None = None
+    """Identity of the serving cell, in the device's own form; None: not said."""
     rsrp_dbm: float | None = None
     rsrq_db: float | None = None
     sinr_db: float | None = None

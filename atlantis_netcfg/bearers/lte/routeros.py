@@ -99,6 +99,7 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
         operator=None if operator is not None and operator.isdecimal() else operator,
         plmn=operator if operator is not None and operator.isdecimal() else None,
         band=_band(monitored),
+        cell=_meaningful(monitored.get("current-cellid")),
         rsrp_dbm=_level(monitored, "rsrp", _RSRP_DBM, "dBm"),
         rsrq_db=_level(monitored, "rsrq", _RSRQ_DB, "dB"),
         sinr_db=_level(monitored, "sinr", _SINR_DB, "dB"),

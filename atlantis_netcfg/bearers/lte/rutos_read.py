@@ -35,6 +35,7 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "tries": ("pinleft", "pin_left"),
     "slot": ("active_sim", "sim_slot"),
     "plmn": ("opernum", "operator_number", "plmn", "provider_number"),
+    "cell": ("cellid", "cell_id"),
     "imei": ("imei",),
     "iccid": ("iccid",),
 }
@@ -150,6 +151,13 @@ def plmn(record: Mapping[str, Any]) -> str | None:
     return code if re.fullmatch(r"\d{5,6}", code) else None
 
 
+def cell(record: Mapping[str, Any]) -> str | None:
+    """The serving cell's identity [memory]: in a field of its own, or in that of the serving cell."""
+    cells = record.get("cell_info")
+    first = cells[0] if isinstance(cells, list) and cells and isinstance(cells[0], dict) else {}
+    return text(record, "cell") or text(first, "cell")
+
+
 SOURCE = "rutos"
 _REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 
@@ -174,6 +182,7 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
         operator=text(modem, "operator"),
         plmn=plmn(modem),
         band=band(text(modem, "band")),
+        cell=cell(modem),
         rsrp_dbm=number(modem, "rsrp"),
         rsrq_db=number(modem, "rsrq"),
         sinr_db=number(modem, "sinr"),

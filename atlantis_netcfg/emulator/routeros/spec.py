@@ -181,6 +181,7 @@ class CellSpec(_Spec):
     """What it gives to the modem: carriers translate addresses (RFC 6598)."""
     denies: bool = False
     """It refuses this card."""
+    cell_id: int = 3103242
     rsrp_dbm: int = -97
     rsrq_db: int = -9
     sinr_db: int = 6

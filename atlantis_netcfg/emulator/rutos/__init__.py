@@ -1,7 +1,7 @@
 """An emulated Teltonika RutOS unit: its HTTPS interface, ubus, and SSH with a small, strict `uci`.
 
-It stands for the protocol and the settings, not for radio: signal figures are constant. Only what our drivers use is
-there, and everything else is refused: the twin is a subset of the device and never laxer.
+It stands for the protocol and the settings, not for radio: signal figures are those that it is given. Only what our
+drivers use is there, and everything else is refused: the twin is a subset of the device and never laxer.
 """
 
 from __future__ import annotations

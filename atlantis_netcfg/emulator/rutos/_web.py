@@ -340,6 +340,10 @@ class RutosModem:
             else:
                 self._tries -= 1
 
+    def hear(self, network: RutosNetwork) -> None:
+        """Be elsewhere: this is on the air from now on."""
+        self._spec = self._spec.model_copy(update={"network": network})
+
     @property
     def registration(self) -> str:
         """In the unit's words."""
@@ -378,7 +382,7 @@ class RutosModem:
             "pinstate": self.pin_words,
             "provider": spec.network.operator if received else "N/A",
             "oper": spec.network.operator if received else "N/A",
-            "sinr": 11 if received else "N/A",
+            "sinr": spec.network.sinr_db if received else "N/A",
             "conntype": "4G (LTE)" if received else "No service",
             "state": "Connected" if self.connected else "Disconnected",
             "imei": "000000000000000",
@@ -390,13 +394,17 @@ class RutosModem:
             "id": "1-1",
             "primary": True,
             "netstate": self.registration,
-            "rsrq": -9 if received else "N/A",
-            "rsrp": -94 if received else "N/A",
-            "signal": -66 if received else "N/A",
+            "rsrq": spec.network.rsrq_db if received else "N/A",
+            "rsrp": spec.network.rsrp_dbm if received else "N/A",
+            "signal": spec.network.rsrp_dbm + 28 if received else "N/A",
             "simstate": "Not inserted" if spec.sim is None else "Inserted",
         }
         if received:
-            row |= {"band": "LTE B3", "cell_info": [{"mcc": spec.network.plmn[:3], "mnc": spec.network.plmn[3:]}]}
+            row |= {
+                "band": "LTE B3",
+                "cellid": str(spec.network.cell_id),
+                "cell_info": [{"mcc": spec.network.plmn[:3], "mnc": spec.network.plmn[3:]}],
+            }
         if spec.sim is not None:
             row["pinleft"] = self._tries
         if spec.numbers_as_text:
@@ -459,6 +467,10 @@ class RutosNetwork(_Spec):
     denies: bool = False
     silent: bool = False
     """No coverage."""
+    cell_id: int = 3103242
+    rsrp_dbm: int = -94
+    rsrq_db: int = -9
+    sinr_db: int = 11
 
 
 class RutosSpec(_Spec):

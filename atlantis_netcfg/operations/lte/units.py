@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.bearers.lte.rutos_client import RutosEndpoint
     from atlantis_netcfg.bearers.lte.rutos_settings import LteSettings
     from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.journal import Pins, Store
     from atlantis_netcfg.routeros.apply import Status
 
@@ -261,6 +262,8 @@ class EmulatedUnit:
     target: Target
     export: Callable[[], str]
     """What it is set to, in its own words."""
+    tune: Callable[[PlaceTruth], None] | None = None
+    """Put on the air what is heard at another place; None: the emulation hears the same everywhere."""
 
 
 @contextmanager
@@ -308,7 +311,13 @@ def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> Emul
     target = Target(
         host=ready["host"], port=ready["https"], pin=ready["pin"], ssh=ready["ssh"], host_key=ready["host_key"]
     )
-    return EmulatedUnit(target, running.unit.export)
+    twin = running.unit.modem
+
+    def tune(truth: PlaceTruth) -> None:
+        levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
+        twin.hear(rutos.RutosNetwork(silent=not truth.served, cell_id=truth.cell_id, **levels))
+
+    return EmulatedUnit(target, running.unit.export, tune)
 
 
 def _modem(stack: ExitStack, device: LteRouter) -> EmulatedUnit:

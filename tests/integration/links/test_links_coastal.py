@@ -14,6 +14,8 @@ import pytest
 from links_bench import Bench, bench, inventory, masked
 
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.journal import Store
+from atlantis_netcfg.survey.radio import UnitRadio
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,6 +66,22 @@ def test_all_is_well(coastal: Bench) -> None:
     golden("coastal-well", report)
     assert report.exit is ExitCode.DONE
     assert [one["state"] for one in report.bearers.values()] == ["up", "up", "unknown"]
+
+
+def test_a_survey_hears_the_unit_and_knows_which_link_carries_the_traffic(coastal: Bench) -> None:
+    hosts, store = coastal.declaration.hosts, Store(coastal.request.state, rehearsed=True)
+    radio = UnitRadio(coastal.declaration, hosts[UNIT], coastal.request, store, hosts[ROUTER])
+    heard = radio.read()
+    assert (heard.cell, heard.rsrp_dbm, heard.technology, heard.no_radio) == ("3103242", -97.0, "lte", "")
+    assert radio.carried_by() == "wifi-ptp"
+    coastal.lose("wifi-ptp")
+    assert radio.carried_by() == "4g"
+    coastal.away(ROUTER, UNIT)
+    radio.request = coastal.request.model_copy(update={"targets": coastal.request.targets | coastal.targets})
+    assert radio.carried_by() is None
+    silent = radio.read()
+    assert silent.rsrp_dbm is None
+    assert silent.no_radio
 
 
 def test_json_has_what_is_promised(coastal: Bench) -> None:

@@ -71,7 +71,7 @@ def _cell(core: Core, phase: ModemPhase) -> _Row:
     cell = modem.cell
     row = {
         "current-operator": cell.operator,
-        "current-cellid": "3103242",
+        "current-cellid": str(cell.cell_id),
         "data-class": "LTE",
         "roaming": "no" if modem.sim.home == cell.plmn else "yes",
         "primary-band": f"B{cell.bands[0]}@20Mhz earfcn: 1300 phy-cellid: 480",

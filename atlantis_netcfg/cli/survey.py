@@ -1,0 +1,319 @@
+"""`provision survey`: coverage of a 4G link along a track, as points, a page, GeoJSON and CSV."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.survey.exports import Coast
+    from atlantis_netcfg.survey.measure import RunningSurvey, SurveyPlan
+    from atlantis_netcfg.survey.points import SurveyLine, SurveyPoint
+    from atlantis_netcfg.survey.site import SiteSurvey
+
+SURVEY = CommandSpec(
+    "survey",
+    "measure the coverage of a 4G link along a track: levels, cell, round trip, goodput",
+    group=Group.LINKS,
+    words=(
+        Word("site", "the site", required=True, example="te4sea"),
+        Word("link", "the 4G link; may be left out where there is one", example="4g"),
+        Word("gps", "`gateway`, `here`, or the address of a gpsd; else the gateway if it has one", example="here"),
+        Word("every", "metres and seconds between two points", example="50m,30s"),
+        Word("for", "how long, from 1 minute to 24 hours; else until Ctrl-C", example="1h"),
+        Word("to", "a folder that gets copies of the files", example="coverage"),
+        Word("coast", "GeoJSON file whose lines are drawn as the coast", example="coast.geojson"),
+        Word("from", "a survey that was made before: only its files are made again", example="20261120T101500Z"),
+        INVENTORY,
+    ),
+    flags=(
+        Flag("clicks", "a person types each position, instead of gpsd"),
+        Flag("radio-only", "read the unit alone: nothing is sent over the link"),
+        Flag("max-mb", "at most so much in any hour, headers included; 2 if left out", takes="MB"),
+        Flag("rehearse", "an emulated voyage and unit, over the declared rate of the link"),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+    ),
+    details=(
+        "Nothing is changed. A point without a fresh fix has no position, and nothing is interpolated. Ctrl-C ends the "
+        "survey and keeps all of it. Exit code 0: there are positions, levels and answers, 6: one of these is missing "
+        "everywhere, 7: there is no point."
+    ),
+)
+
+
+def run_survey(arguments: Arguments) -> ExitCode:
+    """Take points until the time is over or a person stops it, then make the files."""
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.survey.radio import surveyed_link, unit_of
+
+    plan = _plan(arguments)
+    coast = _coast(arguments)
+    if arguments.optional("from") is not None:
+        return _made_again(arguments, coast)
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        choose(declaration, arguments.word("site"), ())
+        link = surveyed_link(declaration, arguments.word("site"), arguments.optional("link"))
+        return (unit_of(declaration, link),)
+
+    _one_site(arguments)
+    with session(arguments, rehearse=arguments.flag("rehearse"), chosen=chosen) as opened:
+        folder = _measured(opened, plan)
+        return _report(opened.arguments, folder, coast, opened.rehearsed)
+
+
+def _one_site(arguments: Arguments) -> None:
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.declaration import ALL
+
+    if arguments.word("site") == ALL:
+        raise UsageError("`provision survey` is about one site at a time", hint="type its name: `site=te4sea`")
+    if arguments.flag("clicks") and arguments.flag("rehearse"):
+        raise UsageError(
+            "typed positions cannot be rehearsed: the emulated coverage belongs to the emulated track",
+            hint="leave out `--clicks` or `--rehearse`",
+        )
+
+
+def _plan(arguments: Arguments) -> SurveyPlan:
+    """What was typed of steps, time and budget. Raises UsageError."""
+    from dataclasses import replace
+
+    from atlantis_netcfg.operations.link_use import span_s
+    from atlantis_netcfg.survey.measure import SurveyPlan, hourly_bytes, steps
+
+    step_m, step_s = steps(arguments.optional("every"))
+    span = arguments.optional("for")
+    limit = span_s(span) if span is not None else _REHEARSED_S if arguments.flag("rehearse") else None
+    plan = replace(SurveyPlan(), step_m=step_m, step_s=step_s, max_seconds=limit)
+    most = arguments.value("max-mb")
+    return plan if most is None else replace(plan, hourly_bytes=hourly_bytes(most))
+
+
+_REHEARSED_S = 1200.0
+"""How long an emulated voyage lasts on its own clock, where `for=` does not say it."""
+
+
+def _coast(arguments: Arguments) -> Coast | None:
+    from pathlib import Path
+
+    from atlantis_netcfg.survey.exports import read_coast
+
+    named = arguments.optional("coast")
+    return None if named is None else read_coast(Path(named))
+
+
+def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.survey.kept import folder_of, kept_survey
+
+    rehearsed = arguments.flag("rehearse")
+    store = Store(paths.state_dir(), rehearsed=rehearsed)
+    folder = kept_survey(folder_of(store, arguments.word("site")), arguments.optional("from") or "")
+    return _report(arguments, folder, coast, rehearsed)
+
+
+def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
+    """Survey; the folder in which everything is."""
+    from contextlib import ExitStack
+
+    from atlantis_netcfg.journal import os_errors_as, utc_now
+    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.qualify.samples import SampleWriter
+    from atlantis_netcfg.survey.kept import folder_of, new_folder
+    from atlantis_netcfg.survey.points import SAMPLES_FILE, SURVEY_FILE, SurveyEnd, SurveyWriter
+    from atlantis_netcfg.survey.positions import GpsdSource
+
+    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
+    site = _site(opened, plan)
+    _paid(opened, site.link, plan)
+    folder = new_folder(folder_of(opened.store, opened.site), utc_now())
+    with ExitStack() as stack:
+        with os_errors_as("the survey", folder):
+            lines = stack.enter_context((folder / SURVEY_FILE).open("a", encoding="utf-8"))
+            raw = stack.enter_context((folder / SAMPLES_FILE).open("a", encoding="utf-8"))
+        add, add_sample = SurveyWriter(lines), SampleWriter(raw)
+
+        def write(line: SurveyLine) -> None:
+            with os_errors_as("the survey", folder):
+                add(line)
+
+        def sample_taken(sample: Sample) -> None:
+            with os_errors_as("the survey", folder):
+                add_sample(sample)
+
+        def point_taken(point: SurveyPoint) -> None:
+            write(point)
+            if not opened.as_json and not opened.rehearsed:
+                print(_line(point), flush=True)
+
+        survey = site.running(stack, sample_taken, point_taken)
+        write(site.header(survey, folder.name))
+        _begin_words(opened, survey)
+        reason = _by_clicks(survey) if opened.arguments.flag("clicks") else survey.run()
+        write(SurveyEnd(at=survey.clock.utc(), reason=reason))
+    if isinstance(survey.positions, GpsdSource) and survey.positions.trouble and not opened.as_json:
+        print(translate(f"{survey.positions.name}: {survey.positions.trouble}"), flush=True)
+    return folder
+
+
+def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.survey.radio import surveyed_link
+    from atlantis_netcfg.survey.site import SiteSurvey
+
+    arguments, unit, twins = opened.arguments, opened.hosts[0], opened.rehearsal
+
+    def tune(truth: PlaceTruth) -> None:
+        assert twins is not None  # noqa: S101 - only a rehearsal tunes
+        twins.tune(unit.name, truth)
+
+    return SiteSurvey(
+        opened.declaration,
+        surveyed_link(opened.declaration, opened.site, arguments.optional("link")),
+        unit,
+        opened.request(Mode.DRIFT),
+        opened.store,
+        plan,
+        radio_only=arguments.flag("radio-only"),
+        clicks=arguments.flag("clicks"),
+        gps=arguments.optional("gps"),
+        tune=None if twins is None else tune,
+    )
+
+
+def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
+    """Say what it may cost, and return when somebody pays. Raises CostRefused."""
+    from atlantis_netcfg.bearers.cost import preview
+    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.operations.costs import link_of
+
+    metered = link_of(opened.declaration, opened.site, link.name)
+    if not metered.metered or opened.arguments.flag("radio-only"):
+        return
+    hours = 1.0 if plan.max_seconds is None else max(1.0, plan.max_seconds / 3600.0)
+    expected = preview(round(plan.hourly_bytes * hours), 3600.0 * hours, metered, at_most=True)
+    words = f"{expected.words}{': each hour, until you stop it' if plan.max_seconds is None else ''}"
+    if opened.rehearsed:
+        if not opened.as_json:
+            print(translate(f"a real survey asks first: {words}"))
+        return
+    if expected.over_cap:
+        raise expected.refusal()
+    pay([words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+
+
+def _begin_words(opened: CommandSession, survey: RunningSurvey) -> None:
+    """Say how it goes, and how it ends."""
+    if opened.as_json:
+        return
+    link, plan = survey.link, survey.plan
+    if survey.tester is None:
+        print(translate(f"The unit of {link} is read; nothing is sent over the link"), flush=True)
+    else:
+        pace = plan.test_every_s(survey.tester.transport.headers)
+        most = plan.hourly_bytes / 1_000_000
+        print(translate(f"A test over {link} every {pace:.0f} s: at most {most:g} MB in any hour"), flush=True)
+    if not opened.rehearsed and plan.max_seconds is None and not opened.arguments.flag("clicks"):
+        print(translate("Ctrl-C ends the survey and keeps all of it"), flush=True)
+
+
+def _by_clicks(survey: RunningSurvey) -> str:
+    """Take a point for each position that a person types; why it ended."""
+    from atlantis_netcfg.qualify.session import EndReason
+    from atlantis_netcfg.survey.measure import STOPPED
+    from atlantis_netcfg.survey.site import TypedPositions
+
+    assert isinstance(survey.positions, TypedPositions)  # noqa: S101 - `--clicks` has chosen it
+    survey.begin()
+    question = translate("Where are you? LAT, LON, or NAME: LAT, LON, or NAME (Enter: the same place; Ctrl-D ends): ")
+    try:
+        while True:
+            if not survey.positions.type(input(question)):
+                print(translate("  that is no position: type it like 41.6864, -8.8388"))
+            elif survey.take().no_test == STOPPED:
+                return EndReason.STOPPED
+    except EOFError:
+        return EndReason.DONE
+    except KeyboardInterrupt:
+        return EndReason.STOPPED
+
+
+def _line(point: SurveyPoint) -> str:
+    """A point on the screen, in the language of the person."""
+    where = translate(point.no_position)
+    if point.position is not None:
+        where = f"{point.latitude:.5f}, {point.longitude:.5f}"
+    levels = (("RSRP", point.rsrp_dbm), ("RSRQ", point.rsrq_db), ("SINR", point.sinr_db))
+    radio = " ".join(f"{name} {value:g}" for name, value in levels if value is not None)
+    test = translate(point.no_test)
+    if point.rtt_median_s is not None and not test:
+        test = translate(f"{point.rtt_median_s * 1000:.0f} ms, {(point.goodput_up_bps or 0) / 1e6:.2f} Mbit/s up")
+    return f"{point.number:>4}  {where}  {radio or translate(point.no_radio or 'no level')}  {test}"
+
+
+def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
+    """Make the files, and say what there is."""
+    import json
+    from pathlib import Path
+
+    from atlantis_netcfg.survey.kept import EXPORTS, export, outcome
+    from atlantis_netcfg.survey.page import missing, summary
+    from atlantis_netcfg.survey.rehearsed import NOT_REHEARSED
+
+    named = arguments.optional("to")
+    survey = export(folder, coast, None if named is None else Path(named))
+    found = outcome(survey)
+    beyond = NOT_REHEARSED if rehearsed else ()
+    if arguments.flag("json"):
+        document = {
+            "survey": survey.header.model_dump(mode="json", exclude={"kind"}),
+            "ended": survey.reason,
+            "points": len(survey.points),
+            "placed": len(survey.placed),
+            "bytes": sum(point.test_bytes for point in survey.points),
+            "without_position": dict(missing(survey)),
+            "kept": str(folder),
+            "files": list(EXPORTS),
+            "message": found.words,
+            "rehearsed": rehearsed,
+            "not_rehearsed": list(beyond),
+            "exit": int(found.exit),
+        }
+        print(json.dumps(document, ensure_ascii=False))
+        return found.exit
+    lines = [
+        f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
+        *(["emulated devices, nothing real was asked"] if rehearsed else []),
+        *(f"  {line}" for line in summary(survey)),
+        *(f"  not rehearsed: {entry}" for entry in beyond),
+        f"kept: {folder}",
+        found.words,
+    ]
+    for line in lines:
+        print(translate(line))
+    return found.exit

@@ -1,0 +1,111 @@
+"""A survey for other programs: GeoJSON (RFC 7946) and CSV (RFC 4180). Both are made of its file alone."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.survey.points import SurveyPoint
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from atlantis_netcfg.survey.points import Survey
+
+GEOJSON_FILE: Final = "survey.geojson"
+CSV_FILE: Final = "survey.csv"
+COLUMNS: Final = tuple(name for name in SurveyPoint.model_fields if name != "kind")
+
+
+def geojson(survey: Survey) -> bytes:
+    """A feature for each point, in the order longitude, latitude; one without a position has no geometry (3.2)."""
+    placed = [point.position for point in survey.placed if point.position is not None]
+    document: dict[str, Any] = {"type": "FeatureCollection"}
+    if placed:
+        latitudes, longitudes = zip(*placed, strict=True)
+        document["bbox"] = [min(longitudes), min(latitudes), max(longitudes), max(latitudes)]
+    document["features"] = [_feature(point) for point in survey.points]
+    document["survey"] = survey.header.model_dump(mode="json", exclude={"kind"}) | {"ended": survey.reason}
+    return (json.dumps(document, ensure_ascii=False, indent=1) + "\n").encode()
+
+
+def _feature(point: SurveyPoint) -> dict[str, Any]:
+    values = point.model_dump(mode="json", exclude={"kind", "latitude", "longitude"})
+    geometry = None
+    if point.position is not None:
+        geometry = {"type": "Point", "coordinates": [point.longitude, point.latitude]}
+    return {"type": "Feature", "id": point.number, "geometry": geometry, "properties": values}
+
+
+def csv_table(survey: Survey) -> bytes:
+    """A row for each point; what is not known is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for point in survey.points:
+        values = point.model_dump(mode="json")
+        writer.writerow("" if values[name] is None else _harmless(values[name]) for name in COLUMNS)
+    return text.getvalue().encode()
+
+
+def _harmless(value: Any) -> Any:  # noqa: ANN401 - of a cell
+    """Text that a spreadsheet would take for a formula stands behind an apostrophe; numbers stay."""
+    return f"'{value}" if isinstance(value, str) and value[:1] in {"=", "+", "-", "@", "\t", "\r"} else value
+
+
+@dataclass(frozen=True, slots=True)
+class Coast:
+    """Lines of a coast, each a sequence of longitude and latitude."""
+
+    name: str
+    lines: tuple[tuple[tuple[float, float], ...], ...]
+
+
+_DEPTHS: Final = {
+    "LineString": 1,
+    "Polygon": 2,
+    "MultiLineString": 2,
+    "MultiPolygon": 3,
+}
+"""How many arrays stand around a position (RFC 7946, 3.1)."""
+
+
+def read_coast(path: Path) -> Coast:
+    """Read lines and outlines of a GeoJSON file. Raises UsageError, with what is wrong."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        lines = tuple(_outlines(document))
+    except OSError as error:
+        raise UsageError(f"`coast={path}` cannot be read: {error.strerror}", hint="name a GeoJSON file") from error
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError) as error:
+        raise UsageError(f"`coast={path}` is no GeoJSON", hint="export the coast line as GeoJSON, WGS 84") from error
+    if not lines:
+        raise UsageError(f"`coast={path}` has no line and no outline", hint="points draw no coast")
+    return Coast(path.name, lines)
+
+
+def _outlines(item: Any) -> Iterator[tuple[tuple[float, float], ...]]:  # noqa: ANN401 - JSON of any shape
+    kind = item["type"]
+    if kind == "FeatureCollection":
+        for feature in item["features"]:
+            yield from _outlines(feature)
+    elif kind == "Feature" and item["geometry"] is not None:
+        yield from _outlines(item["geometry"])
+    elif kind == "GeometryCollection":
+        for geometry in item["geometries"]:
+            yield from _outlines(geometry)
+    elif kind in _DEPTHS:
+        yield from _parts(item["coordinates"], _DEPTHS[kind])
+
+
+def _parts(coordinates: Any, depth: int) -> Iterator[tuple[tuple[float, float], ...]]:  # noqa: ANN401 - as above
+    if depth > 1:
+        for part in coordinates:
+            yield from _parts(part, depth - 1)
+    else:
+        yield tuple((float(position[0]), float(position[1])) for position in coordinates)

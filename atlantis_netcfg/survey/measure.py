@@ -1,0 +1,336 @@
+"""A survey under way: at each step the unit is read, and where the hourly budget allows it a few packets are sent.
+
+The pace of the tests follows from the budget. A test may cost so much at most, its guard admits no more, and the next
+one begins so much later that no hour, wherever it begins, holds more than the budget. Between tests the unit is read
+all the same: that costs nothing on the link.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.grids import message_bytes, train_bytes
+from atlantis_netcfg.qualify.messages import MessagePlan, MessageStream
+from atlantis_netcfg.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, HMAC_TLV_SIZE
+from atlantis_netcfg.qualify.samples import MessageEnded, ReplyReceived
+from atlantis_netcfg.qualify.session import SECOND, EndReason, Train, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import message_figures
+from atlantis_netcfg.survey.points import SurveyPoint
+from atlantis_netcfg.survey.positions import TrackPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from datetime import datetime
+
+    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer
+    from atlantis_netcfg.qualify.transport import DatagramTransport
+    from atlantis_netcfg.survey.positions import PositionSource
+
+HOUR_S: Final = 3600.0
+MAX_MB: Final = 2.0
+_TIMEOUT_S: Final = 2.0
+_QUESTIONS: Final = 3
+_TRAIN: Final = TrainPlan(AUTHENTICATED_SIZE, 0.2, 1.0, timeout_s=_TIMEOUT_S)
+_MESSAGE: Final = MessagePlan(9600, 1.0, 1.0, timeout_s=_TIMEOUT_S, give_up_s=4 * _TIMEOUT_S)
+_LOOK_S: Final = 0.5
+"""How often it is looked whether a step is due."""
+ANOTHER_LINK: Final = "another link carries the traffic"
+BUDGET: Final = "the hourly budget"
+NO_ANSWER: Final = "nobody answers"
+STOPPED: Final = "it was stopped"
+NOT_CONFIRMED: Final = "the receiver did not confirm the message"
+NOTHING_SENT: Final = "nothing is sent"
+
+
+class HourlyBudgetError(UsageError, ValueError):
+    """The hourly budget is too small for a test."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyPlan:
+    """How often, and how much."""
+
+    step_s: float = 30.0
+    """A point at least so often, and whenever the budget allows a test."""
+    step_m: float | None = 50.0
+    """And after so many metres; None: by time alone."""
+    hourly_bytes: int = round(MAX_MB * 1_000_000)
+    train: TrainPlan = _TRAIN
+    message: MessagePlan = _MESSAGE
+    max_seconds: float | None = None
+
+    def test_bytes(self, headers: int) -> int:
+        """What a test costs at most: all packets with their answers, and each question for the message's end."""
+        answer = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + ACKNOWLEDGEMENT_SIZE
+        questions = _QUESTIONS * 2 * (answer + headers)
+        return train_bytes(self.train, headers) + message_bytes(self.message, headers) + questions
+
+    def test_every_s(self, headers: int) -> float:
+        """The pace that the budget allows. Raises HourlyBudgetError.
+
+        An hour holds at most the tests that begin in it, one more for the fence post, and the end of one before it.
+        """
+        cost = self.test_bytes(headers)
+        if self.hourly_bytes < 3 * cost:
+            raise HourlyBudgetError(
+                f"{self.hourly_bytes} bytes an hour are too few: a test needs up to {cost}, and three have to fit",
+                hint=f"type `--max-mb {3.01 * cost / 1_000_000:.2f}` or more, or `--radio-only`, which sends nothing",
+            )
+        return HOUR_S * cost / (self.hourly_bytes - 2 * cost)
+
+
+@dataclass(frozen=True, slots=True)
+class RadioSample:
+    """What the unit said; what it did not say is None."""
+
+    registration: str | None = None
+    technology: str | None = None
+    operator: str | None = None
+    band: str | None = None
+    cell: str | None = None
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
+    no_radio: str = ""
+
+
+class RadioReader(Protocol):
+    """Reads the unit and the router, both over the site's own network."""
+
+    def read(self) -> RadioSample:
+        """Read the unit; a failure is part of the sample."""
+
+    def carried_by(self) -> str | None:
+        """The link that carries the site's traffic, by the router's routes; None: not known."""
+
+
+class SurveyClock(Protocol):
+    """The time of a survey; an emulated one does not last."""
+
+    def now_s(self) -> float:
+        """A steady clock."""
+
+    def utc(self) -> datetime:
+        """The date and time."""
+
+    def wait(self, seconds: float) -> None:
+        """Let so much time pass."""
+
+
+@dataclass(frozen=True, slots=True)
+class TestSample:
+    """What a test has measured."""
+
+    __test__ = False
+
+    sent: int | None = None
+    lost: int | None = None
+    rtt_min_s: float | None = None
+    rtt_median_s: float | None = None
+    rtt_max_s: float | None = None
+    goodput_up_bps: float | None = None
+    no_test: str = ""
+    test_bytes: int = 0
+    carried_by: str | None = None
+
+
+@dataclass(slots=True)
+class LinkTester:
+    """Sends a train, and where it is answered one message; each within the cost of one test."""
+
+    plan: SurveyPlan
+    transport: DatagramTransport
+    peer: ReflectorPeer
+    write: Callable[[Sample], None]
+    """Takes the raw samples."""
+
+    def test(self, number: int) -> TestSample:
+        """Measure now; one that is stopped by Ctrl-C says so."""
+        budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
+        guard = BudgetGuard(budget, lambda: self.transport.now_ns() / SECOND, self.transport.headers)
+        found, stopped = self._train(guard, f"point-{number}")
+        if found.rtt_median_s is not None and not stopped:
+            rate, stopped = self._message(guard, f"point-{number}-load")
+            found = replace(found, goodput_up_bps=rate, no_test=NOT_CONFIRMED if rate is None else "")
+        reason = STOPPED if stopped else found.no_test
+        return replace(found, no_test=reason, test_bytes=guard.sent_bytes + guard.received_bytes)
+
+    def _train(self, guard: BudgetGuard, name: str) -> tuple[TestSample, bool]:
+        taken: list[Sample] = []
+        # The reflector's counters would be one more question: a few packets do not tell the direction of a loss.
+        train = Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, taken.append)
+        stopped = self._run(guard, train, taken, lambda: len(_answered(taken)) >= self.plan.train.packets)
+        figures = train_figures(taken, name)
+        found = TestSample(figures.loss.sent, figures.loss.lost, no_test=NO_ANSWER)
+        if figures.rtt is not None:
+            rtt = figures.rtt
+            found = replace(found, rtt_min_s=rtt.min, rtt_median_s=rtt.p50, rtt_max_s=rtt.max, no_test="")
+        return found, stopped
+
+    def _message(self, guard: BudgetGuard, name: str) -> tuple[float | None, bool]:
+        taken: list[Sample] = []
+        message = MessageStream(name, self.plan.message, self.peer, self.transport, taken.append)
+        stopped = self._run(guard, message, taken, lambda: any(map(_ended, taken)))
+        figures = message_figures(taken, name)
+        return (None if figures is None or not figures.received else figures.busy_bps), stopped
+
+    def _run(
+        self, guard: BudgetGuard, stream: PacketStream, taken: Sequence[Sample], complete: Callable[[], bool]
+    ) -> bool:
+        """Run a stream until it is complete; whether a person has stopped it: `session.run` ends on Ctrl-C as well."""
+        reason = run(self.transport, self.peer, [stream], guard, stop=complete)
+        for sample in taken:
+            self.write(sample)
+        return reason == EndReason.STOPPED and not complete()
+
+
+def _ended(sample: Sample) -> bool:
+    """Whether a message has come to its end by itself."""
+    return isinstance(sample, MessageEnded) and not sample.in_flight
+
+
+def _answered(samples: Sequence[Sample]) -> set[int]:
+    return {sample.sequence for sample in samples if isinstance(sample, ReplyReceived)}
+
+
+@dataclass(slots=True)
+class RunningSurvey:
+    """A survey under way; `run` goes on until it is stopped, or its time is over."""
+
+    plan: SurveyPlan
+    link: str
+    positions: PositionSource
+    radio: RadioReader
+    tester: LinkTester | None
+    """None: nothing is sent."""
+    clock: SurveyClock
+    write: Callable[[SurveyPoint], None]
+    points: list[SurveyPoint] = field(default_factory=list)
+    _begin_s: float = 0.0
+    _next_test_s: float = 0.0
+    _again_s: float = 0.0
+    """While another link carries the traffic: a point for the sake of a test is not due before."""
+    _last_s: float | None = None
+    _last: TrackPosition | None = None
+
+    def begin(self) -> None:
+        """Time begins now."""
+        self._begin_s = self._next_test_s = self._again_s = self.clock.now_s()
+
+    def run(self) -> str:
+        """Take points by time and way; why it ended. KeyboardInterrupt ends it, and everything is kept."""
+        self.begin()
+        try:
+            while not self._over():
+                if self._due() and self.take().no_test == STOPPED:
+                    return EndReason.STOPPED
+                self.clock.wait(_LOOK_S)
+        except KeyboardInterrupt:
+            return EndReason.STOPPED
+        return EndReason.DONE
+
+    def _over(self) -> bool:
+        limit = self.plan.max_seconds
+        return limit is not None and self.clock.now_s() - self._begin_s >= limit
+
+    def _due(self) -> bool:
+        now_s = self.clock.now_s()
+        if self._last_s is None or now_s - self._last_s >= self.plan.step_s:
+            return True
+        if self.tester is not None and now_s >= max(self._next_test_s, self._again_s):
+            return True
+        here = self.positions.position() if self.plan.step_m is not None and self._last is not None else None
+        if not isinstance(here, TrackPosition) or self._last is None or self.plan.step_m is None:
+            return False
+        return here.distance_m(self._last) >= self.plan.step_m
+
+    def take(self) -> SurveyPoint:
+        """Take one point here and now, and write it."""
+        begun_s = self._last_s = self.clock.now_s()
+        radio = self.radio.read()
+        here = self.positions.position()
+        at, at_s = self.clock.utc(), self.clock.now_s()
+        self._last = here if isinstance(here, TrackPosition) else self._last
+        test = self._test()
+        point = SurveyPoint(
+            number=len(self.points) + 1,
+            at=at,
+            at_s=round(at_s - self._begin_s, 3),
+            read_s=round(at_s - begun_s, 3),
+            **self._position(here),
+            **_fields(radio),
+            **_fields(test),
+            moved_m=self._moved(here) if test.sent is not None else None,
+        )
+        self.points.append(point)
+        self.write(point)
+        return point
+
+    @staticmethod
+    def _position(here: TrackPosition | str) -> dict[str, Any]:
+        if not isinstance(here, TrackPosition):
+            return {"no_position": str(here)}
+        place = {"latitude": round(here.latitude, 7), "longitude": round(here.longitude, 7), "place": here.place}
+        return {**place, "fix_age_s": here.age_s, "hdop": here.hdop}
+
+    def _moved(self, here: TrackPosition | str) -> float | None:
+        there = self.positions.position()
+        if not isinstance(here, TrackPosition) or not isinstance(there, TrackPosition):
+            return None
+        return round(here.distance_m(there), 1)
+
+    def _test(self) -> TestSample:
+        """Send, where the budget and the link in use allow it."""
+        tester, now_s = self.tester, self.clock.now_s()
+        if tester is None:
+            return TestSample(no_test=NOTHING_SENT)
+        if now_s < self._next_test_s:
+            return TestSample(no_test=BUDGET)
+        carried_by = self.radio.carried_by()
+        if carried_by is not None and carried_by != self.link:
+            self._again_s = now_s + self.plan.step_s
+            return TestSample(no_test=ANOTHER_LINK, carried_by=carried_by)
+        now_s = self.clock.now_s()
+        self._next_test_s = now_s + self.plan.test_every_s(tester.transport.headers)
+        return replace(tester.test(len(self.points) + 1), carried_by=carried_by)
+
+
+def _fields(sample: RadioSample | TestSample) -> dict[str, Any]:
+    return {name: getattr(sample, name) for name in sample.__dataclass_fields__}
+
+
+_STEP = re.compile(r"(\d{1,5}(?:\.\d{1,2})?)(m|s)")
+_LEAST_S, _LEAST_M = 2.0, 1.0
+
+
+def steps(text: str | None) -> tuple[float | None, float]:
+    """Read `every=50m,30s`, `every=10s`, `every=20m`: metres (None: by time alone) and seconds. Raises UsageError."""
+    plan = SurveyPlan()
+    if text is None:
+        return plan.step_m, plan.step_s
+    found = [_STEP.fullmatch(part.strip()) for part in text.split(",")]
+    named = {match[2]: float(match[1]) for match in found if match is not None}
+    if None in found or len(named) != len(found):
+        raise UsageError(f"`every={text}` is no step", hint="type metres, seconds, or both: `every=50m,30s`")
+    if named.get("s", _LEAST_S) < _LEAST_S or named.get("m", _LEAST_M) < _LEAST_M:
+        raise UsageError(
+            f"`every={text}` is too often",
+            hint=f"at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
+        )
+    return named.get("m"), named.get("s", plan.step_s)
+
+
+def hourly_bytes(text: str) -> int:
+    """Read `--max-mb`: 2 at most, for that is what a survey may cost. Raises UsageError."""
+    if not re.fullmatch(r"\d{1,3}(\.\d{1,6})?", text) or not 0 < float(text) <= MAX_MB:
+        raise UsageError(
+            f"`--max-mb {text}` is no budget of a survey",
+            hint=f"type megabytes for each hour, {MAX_MB:g} at most: `--max-mb 0.5`",
+        )
+    return round(float(text) * 1_000_000)

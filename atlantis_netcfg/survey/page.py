@@ -1,0 +1,302 @@
+"""The page of a survey: one file without script and without a request, the track coloured by each value in turn.
+
+A colour never speaks alone: each band has its own shape, and the legend gives its limits in numbers. The colours are
+those of Okabe and Ito, which people see apart who do not see all colours. Limits of RSRP, RSRQ and SINR are those by
+which `provision links` warns, with the steps above them (rules of thumb of modem makers); those of round trip and
+goodput are a proposal.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from atlantis_netcfg.bearers.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
+from atlantis_netcfg.checklist.report._texts import page_language, unread
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.report.drift import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.survey.exports import Coast
+    from atlantis_netcfg.survey.points import Survey, SurveyPoint
+
+PAGE_FILE: Final = "survey.html"
+_WIDTH: Final = 760.0
+_MARGIN: Final = 46.0
+_TALLEST: Final = 900.0
+_METRES: Final = 111_195.0
+_LEAST_M: Final = 50.0
+"""A track is never shown larger than this many metres on its longer side."""
+SHAPES: Final = ("square", "circle", "triangle", "diamond", "cross", "bar")
+
+
+@dataclass(frozen=True, slots=True)
+class BandScale:
+    """A value, and where its bands end; the best one stands first."""
+
+    name: str
+    """Of the field of a point."""
+    title: str
+    unit: str
+    limits: tuple[float, ...]
+    """Between the bands, from good to poor."""
+    factor: float = 1.0
+    digits: int = 0
+    """Of a value as it is shown."""
+
+    @property
+    def falls(self) -> bool:
+        """Whether a higher value is better."""
+        return self.limits[0] > self.limits[-1]
+
+    def band(self, value: float) -> int:
+        """The band of a value as it is shown."""
+        return sum(1 for limit in self.limits if (value < limit if self.falls else value > limit))
+
+    def words(self) -> Iterator[str]:
+        """Of each band, its limits in numbers."""
+        best, last, unit = self.limits[0], self.limits[-1], self.unit
+        yield f"from {best:g} {unit}" if self.falls else f"up to {best:g} {unit}"
+        for first, second in pairwise(self.limits):
+            low, high = sorted((first, second))
+            yield f"{low:g} to {high:g} {unit}"
+        yield f"below {last:g} {unit}" if self.falls else f"above {last:g} {unit}"
+
+    def shown(self, point: SurveyPoint) -> float | None:
+        """The value of a point in the unit of the scale."""
+        value = getattr(point, self.name)
+        return None if value is None else float(value) * self.factor
+
+
+SCALES: Final = (
+    BandScale("rsrp_dbm", "RSRP", "dBm", (-90.0, -100.0, WEAK_RSRP_DBM, -115.0)),
+    BandScale("rsrq_db", "RSRQ", "dB", (-10.0, -12.0, WEAK_RSRQ_DB), digits=1),
+    BandScale("sinr_db", "SINR", "dB", (13.0, 7.0, WEAK_SINR_DB)),
+    BandScale("rtt_median_s", "Round trip", "ms", (60.0, 120.0, 250.0, 800.0), factor=1000.0),
+    BandScale("goodput_up_bps", "Goodput up", "Mbit/s", (10.0, 4.0, 1.0, 0.3), factor=1e-6, digits=2),
+)
+KINDS: Final = (("cell", "Serving cell"), ("technology", "Radio technology"))
+"""Values that are names: each has its own shape, in the order in which it was met."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackMark:
+    """A point of the drawing."""
+
+    x: float
+    y: float
+    band: int | None
+    """None: no value."""
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class LegendRow:
+    """A band, and what it means."""
+
+    band: int | None
+    words: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class ValueLayer:
+    """The track by one value."""
+
+    key: str
+    title: str
+    marks: tuple[TrackMark, ...]
+    legend: tuple[LegendRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapFrame:
+    """What part of the world is drawn, and how large: a plane that touches it in the middle."""
+
+    south: float
+    west: float
+    per_metre: float
+    height: float
+    narrowing: float
+    """Metres of a degree of longitude, by those of one of latitude."""
+
+    @classmethod
+    def around(cls, positions: Sequence[tuple[float, float]]) -> MapFrame:
+        """Around positions; the longer side fills the sheet."""
+        latitudes, longitudes = zip(*positions, strict=True)
+        narrowing = max(0.01, math.cos(math.radians((min(latitudes) + max(latitudes)) / 2)))
+        wide = (max(longitudes) - min(longitudes)) * _METRES * narrowing
+        high = (max(latitudes) - min(latitudes)) * _METRES
+        inner = _WIDTH - 2 * _MARGIN
+        per_metre = min(inner / max(wide, _LEAST_M), (_TALLEST - 2 * _MARGIN) / max(high, _LEAST_M))
+        height = max(240.0, high * per_metre + 2 * _MARGIN)
+        spare_x, spare_y = (inner - wide * per_metre) / 2, (height - 2 * _MARGIN - high * per_metre) / 2
+        west = min(longitudes) - spare_x / per_metre / _METRES / narrowing
+        return cls(min(latitudes) - spare_y / per_metre / _METRES, west, per_metre, height, narrowing)
+
+    def place(self, latitude: float, longitude: float) -> tuple[float, float]:
+        """Where a position is on the sheet."""
+        x = _MARGIN + (longitude - self.west) * _METRES * self.narrowing * self.per_metre
+        y = self.height - _MARGIN - (latitude - self.south) * _METRES * self.per_metre
+        return round(x, 1), round(y, 1)
+
+    @property
+    def bar(self) -> tuple[float, str]:
+        """How long the bar of the scale is, and what it says: a round number of metres."""
+        most = (_WIDTH - 2 * _MARGIN) / 3 / self.per_metre
+        power = 10.0 ** math.floor(math.log10(most))
+        metres = next(step * power for step in (5, 2, 1) if step * power <= most)
+        return round(metres * self.per_metre, 1), f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - from there on in km
+
+
+def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
+    """The track by each value that can be shown."""
+    return (*(_by_scale(survey, frame, scale) for scale in SCALES), *(_by_kind(survey, frame, *kind) for kind in KINDS))
+
+
+def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
+    marks = []
+    for point in survey.placed:
+        value = scale.shown(point)
+        words = f"no value: {_why(point, scale.name)}" if value is None else f"{value:.{scale.digits}f} {scale.unit}"
+        marks.append(_mark(frame, point, None if value is None else scale.band(value), words))
+    return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
+
+
+def _by_kind(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLayer:
+    met = list(dict.fromkeys(value for point in survey.placed if (value := getattr(point, name)) is not None))
+    marks = []
+    for point in survey.placed:
+        value = getattr(point, name)
+        words = f"no value: {_why(point, name)}" if value is None else str(value)
+        marks.append(_mark(frame, point, None if value is None else min(met.index(value), len(SHAPES) - 1), words))
+    names = met[: len(SHAPES) - 1] + ([", ".join(met[len(SHAPES) - 1 :])] if len(met) >= len(SHAPES) else [])
+    return ValueLayer(name, title, tuple(marks), _legend(marks, names))
+
+
+def _mark(frame: MapFrame, point: SurveyPoint, band: int | None, words: str) -> TrackMark:
+    x, y = frame.place(*(point.position or (0.0, 0.0)))
+    place = f"{point.place}, " if point.place else ""
+    return TrackMark(
+        x, y, band, f"{translate('point')} {point.number}, {place}{point.at:%H:%M:%S} UTC: {translate(words)}"
+    )
+
+
+def _why(point: SurveyPoint, name: str) -> str:
+    """Why a value is missing."""
+    if name in {"rtt_median_s", "goodput_up_bps"}:
+        return point.no_test or "nothing was received"
+    return point.no_radio or "the unit does not say"
+
+
+def _legend(marks: Sequence[TrackMark], words: Sequence[str]) -> tuple[LegendRow, ...]:
+    rows = [LegendRow(band, text, sum(mark.band == band for mark in marks)) for band, text in enumerate(words)]
+    return (*rows, LegendRow(None, "no value", sum(mark.band is None for mark in marks)))
+
+
+def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
+    """The parts of a coast that cross the sheet, as paths of SVG."""
+    if coast is None:
+        return ()
+    found = []
+    for line in coast.lines:
+        places = [frame.place(latitude, longitude) for longitude, latitude in line]
+        found += [
+            f"M{a[0]} {a[1]}L{b[0]} {b[1]}"
+            for a, b in pairwise(places)
+            if max(a[0], b[0]) >= 0 and min(a[0], b[0]) <= _WIDTH and max(a[1], b[1]) >= 0
+            if min(a[1], b[1]) <= frame.height
+        ]
+    return tuple(found)
+
+
+_ENDS: Final = {
+    "done": "it went on until its time was over, or until a person ended it",
+    "stopped": "it was stopped, and everything until then is here",
+    "cut off": "its end is missing: the program was killed, or the survey goes on",
+}
+
+
+def summary(survey: Survey) -> tuple[str, ...]:
+    """What the survey holds, in sentences."""
+    points = survey.points
+    levels = sum(point.rsrp_dbm is not None for point in points)
+    tested = sum(point.sent is not None for point in points)
+    answered = sum(point.rtt_median_s is not None for point in points)
+    unproved = sum(point.sent is not None and point.carried_by is None for point in points)
+    spent = sum(point.test_bytes for point in points)
+    lines = [
+        f"{len(points)} points, {len(survey.placed)} of them with a position",
+        f"{levels} points with a level of the unit",
+        f"{tested} tests over the link, {answered} of them answered, {spent / 1000:.1f} kB sent and received",
+    ]
+    if unproved and not survey.header.emulated:
+        lines.append(f"of {unproved} tests nobody knows which link has carried them: the router did not say")
+    lines += [f"{count} points without a position: {reason}" for reason, count in missing(survey)]
+    return (*lines, _ENDS[survey.reason])
+
+
+def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
+    """Why points have no position, and how many."""
+    reasons = [point.no_position for point in survey.points if point.position is None]
+    return tuple((reason, reasons.count(reason)) for reason in dict.fromkeys(reasons))
+
+
+def html(survey: Survey, coast: Coast | None = None) -> bytes:
+    """The page; the same for the same survey."""
+    style, header = _environment().get_template("survey.css.j2").render(), survey.header
+    positions = [point.position for point in survey.placed if point.position is not None]
+    frame = MapFrame.around(positions) if positions else None
+    text = (
+        _environment()
+        .get_template("survey.html.j2")
+        .render(
+            survey=survey,
+            header=header,
+            subtitle=f"survey {header.id}, {time_text(header.begun, header.time_zone)}",
+            source=f"link {header.link}, read from {header.unit}, positions by {header.positions_by}",
+            frame=frame,
+            width=_WIDTH,
+            layers=layers(survey, frame) if frame is not None else (),
+            track=" ".join(f"{x},{y}" for x, y in (frame.place(*position) for position in positions)) if frame else "",
+            coast_words=None if coast is None else f"The coast line is that of {coast.name}, as it was given",
+            coast_paths=coast_paths(coast, frame) if frame is not None else (),
+            summary=summary(survey),
+            style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
+            style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+            language=page_language(),
+            unread=unread(),
+        )
+    )
+    return text.encode()
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("atlantis_netcfg.survey"),
+        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=StrictUndefined,
+        finalize=_written_out,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(translate=translate)
+    made.globals.update(shapes=SHAPES)
+    return made
+
+
+def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
+    """Write out what cannot be seen, in all that is printed."""
+    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)

@@ -1,0 +1,186 @@
+"""A survey as JSON Lines: a header, a line for each point, and the end. Lines are added, and never changed.
+
+What a device did not say is null, and so is a position that nobody measured. A file whose last line was cut off is
+whole without it, and one without an end is a survey that was killed.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TextIO
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from atlantis_netcfg.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+VERSION: Final = 1
+SURVEY_FILE: Final = "survey.jsonl"
+SAMPLES_FILE: Final = "samples.jsonl"
+
+
+class SurveyUnreadable(UsageError, ValueError):
+    """A file is no survey that this version has written."""
+
+
+class _Line(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SurveyHeader(_Line):
+    """Where, over what, and how."""
+
+    kind: Literal["survey"] = "survey"
+    version: int = VERSION
+    id: str
+    tool: str
+    """Version of this program."""
+    site: str
+    title: str
+    link: str
+    unit: str
+    """The 4G unit that is read."""
+    far_end: str | None
+    """Who answers the test packets; None: none are sent."""
+    positions_by: str
+    """`gpsd at 127.0.0.1:2947`, `a person`."""
+    emulated: bool
+    """Track, unit and link were emulated: the values say nothing of a real place."""
+    begun: datetime
+    time_zone: str
+    step_m: float | None
+    step_s: float
+    max_age_s: float
+    """An older fix is no position."""
+    max_hdop: float
+    hourly_bytes: int
+    test_every_s: float | None
+    """The pace of tests that the hourly budget allows; None: none are made."""
+    train_packets: int
+    packet_size: int
+    """UDP payload of each."""
+    message_size: int
+
+
+class SurveyPoint(_Line):
+    """What was heard and measured at one place."""
+
+    kind: Literal["point"] = "point"
+    number: int
+    at: datetime
+    at_s: float
+    """Since the beginning."""
+    read_s: float = 0.0
+    """How long the unit was asked; the position is that of the end."""
+    latitude: float | None = None
+    longitude: float | None = None
+    """WGS 84, decimal degrees; None: no position, and `no_position` says why."""
+    no_position: str = ""
+    fix_age_s: float | None = None
+    hdop: float | None = None
+    place: str = ""
+    """What a person calls it."""
+    moved_m: float | None = None
+    """How far from here the tests of this point ended; None: not known, or none were made."""
+    registration: str | None = None
+    technology: str | None = None
+    operator: str | None = None
+    band: str | None = None
+    cell: str | None = None
+    rsrp_dbm: float | None = None
+    rsrq_db: float | None = None
+    sinr_db: float | None = None
+    no_radio: str = ""
+    """Why the unit was not read."""
+    carried_by: str | None = None
+    """The link that carries the site's traffic, by the router's routes; None: not known."""
+    sent: int | None = None
+    """Packets for the round trip; None: no test was made, and `no_test` says why."""
+    lost: int | None = None
+    rtt_min_s: float | None = None
+    rtt_median_s: float | None = None
+    rtt_max_s: float | None = None
+    goodput_up_bps: float | None = None
+    no_test: str = ""
+    test_bytes: int = 0
+    """Sent and received, IP and UDP headers included."""
+
+    @property
+    def position(self) -> tuple[float, float] | None:
+        """Latitude and longitude, if both are known."""
+        return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
+
+
+class SurveyEnd(_Line):
+    """Why nothing more comes."""
+
+    kind: Literal["end"] = "end"
+    at: datetime
+    reason: str
+    """`done` or `stopped`."""
+
+
+SurveyLine = Annotated[SurveyHeader | SurveyPoint | SurveyEnd, Field(discriminator="kind")]
+_ADAPTER: Final[TypeAdapter[SurveyHeader | SurveyPoint | SurveyEnd]] = TypeAdapter(SurveyLine)
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """A survey as its file has it."""
+
+    header: SurveyHeader
+    points: tuple[SurveyPoint, ...]
+    end: SurveyEnd | None
+    """None: it was killed, or goes on."""
+
+    @property
+    def placed(self) -> tuple[SurveyPoint, ...]:
+        """Points that have a position."""
+        return tuple(point for point in self.points if point.position is not None)
+
+    @property
+    def reason(self) -> str:
+        """Why it ended."""
+        return "cut off" if self.end is None else self.end.reason
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyWriter:
+    """Adds lines to a file that is open for appending; each is on disk before the next one comes."""
+
+    file: TextIO
+
+    def __call__(self, line: SurveyHeader | SurveyPoint | SurveyEnd) -> None:
+        """Write a line."""
+        self.file.write(line.model_dump_json() + "\n")
+        self.file.flush()
+        os.fsync(self.file.fileno())
+
+
+def read_survey(path: Path) -> Survey:
+    """Read a file. SurveyUnreadable, with the line's number; OSError."""
+    lines = [*_lines(path)]
+    if not lines or not isinstance(lines[0], SurveyHeader):
+        raise SurveyUnreadable(f"{path}:1: this is not the beginning of a survey", hint=f"take a `{SURVEY_FILE}`")
+    points = tuple(line for line in lines if isinstance(line, SurveyPoint))
+    end = next((line for line in lines if isinstance(line, SurveyEnd)), None)
+    return Survey(lines[0], points, end)
+
+
+def _lines(path: Path) -> Iterator[SurveyHeader | SurveyPoint | SurveyEnd]:
+    with path.open(encoding="utf-8") as file:
+        for number, line in enumerate(file, start=1):
+            if not line.endswith("\n"):
+                return
+            try:
+                yield _ADAPTER.validate_json(line)
+            except ValidationError as error:
+                raise SurveyUnreadable(
+                    f"{path}:{number}: this line is no part of a survey",
+                    hint="take the file as it was written: nothing in it is meant to be edited",
+                ) from error

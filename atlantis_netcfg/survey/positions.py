@@ -1,0 +1,255 @@
+"""Where we are, or why nobody knows: from gpsd's stream, or from what a person types.
+
+A fix counts while it is young, its geometry is good, and its receiver has measured it. Its age runs from the moment
+at which its time was first heard, so a receiver that repeats itself grows old. What does not count has no position:
+nothing is interpolated, and the last one is not kept.
+"""
+
+from __future__ import annotations
+
+import re
+import select
+import socket
+import subprocess
+import threading
+import time
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final, Protocol
+
+from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, gpsd
+from atlantis_netcfg.checklist.probes.gps.judge import NULL_DEGREES, POOR_EPH_M, POOR_HDOP, distance_m
+from atlantis_netcfg.checklist.probes.gps.record import Nature
+from atlantis_netcfg.checklist.probes.step import Transcript
+from atlantis_netcfg.core.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Self
+
+    from atlantis_netcfg.checklist.probes.gps.record import Report
+
+MAX_AGE_S: Final = 2.0
+MAX_HDOP: Final = POOR_HDOP
+_AGAIN_S: Final = 5.0
+"""After so long a gpsd that hung up, or did not answer, is asked again."""
+_CONNECT_S: Final = 3.0
+_MOST: Final = 65536
+_OTHER_RECEIVER_S: Final = 10.0
+"""A second receiver counts once the first one has been silent for so long."""
+
+
+class NoPosition(StrEnum):
+    """Why there is no position."""
+
+    NO_GPSD = "gpsd does not answer"
+    NO_REPORT = "no report of the receiver"
+    NO_FIX = "no fix"
+    NO_TIME = "the fix has no time"
+    OLD = "the fix is too old"
+    POOR = "poor geometry"
+    NOT_MEASURED = "the receiver has not measured it"
+    NULL = "latitude and longitude are 0"
+    NOT_TYPED = "no position was typed"
+
+
+@dataclass(frozen=True, slots=True)
+class TrackPosition:
+    """A place, and what is known of how good it is."""
+
+    latitude: float
+    longitude: float
+    age_s: float = 0.0
+    hdop: float | None = None
+    place: str = ""
+
+    def distance_m(self, other: TrackPosition) -> float:
+        """Along the great circle."""
+        return distance_m(self.latitude, self.longitude, other.latitude, other.longitude)
+
+
+class PositionSource(Protocol):
+    """Where positions come from."""
+
+    name: str
+
+    def position(self) -> TrackPosition | NoPosition:
+        """Where we are now."""
+
+
+@dataclass(slots=True)
+class GpsdStream:
+    """What gpsd has said so far; `feed` is given bytes as they come, and the time at which they did."""
+
+    max_age_s: float = MAX_AGE_S
+    max_hdop: float = MAX_HDOP
+    _rest: bytes = b""
+    _sky: bytes = b""
+    """The last report of the satellites: the geometry of the fixes that follow."""
+    _device: str | None = None
+    _last: Report | None = None
+    _hdop: float | None = None
+    _since_s: float = 0.0
+    """When the time of the last report was first heard."""
+    _heard_s: float = 0.0
+
+    def feed(self, at_s: float, data: bytes) -> None:
+        """Take what came."""
+        *whole, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > _MOST:
+            self._rest = b""
+        for line in whole:
+            if b'"class":"SKY"' in line:
+                self._sky = line + b"\n"
+            elif b'"class":"TPV"' in line:
+                self._take(at_s, line + b"\n")
+
+    def _take(self, at_s: float, line: bytes) -> None:
+        received = gpsd.read(Transcript(None, chunks=((0.0, self._sky + line),)))
+        for report in received.reports:
+            if self._device not in {None, received.device} and at_s - self._heard_s < _OTHER_RECEIVER_S:
+                continue
+            whole = not report.fixed or (report.latitude is not None and report.time is not None)
+            # Within an epoch gpsd may tell a mode alone, or a position before its time: the whole report follows.
+            if not whole and self._last is not None and self._last.time is not None:
+                continue
+            self._device, self._heard_s, self._hdop = received.device, at_s, received.hdop
+            if self._last is None or self._last.stamp is None or report.stamp != self._last.stamp:
+                self._since_s = at_s
+            self._last = report
+
+    def position(self, now_s: float) -> TrackPosition | NoPosition:
+        """The position at this time, on the clock of `feed`."""
+        report = self._last
+        if report is None or (not report.fixed and now_s - self._heard_s > self.max_age_s):
+            return NoPosition.NO_REPORT
+        if not report.fixed:
+            return NoPosition.NO_FIX
+        if report.time is None or report.latitude is None or report.longitude is None:
+            return NoPosition.NO_TIME
+        age_s = max(0.0, now_s - self._since_s)
+        reason = self._why_not(report, age_s)
+        if reason is not None:
+            return reason
+        return TrackPosition(report.latitude, report.longitude, round(age_s, 3), self._hdop)
+
+    def _why_not(self, report: Report, age_s: float) -> NoPosition | None:
+        if age_s > self.max_age_s:
+            return NoPosition.OLD
+        if report.nature is not Nature.MEASURED:
+            return NoPosition.NOT_MEASURED
+        if not report.possible or max(abs(report.latitude or 0.0), abs(report.longitude or 0.0)) < NULL_DEGREES:
+            return NoPosition.NULL
+        poor = self._hdop is not None and self._hdop > self.max_hdop
+        return NoPosition.POOR if poor or (report.eph_m is not None and report.eph_m > POOR_EPH_M) else None
+
+
+class GpsdSource:
+    """A gpsd over TCP (`address`), or over the standard input and output of a `command`. A thread listens to it."""
+
+    def __init__(self, name: str, address: tuple[str, int] | None = None, command: Sequence[str] = ()) -> None:
+        self.name = name
+        self.trouble = ""
+        """What the program said when it ended last: OpenSSH's reason."""
+        self._address, self._command = address, command
+        self._stream: GpsdStream | None = None
+        """None: nobody answers."""
+        self._lock = threading.Lock()
+        self._stop, self._stopper = socket.socketpair()
+        self._thread = threading.Thread(target=self._listen, name="gpsd", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopper.close()
+        self._thread.join()
+        self._stop.close()
+
+    def position(self) -> TrackPosition | NoPosition:
+        """As `PositionSource` has it."""
+        with self._lock:
+            return NoPosition.NO_GPSD if self._stream is None else self._stream.position(time.monotonic())
+
+    def _listen(self) -> None:
+        """Connect, hear until the other end hangs up, and begin again."""
+        while True:
+            with suppress(OSError), ExitStack() as stack:
+                self._hear(self._connected(stack))
+            with self._lock:
+                self._stream = None
+            if select.select([self._stop], [], [], _AGAIN_S)[0]:
+                return
+
+    def _connected(self, stack: ExitStack) -> socket.socket:
+        if self._address is not None:
+            return stack.enter_context(socket.create_connection(self._address, _CONNECT_S))
+        ours, theirs = socket.socketpair()
+        stack.enter_context(ours)
+        with theirs:
+            handle = theirs.fileno()
+            process = subprocess.Popen(  # noqa: S603 - OpenSSH with options of ours
+                self._command, stdin=handle, stdout=handle, stderr=subprocess.PIPE, start_new_session=True
+            )
+        stack.callback(self._end, process)
+        return ours
+
+    def _end(self, process: subprocess.Popen[bytes]) -> None:
+        """End the program, and keep what it has complained of at last."""
+        process.terminate()
+        try:
+            _, complaints = process.communicate(timeout=_CONNECT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            _, complaints = process.communicate(timeout=_CONNECT_S)
+        lines = complaints.decode("utf-8", "replace").strip().splitlines()
+        self.trouble = lines[-1].strip() if lines else ""
+
+    def _hear(self, wire: socket.socket) -> None:
+        wire.sendall(gpsd.WATCH)
+        while self._stop not in (ready := select.select([wire, self._stop], [], [])[0]):
+            data = wire.recv(_MOST) if wire in ready else b""
+            if not data:
+                return
+            with self._lock:
+                self._stream = self._stream or GpsdStream()
+                self._stream.feed(time.monotonic(), data)
+
+
+_ADDRESS = re.compile(r"(?P<host>[A-Za-z0-9.-]+|\[[0-9A-Fa-f:]+\])(?::(?P<port>\d{1,5}))?")
+
+
+def gpsd_address(text: str) -> tuple[str, int]:
+    """Read `gps=HOST` or `gps=HOST:PORT`. Raises UsageError."""
+    found = _ADDRESS.fullmatch(text)
+    port = int(found["port"] or GPSD_PORT) if found is not None else 0
+    if found is None or not 0 < port < 65536:  # noqa: PLR2004 - ports have 16 bits
+        raise UsageError(
+            f"`gps={text}` is no gpsd",
+            hint="type `gps=gateway`, `gps=here`, or an address with or without its port: `gps=192.0.2.7:2947`",
+        )
+    return found["host"].strip("[]"), port
+
+
+_TYPED = re.compile(
+    r"(?:(?P<place>[^:]{1,60}):)?\s*(?P<latitude>[+-]?\d{1,2}(?:\.\d+)?)\s*[,;\s]\s*(?P<longitude>[+-]?\d{1,3}(?:\.\d+)?)"
+)
+
+
+def typed_position(text: str, known: dict[str, TrackPosition]) -> TrackPosition | None:
+    """Understand `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place that was typed before.
+
+    A named one is kept in `known`. None: it is neither.
+    """
+    found = _TYPED.fullmatch(text.strip())
+    if found is None:
+        return known.get(text.strip())
+    latitude, longitude = float(found["latitude"]), float(found["longitude"])
+    if abs(latitude) > 90 or abs(longitude) > 180:  # noqa: PLR2004 - degrees
+        return None
+    position = TrackPosition(latitude, longitude, place=(found["place"] or "").strip())
+    if position.place:
+        known[position.place] = position
+    return position

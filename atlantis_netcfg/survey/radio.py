@@ -1,0 +1,124 @@
+"""The 4G unit's own readings, by the driver that `provision links` uses, and the link that carries the traffic.
+
+Both are asked over the site's network: nothing of it goes over the link that is surveyed. No canary is pinged.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
+from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter, Router
+from atlantis_netcfg.operations.costs import ways_of
+from atlantis_netcfg.operations.links.look import session_to
+from atlantis_netcfg.operations.links.session import rows
+from atlantis_netcfg.operations.links.status import read_by_driver, read_routeros
+from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.survey.measure import RadioSample
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.bearers.lte import LteReading
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.operations import Request
+
+_ROUTES = Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",))
+_ROUTER_S = 5.0
+BY_HAND = "`driver: manual`: a person looks at its own page"
+
+
+def surveyed_link(declaration: Declaration, site: str, name: str | None) -> Bearer:
+    """The 4G link of a site of that name, or the only one. Raises UsageError."""
+    links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is BearerKind.LTE}
+    listed = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
+    if name is None and len(links) == 1:
+        return next(iter(links.values()))
+    if name in links:
+        return links[name]
+    if name is None:
+        raise UsageError(f"`{site}` has no single 4G link to survey: {listed}", hint="type which: `link=4g`")
+    near = nearest(name, links)
+    raise UsageError(
+        f"`link={name}` is no 4G link of `{site}`: {listed}",
+        hint=f"did you mean `link={near}`?" if near else "a survey reads a 4G unit",
+    )
+
+
+def unit_of(declaration: Declaration, bearer: Bearer) -> Host:
+    """The box of a 4G link. Raises UsageError where none is declared."""
+    host = declaration.hosts.get(bearer.device or "")
+    if host is None or not isinstance(host.device, LteRouter):
+        raise UsageError(
+            f"link `{bearer.name}` has no 4G unit that could be read",
+            hint="declare its box, and `device:` of the link (docs/4g.md)",
+        )
+    return host
+
+
+@dataclass(slots=True)
+class UnitRadio:
+    """Reads a unit, and asks the router of its site for the routes in force."""
+
+    declaration: Declaration
+    host: Host
+    request: Request
+    store: Store
+    router: Host | None = None
+    """None: nobody is asked which link carries the traffic."""
+
+    def read(self) -> RadioSample:
+        """As `RadioReader` has it."""
+        return asyncio.run(self._radio())
+
+    def carried_by(self) -> str | None:
+        """As `RadioReader` has it: one question to the router, in a session of its own."""
+        return None if self.router is None else asyncio.run(self._carried_by(self.router))
+
+    async def _radio(self) -> RadioSample:
+        device = self.host.device
+        assert isinstance(device, LteRouter)  # noqa: S101 - `unit_of` has looked
+        if device.driver is LteDriver.MANUAL:
+            return RadioSample(no_radio=BY_HAND)
+        target = self.request.targets.get(self.host.name)
+        unit = LteUnit(self.host, device, self.store, ignore, self.request.rehearsed, target)
+        try:
+            if device.driver is LteDriver.ROUTEROS:
+                door = session_to(self.declaration, self.host.site, self.host, self.request)
+                return sample_of((await read_routeros(door, unit)).reading)
+            return sample_of((await read_by_driver(unit)).reading)
+        except NetcfgError as error:
+            return RadioSample(no_radio=str(error))
+
+    async def _carried_by(self, router: Host) -> str | None:
+        with suppress(NetcfgError, TimeoutError):
+            door = session_to(self.declaration, router.site, router, self.request)
+            async with asyncio.timeout(_ROUTER_S), door.opened() as session:
+                answers = rows(await session.command(_ROUTES))
+            return None if answers is None else active_bearer(answers, ways_of(self.declaration, router))
+        return None
+
+
+def router_of(declaration: Declaration, site: str) -> Host | None:
+    """The router that chooses among the links of a site, if it has one."""
+    return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+
+
+def sample_of(reading: LteReading) -> RadioSample:
+    """What a survey keeps of a reading."""
+    return RadioSample(
+        registration=reading.state.value,
+        technology=reading.access_tech,
+        operator=reading.operator,
+        band=reading.band,
+        cell=reading.cell,
+        rsrp_dbm=reading.rsrp_dbm,
+        rsrq_db=reading.rsrq_db,
+        sinr_db=reading.sinr_db,
+    )

@@ -1,0 +1,193 @@
+"""A voyage that is emulated: its clock, its positions, its link, and what the emulated unit hears on the way.
+
+Time passes only while somebody waits, so an hour lasts seconds. Positions are reports as gpsd writes them; the unit is
+the emulation that every rehearsal has, read by its own driver; packets go to our reflector over a link of the
+declared rate, which falls with the coverage. All of the coverage is made up.
+"""
+
+from __future__ import annotations
+
+import heapq
+import json
+import random
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
+from atlantis_netcfg.qualify.reflector.answering import Reflector
+from atlantis_netcfg.qualify.session import SECOND
+from atlantis_netcfg.qualify.transport import Arrival
+from atlantis_netcfg.survey.positions import GpsdStream, NoPosition, TrackPosition
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from atlantis_netcfg.emulator.coverage import Coverage, PlaceTruth, Track
+    from atlantis_netcfg.survey.measure import RadioReader, RadioSample
+
+KEY: Final = b"EXAMPLE key of a rehearsal"
+START: Final = datetime(2026, 11, 20, 10, 15, tzinfo=UTC)
+_SOURCE: Final = ("192.0.2.1", 40000)
+_TTL: Final = 64
+NOT_REHEARSED: Final = (
+    "the survey: gpsd's connection and the sky; the coverage is made up; which link carries the test packets",
+)
+
+
+@dataclass(slots=True)
+class SimulatedClock:
+    """Seconds since the voyage began."""
+
+    ns: int = 0
+
+    def now_s(self) -> float:
+        """As `SurveyClock` has it."""
+        return self.ns / SECOND
+
+    def utc(self) -> datetime:
+        """As `SurveyClock` has it."""
+        return START + timedelta(microseconds=self.ns // 1000)
+
+    def wait(self, seconds: float) -> None:
+        """As `SurveyClock` has it."""
+        self.reach(self.ns + round(seconds * SECOND))
+
+    def reach(self, ns: int) -> None:
+        """Let time pass until then."""
+        self.ns = max(self.ns, ns)
+
+
+@dataclass(slots=True)
+class SimulatedLink:
+    """A `DatagramTransport` to our reflector over two models of a link; both clocks are the voyage's."""
+
+    clock: SimulatedClock
+    shapes: Callable[[], tuple[LinkShape, LinkShape]]
+    """How the link is now, up and down."""
+    up: LinkModel
+    down: LinkModel
+    reflector: Reflector = field(default_factory=lambda: Reflector(KEY))
+    headers: int = HEADERS
+    _due: list[tuple[int, int, bool, bytes]] = field(default_factory=list)
+    _count: int = 0
+
+    @property
+    def wire_bytes(self) -> int:
+        """What this end has put on the wire, and what has come to it."""
+        return self.up.sent_bytes + self.down.delivered_bytes
+
+    def now_ns(self) -> int:
+        """As `DatagramTransport` has it."""
+        return self.clock.ns
+
+    def unix_ns(self) -> int:
+        """As `DatagramTransport` has it."""
+        return round(START.timestamp()) * SECOND + self.clock.ns
+
+    def send(self, datagram: bytes) -> str:
+        """As `DatagramTransport` has it."""
+        self._carry(datagram, up=True)
+        return ""
+
+    def _carry(self, datagram: bytes, *, up: bool) -> None:
+        self.up.shape, self.down.shape = self.shapes()
+        model = self.up if up else self.down
+        for arrival_s in model.offer(len(datagram) + HEADERS, self.clock.ns / SECOND):
+            self._count += 1
+            heapq.heappush(self._due, (max(self.clock.ns, round(arrival_s * SECOND)), self._count, up, datagram))
+
+    def receive(self, until_ns: int) -> Arrival | None:
+        """As `DatagramTransport` has it."""
+        while self._due and self._due[0][0] <= until_ns:
+            at, _, up, datagram = heapq.heappop(self._due)
+            self.clock.reach(at)
+            if not up:
+                return Arrival(datagram, at, _TTL)
+            received = self.unix_ns()
+            reply = self.reflector.answer(datagram, _SOURCE, received, _TTL, self.unix_ns)
+            if reply is not None:
+                self._carry(reply, up=False)
+        self.clock.reach(until_ns)
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredRate:
+    """The `rate:` of a bearer."""
+
+    rtt_s: float
+    up_bps: float
+    down_bps: float
+
+
+def gpsd_reports(at: datetime, latitude: float, longitude: float) -> tuple[bytes, bytes]:
+    """Two lines as gpsd 3.22 writes them for a fix in three dimensions."""
+    device = "/dev/ttyACM0"
+    sky = {"class": "SKY", "device": device, "hdop": 0.9, "nSat": 11, "uSat": 9}
+    fix = {"class": "TPV", "device": device, "mode": 3, "time": f"{at:%Y-%m-%dT%H:%M:%S}.000Z", "ept": 0.005}
+    fix |= {"lat": round(latitude, 9), "lon": round(longitude, 9), "altHAE": 59.0, "eph": 17.1}
+    sky_line, fix_line = (json.dumps(row, separators=(",", ":")).encode() + b"\r\n" for row in (sky, fix))
+    return sky_line, fix_line
+
+
+@dataclass(slots=True)
+class Voyage:
+    """All that is emulated of a survey. `tune` hands what is on the air to the emulated unit."""
+
+    track: Track
+    coverage: Coverage
+    rate: DeclaredRate
+    tune: Callable[[PlaceTruth], None]
+    clock: SimulatedClock = field(default_factory=SimulatedClock)
+    name: str = "an emulated track"
+    reports: Callable[[datetime, float, float], Iterable[bytes]] = gpsd_reports
+    """What gpsd says at a second and a place."""
+    link: SimulatedLink = field(init=False)
+    _stream: GpsdStream = field(default_factory=GpsdStream)
+    _told_s: int = -1
+    """The last second that the emulated gpsd has reported."""
+
+    def __post_init__(self) -> None:
+        """Lay the link."""
+        seeded = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
+        up, down = (LinkModel(LinkShape(), source) for source in seeded)
+        self.link = SimulatedLink(self.clock, self._shapes, up, down)
+
+    @property
+    def truth(self) -> PlaceTruth:
+        """What is on the air here and now."""
+        return self.coverage.at(*self.track.at(self.clock.now_s()))
+
+    def _shapes(self) -> tuple[LinkShape, LinkShape]:
+        """The link is what the place allows; without service everything is lost."""
+        truth = self.truth
+        lost, delay_s = 0.0 if truth.served else 1.0, self.rate.rtt_s / 2 * truth.delay_factor
+        up, down = (bps * truth.rate_share for bps in (self.rate.up_bps, self.rate.down_bps))
+        return LinkShape(up, delay_s, loss=lost), LinkShape(down, delay_s, loss=lost)
+
+    def position(self) -> TrackPosition | NoPosition:
+        """As `PositionSource` has it: the receiver reports once a second."""
+        second = int(self.clock.now_s())
+        if second != self._told_s:
+            self._told_s = second
+            for report in self.reports(START + timedelta(seconds=second), *self.track.at(second)):
+                self._stream.feed(second, report)
+        return self._stream.position(self.clock.now_s())
+
+
+@dataclass(frozen=True, slots=True)
+class VoyageRadio:
+    """The unit's reader on a voyage: what is on the air at this place is put on before each reading."""
+
+    voyage: Voyage
+    reader: RadioReader
+
+    def read(self) -> RadioSample:
+        """As `RadioReader` has it."""
+        self.voyage.tune(self.voyage.truth)
+        return self.reader.read()
+
+    def carried_by(self) -> str | None:
+        """As `RadioReader` has it."""
+        return self.reader.carried_by()

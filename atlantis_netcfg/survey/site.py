@@ -1,0 +1,196 @@
+"""The survey of a declared site: its unit, its router, the far end, the clock; or all of it emulated."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.checklist.probes.gps import GPSD_PORT
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.declaration.model import Gateway
+from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
+from atlantis_netcfg.operations.computers._access import computer_access
+from atlantis_netcfg.operations.vpn.link import ssh_command
+from atlantis_netcfg.qualify.session import ReflectorPeer
+from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey
+from atlantis_netcfg.survey.points import SurveyHeader
+from atlantis_netcfg.survey.positions import MAX_AGE_S, MAX_HDOP, GpsdSource, NoPosition, gpsd_address, typed_position
+from atlantis_netcfg.survey.radio import UnitRadio, router_of
+from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from contextlib import ExitStack
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.emulator.coverage import PlaceTruth
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.operations import Request
+    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.survey.measure import SurveyPlan
+    from atlantis_netcfg.survey.points import SurveyPoint
+    from atlantis_netcfg.survey.positions import TrackPosition
+
+_PORT_OF_VIANA = (41.6864, -8.8388)
+"""Where an emulated voyage begins at a site without a geofence: the report's point."""
+
+
+class RealClock:
+    """This computer's clocks."""
+
+    @staticmethod
+    def now_s() -> float:
+        """As `SurveyClock` has it."""
+        return time.monotonic()
+
+    @staticmethod
+    def utc() -> datetime:
+        """As `SurveyClock` has it."""
+        return datetime.now(UTC)
+
+    @staticmethod
+    def wait(seconds: float) -> None:
+        """As `SurveyClock` has it."""
+        time.sleep(seconds)
+
+
+@dataclass(slots=True)
+class TypedPositions:
+    """Positions that a person types; the last one is where we are."""
+
+    name: str = "a person"
+    current: TrackPosition | None = None
+    _known: dict[str, TrackPosition] = field(default_factory=dict)
+    """Places that were named."""
+
+    def type(self, text: str) -> bool:
+        """Take what was typed; an empty line is the same place again. False: it is no position."""
+        if text.strip():
+            found = typed_position(text, self._known)
+            self.current = found or self.current
+            return found is not None
+        return self.current is not None
+
+    def position(self) -> TrackPosition | NoPosition:
+        """As `PositionSource` has it."""
+        return self.current or NoPosition.NOT_TYPED
+
+
+@dataclass(frozen=True, slots=True)
+class SiteSurvey:
+    """What is surveyed, and how."""
+
+    declaration: Declaration
+    link: Bearer
+    unit: Host
+    request: Request
+    store: Store
+    plan: SurveyPlan
+    radio_only: bool = False
+    clicks: bool = False
+    gps: str | None = None
+    """`gateway`, `here`, or an address; None: the gateway if it has a receiver, else this computer."""
+    tune: Callable[[PlaceTruth], None] | None = None
+    """A rehearsal: puts on the air what the emulated unit hears."""
+
+    @property
+    def site(self) -> str:
+        """Its name."""
+        return self.unit.site
+
+    @property
+    def far_end(self) -> tuple[str, int, bytes]:
+        """Address, port and key of the reflector. Raises UsageError where none is declared."""
+        far = self.declaration.pilot.qualify
+        if far is None:
+            raise UsageError(
+                "no far end is declared that could answer test packets",
+                hint="declare `qualify:` in group_vars/all/pilot.yml, or type `--radio-only`, which sends nothing",
+            )
+        address = str(far.address or self.declaration.pilot.vpn.endpoint)
+        return address, far.port, far.key.reveal().encode()
+
+    def running(
+        self, stack: ExitStack, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
+    ) -> RunningSurvey:
+        """All that a survey needs; what has to be closed ends with the stack. Raises UsageError."""
+        if self.tune is not None:
+            return self._emulated(samples, write)
+        tester = None
+        if not self.radio_only:
+            transport = stack.enter_context(self._transport())
+            tester = LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
+            self.plan.test_every_s(transport.headers)
+        radio = UnitRadio(self.declaration, self.unit, self.request, self.store, router_of(self.declaration, self.site))
+        positions = TypedPositions() if self.clicks else stack.enter_context(self._gpsd())
+        return RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
+
+    def _transport(self) -> UdpTransport:
+        address, port, _ = self.far_end
+        try:
+            return UdpTransport((address, port))
+        except OSError as error:
+            raise UsageError(
+                f"this computer has no way to the far end {address}: {error.strerror}",
+                hint="connect it to the network of the site, or type `--radio-only`, which sends nothing",
+            ) from error
+
+    def _emulated(self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]) -> RunningSurvey:
+        assert self.tune is not None  # noqa: S101 - the caller has looked
+        fence, rate = self.declaration.sites[self.site].checklist.geofence, self.link.rate
+        begin = _PORT_OF_VIANA if fence is None else (fence.latitude, fence.longitude)
+        declared = DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
+        voyage = Voyage(out_and_back(*begin), two_masts(*begin), declared, self.tune)
+        tester = None
+        if not self.radio_only:
+            tester = LinkTester(self.plan, voyage.link, ReflectorPeer(KEY), samples)
+            self.plan.test_every_s(voyage.link.headers)
+        radio = VoyageRadio(voyage, UnitRadio(self.declaration, self.unit, self.request, self.store))
+        return RunningSurvey(self.plan, self.link.name, voyage, radio, tester, voyage.clock, write)
+
+    def _gpsd(self) -> GpsdSource:
+        gateways = [host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)]
+        with_receiver = [host for host in gateways if isinstance(host.device, Gateway) and host.device.gps is not None]
+        if self.gps == "gateway" or (self.gps is None and with_receiver):
+            gateway = next(iter((*with_receiver, *gateways)), None)
+            if gateway is None:
+                raise UsageError(f"`{self.site}` has no gateway", hint="type `gps=here`, or the address of a gpsd")
+            words = [*ssh_command(computer_access(self.declaration, gateway, self.request))]
+            forward = ["-W", f"127.0.0.1:{GPSD_PORT}"]
+            return GpsdSource(f"gpsd of {gateway.name}", command=[*words[:-1], *forward, words[-1]])
+        address = ("127.0.0.1", GPSD_PORT) if self.gps in {None, "here"} else gpsd_address(self.gps or "")
+        return GpsdSource(f"gpsd at {address[0]}:{address[1]}", address)
+
+    def header(self, survey: RunningSurvey, name: str) -> SurveyHeader:
+        """The first line of its file."""
+        tester = survey.tester
+        far = None
+        if tester is not None:
+            far = "an emulated reflector" if self.tune is not None else "{}:{}".format(*self.far_end[:2])
+        return SurveyHeader(
+            id=name,
+            tool=__version__,
+            site=self.site,
+            title=self.declaration.sites[self.site].title,
+            link=self.link.name,
+            unit=self.unit.name,
+            far_end=far,
+            positions_by=survey.positions.name,
+            emulated=self.tune is not None,
+            begun=survey.clock.utc(),
+            time_zone=self.declaration.pilot.time_zone,
+            step_m=self.plan.step_m,
+            step_s=self.plan.step_s,
+            max_age_s=MAX_AGE_S,
+            max_hdop=MAX_HDOP,
+            hourly_bytes=self.plan.hourly_bytes,
+            test_every_s=None if tester is None else round(self.plan.test_every_s(tester.transport.headers), 1),
+            train_packets=self.plan.train.packets,
+            packet_size=self.plan.train.size,
+            message_size=self.plan.message.size,
+        )
