@@ -93,6 +93,8 @@ class DownMessageStream:
     _origin: int = 0
     _begin: int = 0
     _sequence: int = 0
+    _far_free_at: int = 0
+    """When the far end has sent all that was requested, as far as its pace goes: one message after the other."""
     _started: int = 0
     _token: bytes | None = None
     _queue: deque[_ChunkRequest] = field(default_factory=deque)
@@ -156,26 +158,26 @@ class DownMessageStream:
                 self._look(message, now_ns)
         while self._queue and self._queue[0].message.number not in self._open:
             self._queue.popleft()
-        return self._outgoing(self._queue[0]) if self._queue else None
+        return self._outgoing(self._queue[0], now_ns) if self._queue else None
 
-    def _outgoing(self, request: _ChunkRequest) -> Outgoing:
+    def _outgoing(self, request: _ChunkRequest, now_ns: int) -> Outgoing:
         token = self._token or bytes(TOKEN_SIZE)
         plan, number = self.plan, request.message.number
         value = MessageRequest(number, plan.size, request.first, request.count, plan.packet, self._pace_kbps, token)
         tlvs = (Tlv(REQUEST, value.encode()),)
         brings = sum(map(self._chunk_size, range(request.first, request.first + request.count)))
         answers = max(1, request.count)
-        return Outgoing(
-            tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, self._lasts(request) / SECOND
-        )
+        lasts_s = (self._sends_until(request, now_ns) - now_ns) / SECOND
+        return Outgoing(tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, lasts_s)
 
-    def _lasts(self, request: _ChunkRequest) -> int:
-        """How long the reflector sends at it, without what the link makes of that."""
+    def _sends_until(self, request: _ChunkRequest, now_ns: int) -> int:
+        """When the reflector has sent it, without what the link makes of that."""
         octets = request.count * self.plan.packet
         pace = self._pace_kbps * 1000 or self.far_rate_bps
         if self.far_rate_bps is not None and pace is not None:
             pace = min(pace, self.far_rate_bps)
-        return round(octets * 8 / pace * SECOND) if pace else 0
+        lasts = round(octets * 8 / pace * SECOND) if pace else 0
+        return max(self._far_free_at, now_ns) + lasts if request.count else now_ns
 
     def _put(self, request: _ChunkRequest) -> None:
         self._queue.append(request)
@@ -204,6 +206,8 @@ class DownMessageStream:
         del error
         request = self._queue.popleft()
         message = request.message
+        until = self._sends_until(request, now_ns)
+        self._far_free_at = max(self._far_free_at, until)
         if request.count:
             message.requests += 1
             message.requested += request.count
@@ -213,7 +217,7 @@ class DownMessageStream:
         self._sequence += 1
         if not any(waiting.message is message for waiting in self._queue):
             patience = round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
-            message.until = now_ns + self._lasts(request) + patience
+            message.until = until + patience
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""

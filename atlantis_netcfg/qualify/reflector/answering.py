@@ -54,6 +54,7 @@ _BURST_S = 0.25
 _LEAST_BURST = 65536
 _SENDINGS = 64
 """How many requested messages are under way at most; a request beyond that is answered by its status."""
+_NEVER = 1 << 63
 _LAG_NS = 20_000_000
 """What a timer was late by is made up for, and no more: the rest of a pace is not sent in one burst."""
 
@@ -268,7 +269,10 @@ class Reflector:
         token = self._token(received.packet.session_id, received.source)
         is_known = hmac.compare_digest(request.token, token)
         if request.count and is_known and len(self._sendings) < _SENDINGS:
-            self._sendings.append(_Sending(received, session, request, request.first, received.at_ns))
+            # The messages of a session leave one after the other, so that its pace is kept.
+            waits = any(sending.session is session for sending in self._sendings)
+            due_ns = _NEVER if waits else received.at_ns
+            self._sendings.append(_Sending(received, session, request, request.first, due_ns))
             return None
         rate_kbps = min(int(self._rate * 8 / 1000), 0xFFFFFFFF)
         sent = session.requested.get(request.message, 0)
@@ -311,6 +315,9 @@ class Reflector:
         sending.due_ns = max(sending.due_ns + step, now - _LAG_NS) if step else now
         if sending.index == request.first + request.count or now - sending.received.at_ns > _IDLE_NS:
             self._sendings.remove(sending)
+            following = next((each for each in self._sendings if each.session is sending.session), None)
+            if following is not None:
+                following.due_ns = max(sending.due_ns, following.received.at_ns)
 
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Note a chunk; whether it wants an answer."""

@@ -103,6 +103,16 @@ def test_a_pace_is_kept_by_the_far_end() -> None:
     assert figures.busy_bps == pytest.approx(200_000 * ROOM / (DEFAULT_PACKET + HEADERS), rel=0.02)
 
 
+def test_messages_leave_one_after_the_other() -> None:
+    """Each takes 0.6 s at its pace and the next is requested after 0.5 s: together they would be twice as fast."""
+    net = network(UP, LinkShape(delay_s=0.28))
+    figures = _figures(net, MessagePlan(30_000, 2, 10, pace_bps=500_000))
+    offered = 500_000 * ROOM / (DEFAULT_PACKET + HEADERS)
+    assert figures.received == 20
+    assert figures.receiver_bps == pytest.approx(offered, rel=0.02)
+    assert figures.busy_bps == pytest.approx(offered, rel=0.02)
+
+
 def test_the_latency_is_from_the_request_to_the_last_octet() -> None:
     figures = _figures(network(UP, DOWN), MessagePlan(50_000, 0.1, 30))
     assert figures.latency is not None
