@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.operations.qualify.plan import HIGHEST_HZ
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.messages import MessageStream
+from atlantis_netcfg.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.qualify.path_mtu import PathMtu, path_mtu
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
 from atlantis_netcfg.qualify.samples import MessageEnded, PacketSent, ReplyReceived
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.transfers import MessageFigures
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
-IDLE, LOADED, LOAD_UP = "idle", "loaded", "load up"
+IDLE, LOADED, LOAD_UP, LOAD_DOWN = "idle", "loaded", "load up", "load down"
 
 
 class CountedTransport:
@@ -101,6 +102,7 @@ class Measurement:
             ("round trips without load", self._idle),
             ("path MTU", self._mtu),
             *([("round trips beside a load", self._load)] if self.plan.load is not None else []),
+            *([("goodput from the far end", self._load_down)] if self.plan.load_down is not None else []),
             *((cell.stream, partial(self._cell, cell)) for cell in self.plan.cells),
             *((f"highest rate of {size} octets", partial(self._search, size)) for size in self.plan.sizes),
         ]
@@ -133,6 +135,10 @@ class Measurement:
         self._run_streams(
             Train(LOADED, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
         )
+
+    def _load_down(self) -> None:
+        assert self.plan.load_down is not None  # noqa: S101 - `measure` has looked
+        self._run_streams(DownMessageStream(LOAD_DOWN, self.plan.load_down, self.peer, self.transport, self.write))
 
     def _cell(self, cell: RateCell) -> None:
         self._run_streams(self._stream(cell.stream, cell.plan))

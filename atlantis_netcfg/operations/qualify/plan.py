@@ -24,6 +24,7 @@ from atlantis_netcfg.qualify.grids import (
 )
 from atlantis_netcfg.qualify.measured_run import Selection
 from atlantis_netcfg.qualify.messages import MessagePlan
+from atlantis_netcfg.qualify.messages_down import requested_bytes
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
 from atlantis_netcfg.qualify.search import FIRST_HZ, HALVINGS
 from atlantis_netcfg.qualify.session import TrainPlan
@@ -40,7 +41,7 @@ HIGHEST_HZ: Final = 64.0
 LOAD_SHARE: Final = 1.2
 """Of the declared rate of the link: more than it carries, so that its queue fills."""
 LOAD_LIMIT_BPS: Final = 40e6
-"""The far end answers no source more than 50 Mbit/s."""
+"""The far end sends no source more than 50 Mbit/s."""
 CARRIED: Final = 1.5
 """A cell of a grid that offers more than this share of the declared rate is not tried."""
 SEARCH_SIZES: Final = {Selection.TELEMETRY: 200, Selection.IMAGES: 6_000, Selection.THROUGHPUT: 20_000}
@@ -94,6 +95,8 @@ class QualifyPlan:
     up_bps: float
     idle: TrainPlan
     load: MessagePlan | None
+    load_down: MessagePlan | None
+    """From the far end, by itself: its figure is the goodput."""
     cells: tuple[RateCell, ...]
     left_out: int
     """Cells that the link cannot carry by its declaration."""
@@ -108,6 +111,8 @@ class QualifyPlan:
         if self.load is not None:
             beside = TrainPlan(AUTHENTICATED_SIZE, self.idle.interval_s, self.times.load_s)
             total += message_bytes(self.load, headers) + train_bytes(beside, headers)
+        if self.load_down is not None:
+            total += requested_bytes(self.load_down, headers)
         for cell in self.cells:
             each = cell.plan
             total += train_bytes(each, headers) if isinstance(each, TrainPlan) else message_bytes(each, headers)
@@ -120,7 +125,7 @@ class QualifyPlan:
         """How long it takes on a link without gaps."""
         wait, times = self.times.timeout_s, self.times
         seconds = self.idle.duration_s + wait + 10 * wait
-        seconds += times.load_s + wait if self.load is not None else 0.0
+        seconds += sum(times.load_s + wait for load in (self.load, self.load_down) if load is not None)
         seconds += sum(cell.plan.duration_s + wait for cell in self.cells)
         for size in self.sizes:
             seconds += sum(window.duration_s + wait for window in (self.single(size), *self.windows(size)))
@@ -159,7 +164,7 @@ class QualifyPlan:
 def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False) -> QualifyPlan:
     """Pure."""
     times = REHEARSED if rehearsed else TIMES[bearer.kind.traits.pace]
-    up_bps = bearer.rate.up_kbps * 1000
+    up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
     chosen = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
     cells = [*_cells(chosen, times)]
     carried = [cell for cell in cells if _offered_bps(cell) <= CARRIED * up_bps]
@@ -170,15 +175,16 @@ def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False) ->
         up_bps,
         TrainPlan(AUTHENTICATED_SIZE, times.idle_interval_s, idle_s, times.timeout_s),
         _load(up_bps, times) if Selection.THROUGHPUT in chosen else None,
+        _load(down_bps, times) if Selection.THROUGHPUT in chosen else None,
         tuple(carried),
         len(cells) - len(carried),
         tuple(SEARCH_SIZES[part] for part in chosen),
     )
 
 
-def _load(up_bps: float, times: StageTimes) -> MessagePlan:
-    """One message after the other, of a second each, at more than the link carries."""
-    pace = min(LOAD_SHARE * up_bps, LOAD_LIMIT_BPS)
+def _load(rate_bps: float, times: StageTimes) -> MessagePlan:
+    """One message after the other, of half a second each, at more than the link carries."""
+    pace = min(LOAD_SHARE * rate_bps, LOAD_LIMIT_BPS)
     return MessagePlan(round(pace / 8 / 2), 2.0, times.load_s, pace_bps=pace, give_up_s=times.give_up_s)
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
+from tolerances import tolerances
 
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Verdict
@@ -25,6 +26,7 @@ from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.samples import StreamEnded
 from atlantis_netcfg.qualify.session import ReflectorPeer
+from atlantis_netcfg.qualify.transfers import message_figures
 
 if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
@@ -99,6 +101,22 @@ def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> No
     (rate,) = measured.rates
     assert rate.size == measured.plan.sizes[0]
     assert rate.rate_hz is not None
+
+
+def test_goodput_is_measured_each_way() -> None:
+    bearer = BEARERS["satellite"]
+    measured, _ = measurement(bearer, Selection.THROUGHPUT)
+    # The round trips beside the load take a part of the link: in a rehearsal, which hurries, a large one.
+    measured.plan = planned(bearer, Selection.THROUGHPUT)
+    measured._load()
+    measured._load_down()
+    assert measured.reason == "done"
+    for stream, kbps in (("load up", bearer.rate.up_kbps), ("load down", bearer.rate.down_kbps)):
+        figures = message_figures(measured.samples, stream)
+        assert figures is not None
+        carries = kbps * 1000 * 1048 / (1200 + HEADERS)
+        assert figures.receiver_bps == pytest.approx(carries, rel=tolerances()["goodput_share"]), stream
+        assert figures.busy_bps == pytest.approx(carries, rel=tolerances()["goodput_share"]), stream
 
 
 def test_every_criterion_of_a_good_link_passes_and_the_tables_are_told() -> None:
