@@ -14,7 +14,7 @@ from atlantis_netcfg.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.qualify.path_mtu import PathMtu, path_mtu
 from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
 from atlantis_netcfg.qualify.samples import MessageEnded, PacketSent, ReplyReceived
-from atlantis_netcfg.qualify.search import SustainedRate, sustained_rate
+from atlantis_netcfg.qualify.search import RateLimit, SustainedRate, sustained_rate
 from atlantis_netcfg.qualify.session import EndReason, Train, TrainPlan, run
 from atlantis_netcfg.qualify.transfers import message_figures
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
 
 IDLE, LOADED, LOAD_UP, LOAD_DOWN = "idle", "loaded", "load up", "load down"
+CUT_OFF = "cut off"
+"""The reason of a run that could not say how it ended."""
 
 
 class CountedTransport:
@@ -82,7 +84,8 @@ class Measurement:
     samples: list[Sample] = field(default_factory=list)
     mtu: PathMtu = field(default_factory=lambda: PathMtu(None, None, "not measured"))
     rates: list[SustainedRate] = field(default_factory=list)
-    reason: str = EndReason.DONE
+    reason: str = CUT_OFF
+    """Why it ended, once it has begun."""
     unanswered_sizes: int = 0
     """Packets of the search for the path MTU that nobody answered: most were too long."""
 
@@ -106,6 +109,7 @@ class Measurement:
             *((cell.stream, partial(self._cell, cell)) for cell in self.plan.cells),
             *((f"highest rate of {size} octets", partial(self._search, size)) for size in self.plan.sizes),
         ]
+        self.reason = EndReason.DONE
         for number, (name, stage) in enumerate(stages):
             self.say(name, number, len(stages))
             try:
@@ -153,7 +157,10 @@ class Measurement:
 
     def _search(self, size: int) -> None:
         idle = self._messages(f"rate {size} 0", size, None)
-        if idle is None or idle.latency is None:
+        if idle is None:
+            return
+        if idle.latency is None:
+            self.rates.append(SustainedRate(size, None, RateLimit.SILENCE, ()))
             return
         found = sustained_rate(
             size,

@@ -10,7 +10,7 @@ from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import from_home
-from atlantis_netcfg.operations.qualify.measure import IDLE, LOADED
+from atlantis_netcfg.operations.qualify.measure import CUT_OFF, IDLE, LOADED
 from atlantis_netcfg.qualify.figures import NoTrain, TrainFigures, train_figures
 from atlantis_netcfg.qualify.grids import image_row, table, telemetry_row
 from atlantis_netcfg.qualify.judgement import judge
@@ -158,7 +158,11 @@ def _rate(rate: SustainedRate) -> str:
 
 def _ended(run: MeasuredRun) -> str:
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
-    why = {"done": "all was measured", "stopped": "stopped; what was measured is kept"}
+    why = {
+        EndReason.DONE: "all was measured",
+        EndReason.STOPPED: "stopped; what was measured is kept",
+        CUT_OFF: "cut off before its end",
+    }
     words = why.get(run.reason, f"the limit of {run.reason} was reached; what was measured is kept")
     cost = ""
     if run.price is not None:

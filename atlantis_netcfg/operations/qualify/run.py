@@ -22,7 +22,7 @@ from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.costs import link_of, ports_of, ways_of
 from atlantis_netcfg.operations.jobs import device_job
-from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
+from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import planned
 from atlantis_netcfg.operations.qualify.way import MeasuredFlow, counters, first_rows, judge_way, link_counts, rows
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
@@ -259,7 +259,7 @@ class LinkRun:
             ),
             begun=now,
             ended=None,
-            reason="cut off",
+            reason=CUT_OFF,
             clock_synchronised=False,
             budget=self.limits,
             currency=None if billing is None else billing.currency,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,7 +29,8 @@ def without_computer(folder: Path) -> Path:
     hosts, pilot = made / "hosts.yml", made / "group_vars/all/pilot.yml"
     text = hosts.read_text().replace("    control_centres:\n      hosts:\n        scc-control:\n", "")
     hosts.write_text(text.replace("            scc-control:\n", ""))
-    lines = [line for line in pilot.read_text().splitlines() if "host: scc-control" not in line]
+    measured = re.sub(r"(?m)^  qualify:.*\n(?:    .*\n)+", "", pilot.read_text())
+    lines = [line for line in measured.splitlines() if "host: scc-control" not in line]
     pilot.write_text(
         "\n".join("    services: []" if line.startswith("    services:") else line for line in lines) + "\n"
     )

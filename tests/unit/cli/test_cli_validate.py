@@ -24,7 +24,7 @@ inventory: no errors
 note: no budget for what goes by itself over 4g of coastal, satellite of coastal, 4g of te4sea, satellite of te4sea:
       docs/cost.md says how to see how much that is, and how to declare one
 It still holds example values: only rehearsals use it (`provision site=scc --rehearse`).
-433 values are examples: `provision validate --examples` lists them.
+434 values are examples: `provision validate --examples` lists them.
 """
 WRONG = """\
 inventory/host_vars/te4sea-router.yml:8:92: `satelite` is no bearer of `te4sea`
@@ -59,7 +59,7 @@ def test_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     said = json.loads(capsys.readouterr().out)
     assert said.pop("revision")
     examples = said.pop("examples")
-    assert len(examples) == 433
+    assert len(examples) == 434
     assert {"file": "inventory/group_vars/coastal.yml", "line": 51, "column": 31, "key": "price_per_mb"} in [
         {key: value for key, value in example.items() if key != "recognised"} for example in examples
     ]
@@ -82,7 +82,7 @@ def test_every_example_is_listed_with_its_place(capsys: pytest.CaptureFixture[st
     keys = "`price_per_mb`, `min_session_bytes`, `floor_bytes_per_s`, `floor_after_s`"
     assert f"  group_vars/coastal.yml:51 {keys}" in said
     assert "  host_vars/coastal-4g.yml:14 `bands`" in said
-    assert said[-1] == "433 values are examples."
+    assert said[-1] == "434 values are examples."
 
 
 def test_the_checkouts_own_inventory_is_the_default(capsys: pytest.CaptureFixture[str]) -> None:

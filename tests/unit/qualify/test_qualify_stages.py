@@ -25,6 +25,7 @@ from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.qualify.samples import StreamEnded
+from atlantis_netcfg.qualify.search import RateLimit
 from atlantis_netcfg.qualify.session import ReflectorPeer
 from atlantis_netcfg.qualify.transfers import message_figures
 
@@ -158,6 +159,7 @@ def test_a_link_that_answers_nothing_is_never_green() -> None:
     assert {row.verdict for row in found.rows} == {Verdict.INCONCLUSIVE}
     assert found.exit is ExitCode.CHECKS_FAILED
     assert measured.lost >= 600
+    assert [(rate.rate_hz, rate.limited_by) for rate in measured.rates] == [(None, RateLimit.SILENCE)]
 
 
 def test_the_budget_ends_the_run_and_what_was_measured_is_kept() -> None:
@@ -219,6 +221,14 @@ def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
 def test_a_computer_that_stands_elsewhere_is_refused_in_words() -> None:
     with pytest.raises(UsageError, match=r"would send from 127\.0\.0\.1, and only packets from networks of `coastal`"):
         source_of(DECLARED, "coastal", "127.0.0.1", 862)
+
+
+def test_a_run_that_has_not_begun_is_not_called_done() -> None:
+    measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY)
+    assert measured.reason == "cut off"
+    found = described(measured, Selection.TELEMETRY)
+    assert found.exit is ExitCode.NOTHING
+    assert any("nothing was measured without load" in line for line in found.lines())
 
 
 def test_a_plan_is_pure() -> None:
