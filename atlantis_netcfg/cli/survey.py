@@ -42,7 +42,7 @@ SURVEY = CommandSpec(
         Word("every", "metres and seconds between two points", example="50m,30s"),
         Word("for", "how long, from 1 minute to 24 hours; else until Ctrl-C", example="1h"),
         Word("to", "a folder that gets copies of the files", example="coverage"),
-        Word("coast", "GeoJSON file whose lines are drawn as the coast", example="coast.geojson"),
+        Word("coast", "GeoJSON file of a coast, or `natural-earth`: coarse, up to 1 km off", example="coast.geojson"),
         Word("from", "a survey that was made before: only its files are made again", example="20261120T101500Z"),
         INVENTORY,
     ),
@@ -118,12 +118,10 @@ _REHEARSED_S = 1200.0
 
 
 def _coast(arguments: Arguments) -> Coast | None:
-    from pathlib import Path
-
-    from atlantis_netcfg.survey.exports import read_coast
+    from atlantis_netcfg.survey.exports import named_coast
 
     named = arguments.optional("coast")
-    return None if named is None else read_coast(Path(named))
+    return None if named is None else named_coast(named)
 
 
 def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:

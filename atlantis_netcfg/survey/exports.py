@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
@@ -13,7 +14,6 @@ from atlantis_netcfg.survey.points import SurveyPoint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from atlantis_netcfg.survey.points import Survey
 
@@ -64,6 +64,17 @@ class Coast:
 
     name: str
     lines: tuple[tuple[tuple[float, float], ...], ...]
+
+
+SHIPPED_COAST: Final = "natural-earth"
+_SHIPPED: Final = Path(__file__).with_name("data") / "coast-viana.json"
+
+
+def named_coast(name: str) -> Coast:
+    """The coast that `coast=` names: the shipped one, or a file. Raises UsageError."""
+    if name != SHIPPED_COAST:
+        return read_coast(Path(name))
+    return Coast("Natural Earth 1:10 million, up to about 1 km off", read_coast(_SHIPPED).lines)
 
 
 _DEPTHS: Final = {

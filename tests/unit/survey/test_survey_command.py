@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from survey_examples import point, sailing
 
 from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.survey import _by_clicks, _line
 from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg.qualify.session import EndReason
+from atlantis_netcfg.survey.site import TypedPositions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -43,3 +47,37 @@ def test_a_survey_that_is_not_there(
     assert "there is no site `te4see`" in capsys.readouterr().err
     assert main(["survey", "site=te4sea", "from=20261120T101500Z"]) == ExitCode.NOTHING
     assert "no survey `20261120T101500Z` is kept" in capsys.readouterr().err
+
+
+def test_a_person_types_places_until_the_end_of_the_input(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = ["", "pier: 41.6864, -8.8388", "nowhere", "", "41.69 -8.84", "pier"]
+
+    def read(_question: str) -> str:
+        if not typed:
+            raise EOFError
+        return typed.pop(0)
+
+    monkeypatch.setattr("builtins.input", read)
+    made = sailing()
+    made.survey.positions = TypedPositions()
+    assert _by_clicks(made.survey) == EndReason.DONE
+    assert [point.position for point in made.points] == [
+        (41.6864, -8.8388),
+        (41.6864, -8.8388),
+        (41.69, -8.84),
+        (41.6864, -8.8388),
+    ]
+    assert [point.place for point in made.points] == ["pier", "pier", "", "pier"]
+    assert capsys.readouterr().out.count("that is no position") == 2
+
+
+def test_a_point_on_the_screen() -> None:
+    here = {"latitude": 41.6864, "longitude": -8.8388, "rsrp_dbm": -95.0, "sinr_db": 6.0}
+    assert _line(point(3, **here, sent=5, rtt_median_s=0.1073, goodput_up_bps=2.83e6)) == (
+        "   3  41.68640, -8.83880  RSRP -95 SINR 6  107 ms, 2.83 Mbit/s up"
+    )
+    assert _line(point(4, no_position="no fix", no_radio="it is off", no_test="the hourly budget")) == (
+        "   4  no fix  it is off  the hourly budget"
+    )

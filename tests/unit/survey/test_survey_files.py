@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import pytest
 from survey_examples import header, point, survey
 
+from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
-from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, read_coast
+from atlantis_netcfg.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
 from atlantis_netcfg.survey.kept import export, kept_survey, outcome
 from atlantis_netcfg.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
 from atlantis_netcfg.survey.points import (
@@ -163,6 +164,17 @@ def test_a_coast_is_drawn_where_it_crosses_the_sheet(tmp_path: Path) -> None:
     assert drawn[1].count("M") == 3, "what lies far away is left out"
     assert "coast.geojson" in page
     assert 'class="coast"' not in html(example()).decode()
+
+
+def test_the_shipped_coast_is_near_viana_and_says_how_coarse_it_is() -> None:
+    coast = named_coast("natural-earth")
+    places = [place for line in coast.lines for place in line]
+    assert 80 < len(places) < 200
+    assert min(distance_m(41.6864, -8.8388, latitude, longitude) for longitude, latitude in places) < 2000.0
+    far = survey(point(1, latitude=41.6, longitude=-9.1), point(2, latitude=41.8, longitude=-8.8))
+    page = html(far, coast).decode()
+    assert 'class="coast"' in page
+    assert "up to about 1 km off" in page
 
 
 @pytest.mark.parametrize(
