@@ -25,12 +25,12 @@ from matrix_papers import host
 from matrix_stand import NET, SERVER, Vpn, vpn
 from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 
-from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource, keep_alive, published, sample_bytes
+from atlantis_netcfg.bearers.standing import DAY_S, SteadyTopic, TrafficSource, keep_alive, published
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
-from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.operations.standing import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 
@@ -155,7 +155,8 @@ def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.
     (satellite,) = (one for one in standing_traffic(declaration, "coastal") if one.link.name == "satellite")
     flows = [one for one in satellite.flows if one.source in {TrafficSource.DDS, TrafficSource.TELEMETRY}]
     view = profile_in_use(declaration, declaration.hosts[GATEWAY])
-    word = sample_bytes(_WORD_BYTES, 1200, 1100, view.sizes, view.vpn)
+    pace = declared_pace(declaration.sites["coastal"].bearers[-1])
+    word = view.messages.cost(SteadyTopic(_WORD_HZ, _WORD_BYTES), pace)
     back = published([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
     assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
     expected = sum(one.up for one in flows), sum(one.down for one in flows) + back.up

@@ -36,9 +36,7 @@ class Steady:
         self.domain, self.size, self.every_s = int(domain), int(size), 1 / float(rate)
         self.participant = DomainParticipant(self.domain)
         reliable = Policy.Reliability.Reliable(duration(seconds=1))
-        qos = Qos(
-            reliable if reliability == "reliable" else Policy.Reliability.BestEffort, Policy.History.KeepLast(10)
-        )
+        qos = Qos(reliable if reliability == "reliable" else Policy.Reliability.BestEffort, Policy.History.KeepLast(10))
         topic = Topic(self.participant, "rt/steady", Word)
         self.writer = DataWriter(self.participant, topic, qos=qos) if role == "write" else None
         self.reader = DataReader(self.participant, topic, qos=qos) if role == "read" else None
