@@ -193,8 +193,8 @@ class HeartbeatsNowAndThen:
 
     A message that is larger than that has one in each fragment. On a link on which a fragment takes longer than the
     subscriber waits before it answers, each answer asks again for all fragments that have not come yet, and they are
-    sent again: n fragments become n (n + 1) / 2. That was counted of 6 and 10 fragments at 352 kbit/s; at 10 Mbit/s none
-    was sent again. Of 3 fragments between 3 and 6 were counted, and 6 are taken.
+    sent again: n fragments become n (n + 1) / 2. That was counted of 6 and 10 fragments at 352 kbit/s; at 10 Mbit/s
+    none was sent again. Of 3 fragments between 3 and 6 were counted, and 6 are taken.
     """
 
     heartbeat: int = 32

@@ -16,18 +16,16 @@ MOBILE = LinkPace(rtt_s=0.06, up_bps=10e6)
 
 
 @pytest.mark.parametrize(
-    ("reliable", "size_bytes", "rate_hz", "up", "down"),
+    ("topic", "up", "down"),
     [
-        (True, 32, 4.0, 163, 86),
-        (False, 32, 4.0, (1393 - 968) / 4, 0),
-        (False, 6000, 5.0, (33_000 - 968) / 5, 0),
+        (SteadyTopic(4.0, 32, reliable=True), 163, 86),
+        (SteadyTopic(4.0, 32), (1393 - 968) / 4, 0),
+        (SteadyTopic(5.0, 6000), (33_000 - 968) / 5, 0),
     ],
 )
-def test_the_measured_table_is_a_second_witness(
-    reliable: bool, size_bytes: int, rate_hz: float, up: float, down: float
-) -> None:
+def test_the_measured_table_is_a_second_witness(topic: SteadyTopic, up: float, down: float) -> None:
     """facts/devices.md, section 9: Cyclone DDS 0.10.2 with its own fragments of 1344 bytes, by the cost of one more."""
-    cost = DdsMessages(1344, 1344, CYCLONE, NO_VPN).cost(SteadyTopic(rate_hz, size_bytes, reliable), CABLE)
+    cost = DdsMessages(1344, 1344, CYCLONE, NO_VPN).cost(topic, CABLE)
     assert (cost.bytes_up, cost.bytes_down) == pytest.approx((up, down), rel=TOLERANCE)
 
 
