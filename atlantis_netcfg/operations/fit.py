@@ -73,7 +73,7 @@ class Capacity:
     loss: float | None
     """Share of the packets that are lost on the way up; None: nobody has measured it."""
     source: str
-    """Of `pace.up_bps`: `measured` or `declared`."""
+    """Where both rates are from."""
     run: str | None = None
     """The measurement; None: there is none."""
     doubt: str = ""
@@ -380,10 +380,18 @@ def _capacity(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
         LinkPace(rtt_s, measured_up or pace.up_bps),
         measured_down or down,
         None if idle is None else _loss_up(idle.loss),
-        "declared" if measured_up is None else "measured",
+        _SOURCES[measured_up is not None, measured_down is not None],
         kept.run.id,
         "; ".join(_doubts(kept.run, now, measured_up, measured_down)),
     )
+
+
+_SOURCES: Final = {
+    (True, True): "measured",
+    (True, False): "measured up, declared down",
+    (False, True): "declared up, measured down",
+    (False, False): "declared",
+}
 
 
 def _loss_up(loss: TrainLoss) -> float:

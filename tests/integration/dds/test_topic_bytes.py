@@ -106,9 +106,10 @@ def domains(topics: Sequence[SteadyTopic]) -> list[Domain]:
     return [Domain(number, kind, topic) for number, (kind, topic) in enumerate(cases, start=_FIRST_DOMAIN)]
 
 
-def declared(over: DdsPath) -> Declaration:
+def declared(over: DdsPath, topics: Sequence[SteadyTopic]) -> Declaration:
+    """As many participants as a process has: what they announce at first must not fill the satellite's queue."""
     declaration = load(SHIPPED)
-    dds = Dds(distribution=RosDistribution.HUMBLE, over=over)
+    dds = Dds(distribution=RosDistribution.HUMBLE, over=over, participants=len(topics))
     return replace(declaration, pilot=declaration.pilot.model_copy(update={"dds": dds}))
 
 
@@ -207,7 +208,7 @@ def differences(found: Mapping[Domain, tuple[float, float]], pace: LinkPace) -> 
 
 
 def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
-    declaration, of = declared(DdsPath.LAN), domains(ON_THE_CABLE)
+    declaration, of = declared(DdsPath.LAN, ON_THE_CABLE), domains(ON_THE_CABLE)
     addresses = [declaration.pilot.dds.address_of(declaration.hosts[host].device) for host, _ in HOSTS.values()]  # type: ignore[union-attr, arg-type]
     with routed(*addresses) as stand:
         readers = talk(stand, declaration, of, programs, tmp_path)
@@ -220,7 +221,7 @@ def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[st
 @pytest.mark.campaign
 def test_topics_over_the_satellite(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
     """Inside the tunnel: what it adds to each packet is `test_standing_bytes.py`'s."""
-    declaration, of = declared(DdsPath.VPN), domains(OVER_THE_SATELLITE)
+    declaration, of = declared(DdsPath.VPN, OVER_THE_SATELLITE), domains(OVER_THE_SATELLITE)
     with tunnelled(declaration, tmp_path) as stand:
         readers = talk(stand, declaration, of, programs, tmp_path)
         found = counted(stand, "tun0", of, readers, 30)
