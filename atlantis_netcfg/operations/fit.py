@@ -34,7 +34,10 @@ from atlantis_netcfg.operations.standing import (
     standing_traffic,
     steady,
 )
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.qualify.grids import message_bytes
 from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
+from atlantis_netcfg.qualify.messages import MessagePlan
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -360,12 +363,15 @@ def _named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
 def _newest(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
     """The newest real run of a bearer that has filled it, else the newest real one."""
     real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
-    return next((kept for kept in real if _goodput(record_of(kept), "up") is not None), real[0] if real else None)
+    return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
 
 
-def _goodput(record: QualifyRecord, way: str) -> float | None:
-    """At the receiver. It counts payload alone, and the capacity all headers: so the share comes out a little high."""
-    return next((row.goodput_bps for row in record.load if row.way == way), None)
+def _carried(record: QualifyRecord, way: str) -> float | None:
+    """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
+    row = next((row for row in record.load if row.way == way), None)
+    if row is None or row.goodput_bps is None:
+        return None
+    return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
 
 
 def _capacity(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
@@ -374,7 +380,7 @@ def _capacity(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
         doubt = "only the declared rate is known: nobody has measured this link"
         return Capacity(pace, down, None, "declared", doubt=doubt)
     record = record_of(kept)
-    measured_up, measured_down, idle = _goodput(record, "up"), _goodput(record, "down"), record.idle
+    measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle
     rtt_s = pace.rtt_s if idle is None or idle.rtt is None else idle.rtt.p50
     return Capacity(
         LinkPace(rtt_s, measured_up or pace.up_bps),

@@ -53,7 +53,6 @@ ON_THE_CABLE = (
 OVER_THE_SATELLITE = (
     SteadyTopic(1.0, 32, reliable=True),
     SteadyTopic(4.0, 32),
-    SteadyTopic(0.4, 6000),
     SteadyTopic(0.4, 6000, reliable=True),
 )
 
@@ -101,8 +100,8 @@ class Domain:
         return f"{self.kind.middleware} {self.typed}"
 
 
-def domains(topics: Sequence[SteadyTopic]) -> list[Domain]:
-    cases = [(kind, topic) for kind in (CYCLONE, FAST) for topic in topics]
+def domains(topics: Sequence[SteadyTopic], *kinds: Kind) -> list[Domain]:
+    cases = [(kind, topic) for kind in kinds for topic in topics]
     return [Domain(number, kind, topic) for number, (kind, topic) in enumerate(cases, start=_FIRST_DOMAIN)]
 
 
@@ -159,7 +158,7 @@ class Counters:
 
 def counted(
     stand: Stand, interface: str, of: Sequence[Domain], readers: Iterable[Participant], seconds: float
-) -> Mapping[Domain, tuple[float, float]]:
+) -> dict[Domain, tuple[float, float]]:
     """Bytes a message, up and down, once every reader has heard of every topic."""
     for reader in readers:
         kind = next(each.kind for each in of if each.kind.middleware.value == reader.name)
@@ -188,7 +187,7 @@ def talk(
 ) -> list[Participant]:
     """The gateway writes, the control centre reads; the readers."""
     readers = []
-    for kind in (CYCLONE, FAST):
+    for kind in dict.fromkeys(each.kind for each in of):
         typed = [each.typed for each in of if each.kind is kind]
         for who, role in ((CENTRE, "read"), (GATEWAY, "write")):
             told = environment(declaration, who, kind, folder)
@@ -196,6 +195,12 @@ def talk(
             speaker = Participant(kind.middleware.value, process)
             readers += [speaker] * (role == "read")
     return readers
+
+
+def sent_again(domain: Domain) -> bool:
+    """Reliable messages of Fast DDS in fragments: how many of these are asked for again is not the same each time."""
+    fits = domain.topic.size_bytes <= 1100
+    return domain.kind is FAST and domain.topic.reliable and not fits
 
 
 def differences(found: Mapping[Domain, tuple[float, float]], pace: LinkPace) -> list[str]:
@@ -208,7 +213,7 @@ def differences(found: Mapping[Domain, tuple[float, float]], pace: LinkPace) -> 
 
 
 def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
-    declaration, of = declared(DdsPath.LAN, ON_THE_CABLE), domains(ON_THE_CABLE)
+    declaration, of = declared(DdsPath.LAN, ON_THE_CABLE), domains(ON_THE_CABLE, CYCLONE, FAST)
     addresses = [declaration.pilot.dds.address_of(declaration.hosts[host].device) for host, _ in HOSTS.values()]  # type: ignore[union-attr, arg-type]
     with routed(*addresses) as stand:
         readers = talk(stand, declaration, of, programs, tmp_path)
@@ -219,10 +224,16 @@ def test_topics_on_the_cable(tmp_path: Path, programs: Mapping[Kind, Sequence[st
 
 
 @pytest.mark.campaign
-def test_topics_over_the_satellite(tmp_path: Path, programs: Mapping[Kind, Sequence[str]]) -> None:
-    """Inside the tunnel: what it adds to each packet is `test_standing_bytes.py`'s."""
-    declaration, of = declared(DdsPath.VPN, OVER_THE_SATELLITE), domains(OVER_THE_SATELLITE)
+@pytest.mark.parametrize("kind", [CYCLONE, FAST], ids=lambda kind: kind.middleware.value)
+def test_topics_over_the_satellite(tmp_path: Path, programs: Mapping[Kind, Sequence[str]], kind: Kind) -> None:
+    """Inside the tunnel, one implementation at a time; what the VPN adds is `test_standing_bytes.py`'s."""
+    declaration, of = declared(DdsPath.VPN, OVER_THE_SATELLITE), domains(OVER_THE_SATELLITE, kind)
     with tunnelled(declaration, tmp_path) as stand:
         readers = talk(stand, declaration, of, programs, tmp_path)
         found = counted(stand, "tun0", of, readers, 30)
+    again = {each: found.pop(each) for each in of if sent_again(each)}
     assert differences(found, SATELLITE) == []
+    for domain, (up, _) in again.items():
+        once = replace(domain, topic=replace(domain.topic, reliable=False)).expected(SATELLITE)[0]
+        assert 1.5 * once < up < (1 + TOLERANCE) * domain.expected(SATELLITE)[0], f"{domain}: {up:.0f}"
+    assert len(again) == (kind is FAST)
