@@ -23,6 +23,7 @@ from atlantis_netcfg.bearers.cost import bill
 from atlantis_netcfg.bearers.standing import DAY_S, LinkPace, TrafficSource
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import Finding
 from atlantis_netcfg.declaration.model import TelemetryData
 from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
 from atlantis_netcfg.journal import NoSuchRun
@@ -300,7 +301,8 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
 ) -> VehicleFit:
     """Work it out; `stores`: of real runs, and behind it that of rehearsed ones, of which a run is taken by name alone.
 
-    NothingMatched: no such site, vehicle, link or run, or nothing is published. UsageError, StateDamaged.
+    Without `stores` by what is declared alone. NothingMatched: no such site, vehicle, link or run, or nothing is
+    published. UsageError, StateDamaged.
     """
     topics = _telemetry(declaration, site, vehicle)
     profile, subscribers = publishing_profile(declaration, site), control_centres(declaration)
@@ -313,11 +315,30 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
     fits = []
     for bearer in _bearers(declaration, site, link, named):
-        capacity = _capacity(bearer, named or _newest(stores[0], site, bearer), now)
+        kept = named or (_newest(stores[0], site, bearer) if stores else None)
+        capacity = _capacity(bearer, kept, now)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
         fits.append(_Link(capacity, profile.messages, subscribers, other).fit(links[bearer.name], topics))
     return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
+
+
+def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
+    """Vehicles that are tested at a site of which no link carries what they publish, by the declared rates.
+
+    Each is a warning at the site's first link: not a vehicle that fits one when it is thinned.
+    """
+    for name, site in declaration.sites.items():
+        tested = site.checklist.vehicles
+        for key, vehicle in declaration.vehicles.items():
+            if not vehicle.telemetry or (tested is not None and key not in tested):
+                continue
+            with suppress(NothingMatched):
+                found = vehicle_fit(declaration, (), name, key, now)
+                if not any(link.fits_thinned for link in found.links):
+                    message = f"`{key}` publishes more than any link of {name} carries, also at the lowest useful rates"
+                    hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
+                    yield Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
 
 
 def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
