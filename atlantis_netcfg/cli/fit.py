@@ -76,12 +76,14 @@ def rows(found: VehicleFit) -> Iterator[Row]:
     count = len(found.links[0].topics)
     yield translate(f"{found.vehicle} at {found.site}: {count} topics by {found.middleware.value}")
     centres = "a control centre" if found.subscribers == 1 else f"{found.subscribers} control centres, a copy to each"
-    yield from _said(f"published to {centres}; bytes and packets are of one message, with DDS, VPN and IP headers", 0)
+    yield from _message(
+        f"published to {centres}; bytes and packets are of one message, with DDS, VPN and IP headers", 0
+    )
     for link in found.links:
         yield ""
         yield from _link(link)
     yield ""
-    yield from _said("The telemetry of other vehicles is not in it, nor are messages that go again after a loss.", 0)
+    yield from _message("The telemetry of other vehicles is not in it, nor are messages that go again after a loss.", 0)
 
 
 def _link(link: LinkFit) -> Iterator[Row]:
@@ -89,13 +91,13 @@ def _link(link: LinkFit) -> Iterator[Row]:
 
     style = {"PASS": Style.GOOD, "FAIL": Style.BAD}.get(link.verdict.value, Style.WARNING)
     yield (f"{link.link.name}  ", Styled(f"{link.verdict.value}: {translate(link.word)}", style))
-    yield from _said(link.reason)
-    yield from _said(_capacity(link.capacity))
+    yield from _message(link.reason)
+    yield from _message(_capacity(link.capacity))
     yield translate(_HEAD)
     for topic in link.topics:
         yield _topic(topic)
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
-    yield from _said(
+    yield from _message(
         f"as declared, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
         f"{link.down_bps / down:.0%} down"
     )
@@ -103,23 +105,23 @@ def _link(link: LinkFit) -> Iterator[Row]:
     if not link.fits:
         yield from _thinned(link)
     for words in link.warnings:
-        yield from _said(words)
+        yield from _message(words)
 
 
 def _thinned(link: LinkFit) -> Iterator[Row]:
     for topic in link.topics:
         if topic.thinned:
-            yield from _said(f"thin {topic.declared.topic}: {topic.declared.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
+            yield from _message(f"thin {topic.declared.topic}: {topic.declared.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
     if link.fits_thinned:
-        yield from _said(f"thinned: {with_it}")
+        yield from _message(f"thinned: {with_it}")
         yield from _money(link, thinned=True)
     else:
-        yield from _said(f"also at the lowest useful rates it does not fit: {with_it}")
+        yield from _message(f"also at the lowest useful rates it does not fit: {with_it}")
         for topic in link.topics:
             if topic.most_hz < topic.rate_hz:
-                yield from _said(f"{topic.declared.topic} alone would fit up to {topic.most_hz:g} Hz")
+                yield from _message(f"{topic.declared.topic} alone would fit up to {topic.most_hz:g} Hz")
 
 
 def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
@@ -128,7 +130,7 @@ def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
 
     for seconds, name in ((3600, "an hour"), (DAY_S, "a day")):
         cost = link.costs(seconds, thinned=thinned)
-        yield from _said(f"{name}: {cost.words if link.link.metered else size(cost.payload_bytes)}", 4)
+        yield from _message(f"{name}: {cost.words if link.link.metered else size(cost.payload_bytes)}", 4)
 
 
 def _capacity(capacity: Capacity) -> str:
@@ -151,7 +153,7 @@ def _topic(topic: TopicFit) -> str:
     )
 
 
-def _said(words: str, indent: int = 2) -> Iterator[str]:
+def _message(words: str, indent: int = 2) -> Iterator[str]:
     """A message, translated whole, in lines."""
     lines = wrap(translate(words), _WIDTH - indent, subsequent_indent="  ", break_long_words=False)
     yield from (f"{'':<{indent}}{line}" for line in lines)

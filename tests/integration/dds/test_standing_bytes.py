@@ -36,6 +36,7 @@ from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.gateway.dds import ProfileView
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
@@ -116,19 +117,24 @@ def pilot() -> Declaration:
 
 def speaker(made: Vpn, name: str, folder: Path) -> Participant:
     """A participant with the computer's own profile, in the dialect of Cyclone DDS 11."""
-    return started(made, name, folder / f"{name}.xml", _ANNOUNCE_S, PROGRAM, name[:7], "0")
+    return started(made, name, folder / f"{name}.xml", slowest(made, name), PROGRAM, name[:7], "0")
+
+
+def slowest(made: Vpn, name: str) -> ProfileView:
+    return max(
+        profile_views(made.declaration, made.declaration.hosts[name], "pypi"), key=lambda one: one.tuning.announce_s
+    )
 
 
 def reliable(made: Vpn, name: str, role: str, folder: Path) -> Participant:
     """One that writes or reads a reliable topic in a domain of its own, and announces itself before and after."""
     case = f"{RELIABLE_DOMAIN}:{RELIABLE.size_bytes}:{RELIABLE.rate_hz:g}:reliable"
-    return started(made, name, folder / f"{name}-reliable.xml", 1000, STEADY, role, case)
+    view = slowest(made, name)
+    quiet = replace(view, tuning=replace(view.tuning, announce_s=1000))
+    return started(made, name, folder / f"{name}-reliable.xml", quiet, STEADY, role, case)
 
 
-def started(made: Vpn, name: str, path: Path, announce_s: int, *program: object) -> Participant:
-    views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
-    slowest = max(views, key=lambda one: one.tuning.announce_s)
-    view = replace(slowest, tuning=replace(slowest.tuning, announce_s=announce_s))
+def started(made: Vpn, name: str, path: Path, view: ProfileView, *program: object) -> Participant:
     path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
     command = (sys.executable, *map(str, program))
     return Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hints_said import advised, said
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import ExitCode
@@ -99,9 +99,9 @@ def test_validate_warns_of_what_fits_no_link(tmp_path: Path, capsys: pytest.Capt
     assert main(["validate", f"inventory={own}"]) == ExitCode.DONE
     shown = capsys.readouterr().out
     assert "`sparus` publishes more than any link of coastal carries, also at the lowest useful rates" in shown
-    hint = re.search(r"`provision (fit site=coastal [^`]*)`", shown)
-    assert hint is not None
-    assert main([*hint[1].split(), f"inventory={own}"]) == ExitCode.CHECKS_FAILED
+    hint = "`provision fit site={} vehicle={}` says how much, and what would fit"
+    (words,) = advised(said(shown.partition("any link of te4sea")[0], hint))
+    assert main([*words, f"inventory={own}"]) == ExitCode.CHECKS_FAILED
     told = capsys.readouterr().out
     assert told.count("FAIL: does not fit") == 3
     assert "/video alone would fit up to " in told
