@@ -23,11 +23,12 @@ from atlantis_netcfg.bearers.cost import bill
 from atlantis_netcfg.bearers.standing import DAY_S, LinkPace, TrafficSource
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.declaration import Finding
+from atlantis_netcfg.declaration import ALL, Finding, choose
 from atlantis_netcfg.declaration.model import TelemetryData
 from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
 from atlantis_netcfg.journal import NoSuchRun
 from atlantis_netcfg.operations.costs import links_of
+from atlantis_netcfg.operations.link_use import bearer_named
 from atlantis_netcfg.operations.standing import (
     control_centres,
     declared_pace,
@@ -41,7 +42,7 @@ from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
 from atlantis_netcfg.qualify.messages import MessagePlan
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from datetime import datetime
 
     from atlantis_netcfg.bearers.cost import Bill, MeteredLink
@@ -128,12 +129,13 @@ class TopicFit:
 
     def guidelines(self) -> Iterator[str]:
         """What of the report's guidelines the declared rate and the lowered one do not keep to."""
-        rates = [(self.declared.rate_hz, "declared")] + [(self.rate_hz, "thinned")] * self.thinned
-        for rate_hz, which in rates:
-            found = beside_guideline(self.declared.data, rate_hz)
-            if found is not None:
-                rate = f"{self.declared.topic} at {rate_hz:g} Hz ({which})"
-                yield f"{rate} is {found[0]} the report's guideline, {found[1]}"
+        topic, data = self.declared.topic, self.declared.data
+        for rate_hz in dict.fromkeys((self.declared.rate_hz, self.rate_hz)):
+            found = beside_guideline(data, rate_hz)
+            if found is not None and found[0] == "above":
+                yield f"{topic} at {rate_hz:g} Hz is above the report's guideline ({found[1]})"
+            elif found is not None:
+                yield f"{topic} at {rate_hz:g} Hz is below the report's guideline ({found[1]})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,10 +344,13 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
 
 
 def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
-    if site not in declaration.sites:
-        raise _unknown("site", site, declaration.sites)
+    if site == ALL:
+        raise UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
+    choose(declaration, site)
     if vehicle not in declaration.vehicles:
-        raise _unknown("vehicle", vehicle, declaration.vehicles)
+        near, listed = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
+        hint = f"did you mean `{near}`? {listed}" if near else listed
+        raise NothingMatched(f"there is no vehicle `{vehicle}`", hint=hint)
     topics = declaration.vehicles[vehicle].telemetry
     if not topics:
         raise NothingMatched(
@@ -355,23 +360,12 @@ def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[Telem
     return topics
 
 
-def _unknown(what: str, name: str, known: Iterable[str]) -> NothingMatched:
-    names = [*known]
-    near = nearest(name, names)
-    listed = f"the {what}s are: {', '.join(names)}"
-    return NothingMatched(f"there is no {what} `{name}`", hint=f"did you mean `{near}`? {listed}" if near else listed)
-
-
 def _bearers(declaration: Declaration, site: str, link: str | None, named: KeptRun | None) -> Sequence[Bearer]:
-    bearers = declaration.sites[site].bearers
     if named is not None:
         if link is not None and link != named.run.link:
             raise UsageError(f"run {named.run.id} has measured {named.run.link}, not {link}", hint="leave out `link=`")
         link = named.run.link
-    chosen = [bearer for bearer in bearers if link in {None, bearer.name}]
-    if not chosen:
-        raise _unknown("link", link or "", (bearer.name for bearer in bearers))
-    return chosen
+    return declaration.sites[site].bearers if link is None else (bearer_named(declaration, site, link),)
 
 
 def _named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
@@ -434,9 +428,10 @@ def _doubts(run: MeasuredRun, now: datetime, up: float | None, down: float | Non
         yield f"the run does not prove that it went over {run.link}"
     if now - run.begun > timedelta(days=QUALIFIED_DAYS):
         yield f"the run is older than {QUALIFIED_DAYS} days"
-    for way, measured in (("from", up), ("to", down)):
-        if not measured:
-            yield f"the run has no capacity {way} the site: the declared one is taken"
+    if not up:
+        yield "the run has no capacity from the site: the declared one is taken"
+    if not down:
+        yield "the run has no capacity to the site: the declared one is taken"
 
 
 @dataclass(frozen=True, slots=True)

@@ -73,18 +73,21 @@ def test_json_has_the_same(inventory: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 @pytest.mark.parametrize(
-    ("typed", "words"),
+    ("typed", "code", "words"),
     [
-        ("vehicle=sparsu", "did you mean `sparus`?"),
-        ("site=coastl", "did you mean `coastal`?"),
-        ("link=4gg", "did you mean `4g`?"),
-        ("run=unknown", "coastal has no measurement `unknown`"),
+        ("vehicle=sparsu", ExitCode.NOTHING, "did you mean `sparus`?"),
+        ("site=coastl", ExitCode.NOTHING, "did you mean `coastal`?"),
+        ("site=all", ExitCode.USAGE, "one site at a time"),
+        ("link=4gg", ExitCode.USAGE, "did you mean `link=4g`?"),
+        ("run=unknown", ExitCode.NOTHING, "coastal has no measurement `unknown`"),
     ],
 )
-def test_what_does_not_exist(inventory: Path, capsys: pytest.CaptureFixture[str], typed: str, words: str) -> None:
+def test_what_does_not_exist(
+    inventory: Path, capsys: pytest.CaptureFixture[str], typed: str, code: ExitCode, words: str
+) -> None:
     named = typed.partition("=")[0]
     kept = [word for word in line(inventory) if not word.startswith(f"{named}=")]
-    assert main([*kept, typed]) == ExitCode.NOTHING
+    assert main([*kept, typed]) == code
     assert words in capsys.readouterr().err
 
 
