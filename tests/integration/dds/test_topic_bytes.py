@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 import time
+from collections import Counter
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -156,28 +157,25 @@ class Counters:
         return {name: int(count) for name, count in re.findall(r"counter (\w+) \{\s+packets \d+ bytes (\d+)", said)}
 
 
+def heard(readers: Iterable[Participant]) -> Counter[int]:
+    """Messages of each domain so far."""
+    return Counter(int(line.split()[2]) for reader in readers for line in list(reader.lines) if " got " in line)
+
+
 def counted(
-    stand: Stand, interface: str, of: Sequence[Domain], readers: Iterable[Participant], seconds: float
+    stand: Stand, interface: str, of: Sequence[Domain], readers: Sequence[Participant], seconds: float
 ) -> dict[Domain, tuple[float, float]]:
-    """Bytes a message, up and down, once every reader has heard of every topic."""
-    for reader in readers:
-        kind = next(each.kind for each in of if each.kind.middleware.value == reader.name)
-        missing = {str(each.number) for each in of if each.kind is kind}
-
-        def heard(reader: Participant = reader) -> set[str]:
-            return {line.split()[2] for line in reader.lines if " got " in line}
-
-        assert reader.wait(lambda heard=heard, missing=missing: heard() >= missing, time.monotonic() + 60), heard()  # type: ignore[misc]
+    """Bytes a message, up and down, once every topic has been heard."""
+    end = time.monotonic() + 60
+    while missing := [str(each) for each in of if not heard(readers)[each.number]]:
+        assert time.monotonic() < end, missing
+        time.sleep(0.1)
     time.sleep(3)  # what was said while they met has been acknowledged
-    counters = Counters(stand, interface, of)
-    begun = time.monotonic()
+    counters, before = Counters(stand, interface, of), heard(readers)
     time.sleep(seconds)
-    bytes_, taken = counters.read(), time.monotonic() - begun
+    bytes_, messages = counters.read(), heard(readers) - before
     return {
-        each: (
-            bytes_[f"up{each.number}"] / taken / each.topic.rate_hz,
-            bytes_[f"down{each.number}"] / taken / each.topic.rate_hz,
-        )
+        each: (bytes_[f"up{each.number}"] / messages[each.number], bytes_[f"down{each.number}"] / messages[each.number])
         for each in of
     }
 
