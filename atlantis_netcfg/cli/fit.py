@@ -38,11 +38,6 @@ FIT = CommandSpec(
     ),
 )
 _WIDTH = 80
-_HEAD = (
-    *(("  ", ""), ("topic", "<20"), ("Hz", ">6"), ("up B", ">9"), ("packets", ">9")),
-    *(("down B", ">8"), ("share", ">8"), ("takes", ">9"), ("lost", ">8")),
-)
-"""Words of a row, and their columns."""
 
 
 def run_fit(arguments: Arguments) -> ExitCode:
@@ -97,7 +92,10 @@ def _link(link: LinkFit) -> Iterator[Row]:
     yield (f"{link.link.name}  ", Styled(f"{link.verdict.value}: {translate(link.word)}", style))
     yield from _message(link.reason)
     yield from _message(_capacity(link.capacity))
-    yield "".join(f"{translate(word):{shape}}" for word, shape in _HEAD)
+    yield (
+        f"  {translate('topic'):<20}{'Hz':>6}{translate('up B'):>9}{translate('packets'):>9}"
+        f"{translate('down B'):>8}{translate('share'):>8}{translate('takes'):>9}{translate('lost'):>8}"
+    )
     for topic in link.topics:
         yield _topic(topic)
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
