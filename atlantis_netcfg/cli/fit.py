@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.printable import Row
-    from atlantis_netcfg.operations.fit import Capacity, LinkFit, TopicFit, VehicleFit
+    from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
+    from atlantis_netcfg.operations.link_capacity import Capacity
 
 FIT = CommandSpec(
     "fit",
@@ -136,7 +137,7 @@ def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
 
 
 def _capacity(capacity: Capacity) -> str:
-    from atlantis_netcfg.operations.fit import USABLE
+    from atlantis_netcfg.operations.link_capacity import USABLE
 
     rates = f"{capacity.pace.up_bps / 1000:.0f} kbit/s up, {capacity.down_bps / 1000:.0f} down"
     loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of the packets up lost"

@@ -16,30 +16,24 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.bearers.cost import bill
-from atlantis_netcfg.bearers.standing import DAY_S, LinkPace, TrafficSource
+from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource
 from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import ALL, Finding, choose
 from atlantis_netcfg.declaration.model import TelemetryData
 from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
-from atlantis_netcfg.journal import NoSuchRun
 from atlantis_netcfg.operations.costs import links_of
+from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
 from atlantis_netcfg.operations.link_use import bearer_named
 from atlantis_netcfg.operations.standing import (
     control_centres,
-    declared_pace,
     publishing_profile,
     standing_traffic,
     steady,
 )
-from atlantis_netcfg.qualify.budget import IPV4_HEADERS
-from atlantis_netcfg.qualify.grids import message_bytes
-from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
-from atlantis_netcfg.qualify.messages import MessagePlan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -50,15 +44,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Bearer, RosMiddleware, TelemetryTopic
     from atlantis_netcfg.journal import Store
-    from atlantis_netcfg.qualify.figures import TrainLoss
     from atlantis_netcfg.qualify.kept import KeptRun
-    from atlantis_netcfg.qualify.measured_run import MeasuredRun
-    from atlantis_netcfg.qualify.record import QualifyRecord
 
-USABLE: Final = 0.7
-"""Of a capacity: facts/devices.md, section 9."""
-QUALIFIED_DAYS: Final = 30
-"""An older measurement says what the link was, not what it is."""
 LOSSY: Final = 0.1
 """Share of the messages of a topic from which on their loss is a warning."""
 LONG_S: Final = 1.0
@@ -67,26 +54,6 @@ _HOUR_S: Final = 3600
 _THINNED_FIRST: Final = (TelemetryData.POINT_CLOUDS, TelemetryData.IMAGES, TelemetryData.NUMBERS)
 _STEPS: Final = 40
 """Of halving an interval: the rates are rounded far more coarsely."""
-
-
-@dataclass(frozen=True, slots=True)
-class Capacity:
-    """What a bearer carries, and how that is known."""
-
-    pace: LinkPace
-    down_bps: float
-    loss: float | None
-    """Share of the packets that are lost on the way up; None: nobody has measured it."""
-    source: str
-    """Where both rates are from."""
-    run: str | None = None
-    """The measurement; None: there is none."""
-    doubt: str = ""
-    """Why a word of success would not be earned; empty: it would."""
-
-    def admits(self, up_bps: float, down_bps: float) -> bool:
-        """Whether so much may be sent each way."""
-        return up_bps <= USABLE * self.pace.up_bps and down_bps <= USABLE * self.down_bps
 
 
 @dataclass(frozen=True, slots=True)
@@ -313,12 +280,12 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
             f"nobody at {site} publishes to a control centre",
             hint="declare a control centre, and a gateway or a peer of `dds:` at the site",
         )
-    named = None if run is None else _named_run(stores, site, run)
+    named = None if run is None else named_run(stores, site, run)
     links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
     fits = []
     for bearer in _bearers(declaration, site, link, named):
-        kept = named or (_newest(stores[0], site, bearer) if stores else None)
-        capacity = _capacity(bearer, kept, now)
+        kept = named or (newest_run(stores[0], site, bearer) if stores else None)
+        capacity = capacity_of(bearer, kept, now)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
         fits.append(_Link(capacity, profile.messages, subscribers, other).fit(links[bearer.name], topics))
@@ -366,72 +333,6 @@ def _bearers(declaration: Declaration, site: str, link: str | None, named: KeptR
             raise UsageError(f"run {named.run.id} has measured {named.run.link}, not {link}", hint="leave out `link=`")
         link = named.run.link
     return declaration.sites[site].bearers if link is None else (bearer_named(declaration, site, link),)
-
-
-def _named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
-    for store in stores[1:]:
-        with suppress(NoSuchRun):
-            return kept_run(store, site, run)
-    return kept_run(stores[0], site, run)
-
-
-def _newest(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
-    """The newest real run of a bearer that has filled it, else the newest real one."""
-    real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
-    return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
-
-
-def _carried(record: QualifyRecord, way: str) -> float | None:
-    """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
-    row = next((row for row in record.load if row.way == way), None)
-    if row is None or row.goodput_bps is None:
-        return None
-    return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
-
-
-def _capacity(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
-    pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
-    if kept is None:
-        doubt = "only the declared rate is known: nobody has measured this link"
-        return Capacity(pace, down, None, "declared", doubt=doubt)
-    record = record_of(kept)
-    measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle
-    rtt_s = pace.rtt_s if idle is None or idle.rtt is None else idle.rtt.p50
-    return Capacity(
-        LinkPace(rtt_s, measured_up or pace.up_bps),
-        measured_down or down,
-        None if idle is None else _loss_up(idle.loss),
-        _SOURCES[measured_up is not None, measured_down is not None],
-        kept.run.id,
-        "; ".join(_doubts(kept.run, now, measured_up, measured_down)),
-    )
-
-
-_SOURCES: Final = {
-    (True, True): "measured",
-    (True, False): "measured up, declared down",
-    (False, True): "declared up, measured down",
-    (False, False): "declared",
-}
-
-
-def _loss_up(loss: TrainLoss) -> float:
-    """Where it is not known each way, that of both ways: no message loses more."""
-    known = loss.sent - loss.in_flight
-    return loss.share if loss.up is None or not known else loss.up / known
-
-
-def _doubts(run: MeasuredRun, now: datetime, up: float | None, down: float | None) -> Iterator[str]:
-    if run.emulated:
-        yield "the run was emulated: it says nothing of the real link"
-    if run.way is not Verdict.PASS:
-        yield f"the run does not prove that it went over {run.link}"
-    if now - run.begun > timedelta(days=QUALIFIED_DAYS):
-        yield f"the run is older than {QUALIFIED_DAYS} days"
-    if not up:
-        yield "the run has no capacity from the site: the declared one is taken"
-    if not down:
-        yield "the run has no capacity to the site: the declared one is taken"
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import TelemetryTopic
 from atlantis_netcfg.journal import NoSuchRun, Store
-from atlantis_netcfg.operations.fit import QUALIFIED_DAYS, USABLE, vehicle_fit
+from atlantis_netcfg.operations.fit import vehicle_fit
+from atlantis_netcfg.operations.link_capacity import QUALIFIED_DAYS, USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.qualify.kept import folder_of
 
