@@ -45,6 +45,7 @@ COMMANDS: Mapping[str, str] = {
     "survey": "atlantis_netcfg.cli.survey:survey",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
+    "fit": "atlantis_netcfg.cli.fit:fit",
     "report list": "atlantis_netcfg.cli.checklist:report_list",
     "report show": "atlantis_netcfg.cli.checklist:report_show",
     "report verify": "atlantis_netcfg.cli.checklist:report_verify",

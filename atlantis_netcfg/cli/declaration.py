@@ -87,13 +87,22 @@ def _confirm(declaration: Declaration, *, as_json: bool, lists_examples: bool) -
 
 
 def _warnings(declaration: Declaration) -> tuple[Finding, ...]:
-    """What is allowed and yet not as it should be; what links carry is worked out only where a budget is declared."""
-    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
-    if all(bearer.standing_budget_mb is None and bearer.standing_budget_eur is None for bearer in bearers):
-        return declaration.warnings
-    from atlantis_netcfg.operations.standing import inventory_warnings
+    """What is allowed and yet not as it should be.
 
-    return inventory_warnings(declaration)
+    What links carry is worked out only where a budget is declared, or what a vehicle publishes.
+    """
+    found = declaration.warnings
+    bearers = (bearer for site in declaration.sites.values() for bearer in site.bearers)
+    if any(bearer.standing_budget_mb is not None or bearer.standing_budget_eur is not None for bearer in bearers):
+        from atlantis_netcfg.operations.standing import inventory_warnings
+
+        found = inventory_warnings(declaration)
+    if any(vehicle.telemetry for vehicle in declaration.vehicles.values()):
+        from atlantis_netcfg.journal import utc_now
+        from atlantis_netcfg.operations.fit import fits_nowhere
+
+        found = tuple(sorted((*found, *fits_nowhere(declaration, utc_now()))))
+    return found
 
 
 def _tell_warnings(declaration: Declaration, warnings: Sequence[Finding]) -> None:

@@ -22,14 +22,15 @@ from atlantis_netcfg.bearers import BearerFinding
 from atlantis_netcfg.bearers.cost import size
 from atlantis_netcfg.bearers.standing import (
     MONTH_DAYS,
+    LinkPace,
     StandingFlow,
     StandingTraffic,
+    SteadyTopic,
     TrafficSource,
     added_up,
     canaries,
     keep_alive,
     published,
-    sample_bytes,
     time_questions,
 )
 from atlantis_netcfg.core.events import Verdict
@@ -58,12 +59,13 @@ _LONGEST_POLL_S: Final = 1024.0
 def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraffic, ...]:
     """Of each bearer of a site, in order of preference."""
     links = links_of(declaration, site)
-    shared = tuple(_shared(declaration, site))
     uplinks = _uplinks(declaration, site)
     probed, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
     return tuple(
         StandingTraffic(
-            links[bearer.name], added_up((*probed.get(bearer.name, ()), *shared)), budgets.get(bearer.name, "")
+            links[bearer.name],
+            added_up((*probed.get(bearer.name, ()), *_shared(declaration, site, bearer))),
+            budgets.get(bearer.name, ""),
         )
         for bearer in declaration.sites[site].bearers
     )
@@ -104,25 +106,26 @@ def _router(declaration: Declaration, site: str) -> Host | None:
     return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
 
 
-def _shared(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
-    """What goes over whichever bearer has the traffic."""
+def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
+    """What goes over whichever bearer has the traffic; `bearer`, because reliable topics depend on its pace."""
     clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
     if declaration.hosts[declaration.pilot.vpn.server].site != site:
-        yield from _through_the_vpn(declaration, site)
+        yield from _through_the_vpn(declaration, site, bearer)
         return
-    for other in declaration.sites:
-        if other != site:
-            yield from (flow.mirrored() for flow in _through_the_vpn(declaration, other))
+    for name, other in declaration.sites.items():
+        if name != site:
+            slowest = max(other.bearers, key=lambda each: each.rate.rtt_ms)
+            yield from (flow.mirrored() for flow in _through_the_vpn(declaration, name, slowest))
 
 
-def _through_the_vpn(declaration: Declaration, site: str) -> Iterator[StandingFlow]:
-    """What the tunnels of a site say, and what goes through them."""
+def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
+    """What the tunnels of a site say, and what goes through them over a bearer."""
     computers = _computers(declaration, site)
     announcements = tuple(_announcements(declaration, computers))
     yield from announcements
     if computers:
-        yield _telemetry(declaration, site, computers[0][1])
+        yield _telemetry(declaration, site, computers[0][1], declared_pace(bearer))
     ping_s = TIMERS[site_link(declaration, site)][0]
     over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is DdsPath.LAN
     router = _router(declaration, site)
@@ -171,24 +174,38 @@ def _pair(view: ProfileView) -> tuple[float, float]:
     return view.announcing.sent(1, view.vpn), view.announcing.refused(1, view.vpn)
 
 
-def _telemetry(declaration: Declaration, site: str, view: ProfileView) -> StandingFlow:
+def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:
     """What the vehicles that are tested at a site publish to each control centre."""
     named = declaration.sites[site].checklist.vehicles
-    centres = sum(isinstance(host.device, ControlCentre) for host in declaration.hosts.values())
-    return published(
-        (
-            (item.rate_hz, _sample(item, view))
-            for key, vehicle in declaration.vehicles.items()
-            if named is None or key in named
-            for item in vehicle.telemetry
-        ),
-        centres,
-    )
+    topics = [
+        steady(item)
+        for key, vehicle in declaration.vehicles.items()
+        if named is None or key in named
+        for item in vehicle.telemetry
+    ]
+    costs = ((topic.rate_hz, view.messages.cost(topic, pace)) for topic in topics)
+    return published(costs, control_centres(declaration))
 
 
-def _sample(item: TelemetryTopic, view: ProfileView) -> int:
-    tuning = view.tuning
-    return sample_bytes(item.size_bytes, tuning.message_bytes, tuning.fragment_bytes, view.sizes, view.vpn)
+def publishing_profile(declaration: Declaration, site: str) -> ProfileView | None:
+    """The profile by which telemetry of a site is counted: of its first computer that talks DDS; None: it has none."""
+    computers = _computers(declaration, site)
+    return computers[0][1] if computers else None
+
+
+def control_centres(declaration: Declaration) -> int:
+    """Subscribers of each topic."""
+    return sum(isinstance(host.device, ControlCentre) for host in declaration.hosts.values())
+
+
+def steady(item: TelemetryTopic) -> SteadyTopic:
+    """A declared topic, at its declared rate."""
+    return SteadyTopic(item.rate_hz, item.size_bytes, item.reliable)
+
+
+def declared_pace(bearer: Bearer) -> LinkPace:
+    """How quick a bearer is, as declared."""
+    return LinkPace(bearer.rate.rtt_ms / 1000, bearer.rate.up_kbps * 1000)
 
 
 def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, StrictFloat, StrictInt
+from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from atlantis_netcfg.declaration.model._base import Address, Model, Name, Text
 
@@ -68,6 +68,16 @@ class TelemetryTopic(Model):
     """Messages a second."""
     size_bytes: Annotated[StrictInt, Field(ge=1, le=16_000_000)]
     """Of one message, serialised, as `ros2 topic bw` shows it."""
+    reliable: StrictBool = False
+    """True where publisher and subscriber want every message to arrive; the report's subscribers do not (3.3.3)."""
+    least_hz: Annotated[StrictFloat, Field(gt=0, le=1000)] | None = None
+    """Below so many messages a second it is of no use; null: 1 Hz for `numbers`, one in 10 s for the others."""
+
+    @property
+    def useful_hz(self) -> float:
+        """The lowest rate to which it may be thinned: never above the declared one."""
+        least = 1.0 if self.data is TelemetryData.NUMBERS else 0.1
+        return min(self.rate_hz, least if self.least_hz is None else self.least_hz)
 
 
 class Dds(Model):

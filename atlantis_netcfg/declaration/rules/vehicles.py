@@ -193,6 +193,16 @@ def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("vehicle", key), ("telemetry",), message, hint)
 
 
+def useful_rates(draft: Draft) -> Iterator[Finding]:
+    """A topic is not declared to be of no use at the rate at which it is published."""
+    for key, vehicle in draft.vehicles.items():
+        for index, item in enumerate(vehicle.telemetry):
+            if item.least_hz is not None and item.least_hz > item.rate_hz:
+                message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
+                path = ("telemetry", index, "least_hz")
+                yield draft.wrong(Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out")
+
+
 RULES: tuple[Rule, ...] = (
     names,
     aliases,
@@ -203,23 +213,31 @@ RULES: tuple[Rule, ...] = (
     report_complete,
     topics_once,
     topics_go_by_dds,
+    useful_rates,
 )
 
 _GUIDELINES = {
-    TelemetryData.NUMBERS: (4.0, "numbers and poses: 1 to 4 Hz"),
-    TelemetryData.IMAGES: (5.0, "images: 4 to 5 Hz, of low resolution"),
-    TelemetryData.POINT_CLOUDS: (1.0, "point clouds: below 1 Hz"),
+    TelemetryData.NUMBERS: (1.0, 4.0, "numbers and poses: 1 to 4 Hz"),
+    TelemetryData.IMAGES: (4.0, 5.0, "images: 4 to 5 Hz, of low resolution"),
+    TelemetryData.POINT_CLOUDS: (0.0, 1.0, "point clouds: below 1 Hz"),
 }
-"""The highest rate, and the guideline of the report's section 3.3.3."""
+"""The lowest and the highest rate, and the guideline of the report's section 3.3.3."""
+
+
+def beside_guideline(data: TelemetryData, rate_hz: float) -> tuple[str, str] | None:
+    """Whether a rate is `above` or `below` the report's guideline, and the guideline; None: it keeps to it."""
+    lowest, highest, guideline = _GUIDELINES[data]
+    if rate_hz > highest or (data is TelemetryData.POINT_CLOUDS and rate_hz == highest):
+        return "above", guideline
+    return ("below", guideline) if rate_hz < lowest else None
 
 
 def rates_within_the_guidelines(draft: Draft) -> Iterator[Finding]:
     """A topic is published no more often than the report's guideline says."""
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
-            highest, guideline = _GUIDELINES[item.data]
-            below = item.data is TelemetryData.POINT_CLOUDS
-            if item.rate_hz > highest or (below and item.rate_hz == highest):
+            way, guideline = beside_guideline(item.data, item.rate_hz) or ("", "")
+            if way == "above":
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
                 path = ("telemetry", index, "rate_hz")
                 yield draft.wrong(Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")

@@ -25,17 +25,18 @@ from matrix_papers import host
 from matrix_stand import NET, SERVER, Vpn, vpn
 from slow_link import DELAY_S, DOWN_BPS, UP_BPS
 
-from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource, keep_alive, published, sample_bytes
+from atlantis_netcfg.bearers.standing import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
 from atlantis_netcfg.declaration.satellite_allow_list import allowed
 from atlantis_netcfg.gateway.dds import TUNING, profile_in_use, profile_views, profiles
-from atlantis_netcfg.operations.standing import standing_traffic
+from atlantis_netcfg.operations.standing import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.gateway.dds import ProfileView
 
 if find_spec("cyclonedds") is None:
     pytest.skip("PyPI has no cyclonedds for this machine", allow_module_level=True)
@@ -45,6 +46,8 @@ PROGRAM = Path(__file__).with_name("programs") / "python_peer.py"
 GATEWAY, CENTRE = "coastal-gateway", "scc-control"
 TOLERANCE = 0.15
 _ANNOUNCE_S, _PING_S, _RENEGOTIATION_S = 5, 2, 15
+STEADY = Path(__file__).with_name("programs") / "steady_python.py"
+RELIABLE, RELIABLE_DOMAIN = SteadyTopic(1.0, 32, reliable=True), 10
 _WORD_HZ, _WORD_BYTES = 2.0, 20
 """Of `python_peer.py`: a header of CDR, a length, and a word of up to twelve characters."""
 _COUNT = """\
@@ -53,6 +56,10 @@ table ip standing {
   counter down {}
   chain out { type filter hook output priority 0; oifname "eth0" counter name up; }
   chain in { type filter hook input priority 0; iifname "eth0" counter name down; }
+  counter reliable_up {}
+  counter reliable_down {}
+  chain inside_out { type filter hook output priority 0; oifname "tun0" udp dport 9900-9999 counter name reliable_up; }
+  chain inside_in { type filter hook input priority 0; iifname "tun0" udp dport 9900-9999 counter name reliable_down; }
 }
 """
 _TERMINAL = """\
@@ -110,11 +117,26 @@ def pilot() -> Declaration:
 
 def speaker(made: Vpn, name: str, folder: Path) -> Participant:
     """A participant with the computer's own profile, in the dialect of Cyclone DDS 11."""
-    views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
-    view = max(views, key=lambda one: one.tuning.announce_s)
-    path = folder / f"{name}.xml"
+    return started(made, name, folder / f"{name}.xml", slowest(made, name), PROGRAM, name[:7], "0")
+
+
+def slowest(made: Vpn, name: str) -> ProfileView:
+    return max(
+        profile_views(made.declaration, made.declaration.hosts[name], "pypi"), key=lambda one: one.tuning.announce_s
+    )
+
+
+def reliable(made: Vpn, name: str, role: str, folder: Path) -> Participant:
+    """One that writes or reads a reliable topic in a domain of its own, and announces itself before and after."""
+    case = f"{RELIABLE_DOMAIN}:{RELIABLE.size_bytes}:{RELIABLE.rate_hz:g}:reliable"
+    view = slowest(made, name)
+    quiet = replace(view, tuning=replace(view.tuning, announce_s=1000))
+    return started(made, name, folder / f"{name}-reliable.xml", quiet, STEADY, role, case)
+
+
+def started(made: Vpn, name: str, path: Path, view: ProfileView, *program: object) -> Participant:
     path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
-    command = (sys.executable, str(PROGRAM), name[:7], "0")
+    command = (sys.executable, *map(str, program))
     return Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
 
 
@@ -146,7 +168,13 @@ def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.
         both = [speaker(made, name, tmp_path) for name in (GATEWAY, CENTRE)]
         for one in both:
             assert one.wait(lambda one=one: len(one.heard()) > 20, time.monotonic() + 60), one.lines  # type: ignore[misc]
+        reader, _ = reliable(made, CENTRE, "read", tmp_path), reliable(made, GATEWAY, "write", tmp_path)
+        assert reader.wait(lambda: len(reader.heard()) > 3, time.monotonic() + 60), reader.lines
+        before = [read(made, name) for name in ("reliable_up", "reliable_down")]
         counted = count(made, 8 * _ANNOUNCE_S)
+        inside = [
+            read(made, name) - first for name, first in zip(("reliable_up", "reliable_down"), before, strict=True)
+        ]
         assert [one.lost() for one in both] == [[], []]
         assert quickest_answer_ms(made) >= 2000 * DELAY_S
         assert (made.counter("p_spoofed"), kept_off(made)) == (0, 0)
@@ -155,11 +183,27 @@ def test_the_vpn_and_dds_over_the_satellite(tmp_path: Path, monkeypatch: pytest.
     (satellite,) = (one for one in standing_traffic(declaration, "coastal") if one.link.name == "satellite")
     flows = [one for one in satellite.flows if one.source in {TrafficSource.DDS, TrafficSource.TELEMETRY}]
     view = profile_in_use(declaration, declaration.hosts[GATEWAY])
-    word = sample_bytes(_WORD_BYTES, 1200, 1100, view.sizes, view.vpn)
+    pace = declared_pace(declaration.sites["coastal"].bearers[-1])
+    word = view.messages.cost(SteadyTopic(_WORD_HZ, _WORD_BYTES), pace)
     back = published([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
     assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
-    expected = sum(one.up for one in flows), sum(one.down for one in flows) + back.up
+    bare = replace(view.messages, vpn=NO_VPN).cost(RELIABLE, pace)
+    messages = counted.seconds * RELIABLE.rate_hz
+    assert [nbytes / messages for nbytes in inside] == pytest.approx([bare.bytes_up, bare.bytes_down], rel=TOLERANCE)
+    steady = published([(RELIABLE.rate_hz, view.messages.cost(RELIABLE, pace))], 1)
+    expected = sum(one.up for one in flows) + steady.up, sum(one.down for one in flows) + back.up + steady.down
     assert counted.a_day() == pytest.approx(expected, rel=TOLERANCE)
+    around = [(bare.packets_up, bare.bytes_up), (bare.packets_down, bare.bytes_down)]
+    standing = [
+        total - nbytes * DAY_S / counted.seconds * (1 + packets * view.vpn.bytes / size)
+        for total, nbytes, (packets, size) in zip(counted.a_day(), inside, around, strict=True)
+    ]
+    assert standing == pytest.approx([expected[0] - steady.up, expected[1] - steady.down], rel=TOLERANCE)
+
+
+def inside_tunnel(made: Vpn) -> list[int]:
+    """Bytes of the reliable topic up and down, as the participants send them."""
+    return [read(made, f"reliable_{way}") for way in ("up", "down")]
 
 
 def quickest_answer_ms(made: Vpn) -> float:

@@ -11,21 +11,27 @@ from atlantis_netcfg.bearers.standing import (
     DAY_S,
     NO_VPN,
     Announcing,
+    DdsMessages,
     DdsSizes,
+    HeartbeatsNowAndThen,
+    HeartbeatsUntilAcknowledged,
+    LinkPace,
+    MessageCost,
     StandingFlow,
     StandingTraffic,
+    SteadyTopic,
     TrafficSource,
     VpnHeaders,
     added_up,
     canaries,
     keep_alive,
     published,
-    sample_bytes,
     time_questions,
 )
 
-CYCLONE = DdsSizes(announcement=380, repeated=False, sample_head=84)
-FAST = DdsSizes(announcement=484, repeated=True, sample_head=100)
+CYCLONE = DdsSizes(380, repeated=False, sample_head=84, reliability=HeartbeatsUntilAcknowledged())
+FAST = DdsSizes(484, repeated=True, sample_head=160, reliability=HeartbeatsNowAndThen())
+CABLE = LinkPace(rtt_s=0.0, up_bps=1e9)
 UDP = VpnHeaders.of("udp")
 
 
@@ -89,11 +95,14 @@ def test_a_kernel_refuses_once_a_second_at_most() -> None:
     ],
 )
 def test_a_message_that_does_not_fit_goes_in_fragments(size_bytes: int, on_the_link: int) -> None:
-    assert sample_bytes(size_bytes, 1200, 1100, CYCLONE, NO_VPN) == on_the_link
+    cost = DdsMessages(1200, 1100, CYCLONE, NO_VPN).cost(SteadyTopic(1.0, size_bytes), CABLE)
+    assert (cost.bytes_up, cost.bytes_down) == (on_the_link, 0)
+    assert cost.packets_up == cost.fragments
 
 
 def test_telemetry_goes_to_each_subscriber() -> None:
-    assert published([(2, 104), (0.5, 1000)], 2) == StandingFlow(TrafficSource.TELEMETRY, (208 + 500) * 2 * DAY_S, 0)
+    topics = [(2, MessageCost(1, 104, 1)), (0.5, MessageCost(1, 1000, 1, 92, 1))]
+    assert published(topics, 2) == StandingFlow(TrafficSource.TELEMETRY, (208 + 500) * 2 * DAY_S, 92 * DAY_S)
 
 
 def test_what_is_always_there_is_told_apart() -> None:

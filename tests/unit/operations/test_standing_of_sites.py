@@ -103,7 +103,7 @@ def test_telemetry_of_the_vehicles_that_are_tested_here(pilot: Declaration) -> N
     topic = TelemetryTopic(topic="/pose", data=TelemetryData.NUMBERS, rate_hz=2.0, size_bytes=120)
     sparus = pilot.vehicles["sparus"].model_copy(update={"telemetry": (topic,)})
     declared = replace(pilot, vehicles={**pilot.vehicles, "sparus": sparus})
-    expected = StandingFlow(TrafficSource.TELEMETRY, 2 * (100 + 52 + 120) * DAY_S, 0)
+    expected = StandingFlow(TrafficSource.TELEMETRY, 2 * (160 + 52 + 120) * DAY_S, 0)
     assert flows(declared, "coastal", "satellite")[TrafficSource.TELEMETRY] == expected
     coastal = declared.sites["coastal"]
     without = coastal.model_copy(update={"checklist": coastal.checklist.model_copy(update={"vehicles": ("zarco",)})})

@@ -1,0 +1,162 @@
+"""`provision fit`: whether what a vehicle publishes fits the links of a site, what to thin, and what it costs."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.printable import Row
+    from atlantis_netcfg.operations.fit import LinkFit, TopicFit, VehicleFit
+    from atlantis_netcfg.operations.link_capacity import Capacity
+
+FIT = CommandSpec(
+    "fit",
+    "say whether what a vehicle publishes fits each link of a site, what to thin, and what it costs",
+    group=Group.LINKS,
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word("vehicle", "whose `telemetry:` is taken", required=True, example="sparus"),
+        Word("link", "this link alone; all of the site if left out", example="satellite"),
+        Word(
+            "run",
+            "a measurement of the site, instead of the newest one of each link",
+            example="satellite-20261126T022248Z",
+        ),
+        INVENTORY,
+    ),
+    flags=(JSON,),
+    details=(
+        "Nothing is contacted: it is reckoned from the declared topics, sizes and rates, and from what a link was "
+        "measured to carry, else from its declared rate. Exit code 0: as declared it fits every link that was asked "
+        "for, and each was measured; 6: it does not fit one, or that is not proved; 7: nothing is declared."
+    ),
+)
+_WIDTH = 80
+
+
+def run_fit(arguments: Arguments) -> ExitCode:
+    """Work it out and tell."""
+    import json
+    import sys
+    from pathlib import Path
+
+    from atlantis_netcfg.core import paths, printable
+    from atlantis_netcfg.declaration import load
+    from atlantis_netcfg.journal import Store, utc_now
+    from atlantis_netcfg.operations.fit import vehicle_fit
+
+    named = arguments.optional("inventory")
+    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    state = paths.state_dir()
+    found = vehicle_fit(
+        declaration,
+        [Store(state), Store(state, rehearsed=True)],
+        arguments.word("site"),
+        arguments.word("vehicle"),
+        utc_now(),
+        link=arguments.optional("link"),
+        run=arguments.optional("run"),
+    )
+    if arguments.flag("json"):
+        print(json.dumps(found.as_json(), ensure_ascii=False))
+    else:
+        printable.show(rows(found), sys.stdout)
+    return found.exit
+
+
+def rows(found: VehicleFit) -> Iterator[Row]:
+    """The lines for a person, none of them longer than 80 columns but for long names."""
+    count = len(found.links[0].topics)
+    yield translate(f"{found.vehicle} at {found.site}: {count} topics by {found.middleware.value}")
+    centres = "a control centre" if found.subscribers == 1 else f"{found.subscribers} control centres, a copy to each"
+    yield from _message(
+        f"published to {centres}; bytes and packets are of one message, with DDS, VPN and IP headers", 0
+    )
+    for link in found.links:
+        yield ""
+        yield from _link(link)
+    yield ""
+    yield from _message("The telemetry of other vehicles is not in it, nor are messages that go again after a loss.", 0)
+
+
+def _link(link: LinkFit) -> Iterator[Row]:
+    from atlantis_netcfg.core.printable import Style, Styled
+
+    style = {"PASS": Style.GOOD, "FAIL": Style.BAD}.get(link.verdict.value, Style.WARNING)
+    yield (f"{link.link.name}  ", Styled(f"{link.verdict.value}: {translate(link.word)}", style))
+    yield from _message(link.reason)
+    yield from _message(_capacity(link.capacity))
+    yield (
+        f"  {translate('topic'):<20}{'Hz':>6}{translate('up B'):>9}{translate('packets'):>9}"
+        f"{translate('down B'):>8}{translate('share'):>8}{translate('takes'):>9}{translate('lost'):>8}"
+    )
+    for topic in link.topics:
+        yield _topic(topic)
+    up, down = link.capacity.pace.up_bps, link.capacity.down_bps
+    yield from _message(
+        f"as declared, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
+        f"{link.down_bps / down:.0%} down"
+    )
+    yield from _money(link, thinned=False)
+    if not link.fits:
+        yield from _thinned(link)
+    for words in link.warnings:
+        yield from _message(words)
+
+
+def _thinned(link: LinkFit) -> Iterator[Row]:
+    for topic in link.topics:
+        if topic.thinned:
+            yield from _message(f"thin {topic.declared.topic}: {topic.declared.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
+    up, down = link.capacity.pace.up_bps, link.capacity.down_bps
+    with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
+    if link.fits_thinned:
+        yield from _message(f"thinned: {with_it}")
+        yield from _money(link, thinned=True)
+    else:
+        yield from _message(f"also at the lowest useful rates it does not fit: {with_it}")
+        for topic in link.topics:
+            if topic.most_hz < topic.rate_hz:
+                yield from _message(f"{topic.declared.topic} alone would fit up to {topic.most_hz:g} Hz")
+
+
+def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
+    from atlantis_netcfg.bearers.cost import size
+    from atlantis_netcfg.bearers.standing import DAY_S
+
+    for seconds, name in ((3600, "an hour"), (DAY_S, "a day")):
+        cost = link.costs(seconds, thinned=thinned)
+        yield from _message(f"{name}: {cost.words if link.link.metered else size(cost.payload_bytes)}", 4)
+
+
+def _capacity(capacity: Capacity) -> str:
+    from atlantis_netcfg.operations.link_capacity import USABLE
+
+    rates = f"{capacity.pace.up_bps / 1000:.0f} kbit/s up, {capacity.down_bps / 1000:.0f} down"
+    loss = "loss unknown" if capacity.loss is None else f"{capacity.loss:.2%} of the packets up lost"
+    return f"{capacity.source}: {rates}, of which {USABLE:.0%} may be used; {capacity.pace.rtt_s * 1000:.0f} ms; {loss}"
+
+
+def _topic(topic: TopicFit) -> str:
+    cost = topic.cost
+    lost = "?" if topic.message_loss is None else f"{topic.message_loss:.1%}"
+    if topic.declared.reliable:
+        lost = "again"
+    takes = f"{topic.seconds * 1000:.0f} ms" if topic.seconds < 1 else f"{topic.seconds:.1f} s"
+    return (
+        f"  {topic.declared.topic:<20}{topic.declared.rate_hz:>6g}{cost.bytes_up:>9.0f}{cost.packets_up:>9.3g}"
+        f"{cost.bytes_down:>8.0f}{topic.share:>8.1%}{takes:>9}{lost:>8}"
+    )
+
+
+def _message(words: str, indent: int = 2) -> Iterator[str]:
+    """A message, translated whole, in lines."""
+    lines = wrap(translate(words), _WIDTH - indent, subsequent_indent="  ", break_long_words=False)
+    yield from (f"{'':<{indent}}{line}" for line in lines)

@@ -1,0 +1,414 @@
+"""Whether the telemetry of a vehicle fits a bearer: bytes and packets each way, what to thin, what it costs.
+
+A topic may take what is left of `USABLE` of a bearer's capacity, which is the greater share that may be used before
+messages wait for each other (facts: capacity). Beside the vehicle the bearer carries what the site says by itself
+(`operations.standing`), without the telemetry of other vehicles: those that work at the same time have to be added.
+
+Where it does not fit, the rates of the least important topics are lowered first: point clouds, then images, then
+numbers, in the order in which the queue of a thin link sends them. No rate falls below what is useful.
+
+A capacity is measured where the newest real run of `provision qualify` has a goodput; else it is what the declaration
+says, and then nothing is proved. Pure but for reading the runs that are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.bearers.cost import bill
+from atlantis_netcfg.bearers.standing import DAY_S, TrafficSource
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import ALL, Finding, choose
+from atlantis_netcfg.declaration.model import TelemetryData
+from atlantis_netcfg.declaration.rules.vehicles import beside_guideline
+from atlantis_netcfg.operations.costs import links_of
+from atlantis_netcfg.operations.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
+from atlantis_netcfg.operations.link_use import bearer_named
+from atlantis_netcfg.operations.standing import (
+    control_centres,
+    publishing_profile,
+    standing_traffic,
+    steady,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import datetime
+
+    from atlantis_netcfg.bearers.cost import Bill, MeteredLink
+    from atlantis_netcfg.bearers.standing import DdsMessages, MessageCost
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.declaration.model import Bearer, RosMiddleware, TelemetryTopic
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.qualify.kept import KeptRun
+
+LOSSY: Final = 0.1
+"""Share of the messages of a topic from which on their loss is a warning."""
+LONG_S: Final = 1.0
+"""A message that takes longer to leave the site holds up all others, and a queue on the way may drop its end."""
+_HOUR_S: Final = 3600
+_THINNED_FIRST: Final = (TelemetryData.POINT_CLOUDS, TelemetryData.IMAGES, TelemetryData.NUMBERS)
+_STEPS: Final = 40
+"""Of halving an interval: the rates are rounded far more coarsely."""
+
+
+@dataclass(frozen=True, slots=True)
+class TopicFit:
+    """One topic on one bearer, all subscribers together."""
+
+    declared: TelemetryTopic
+    rate_hz: float
+    """At which it fits, together with the others; the declared one where nothing has to be thinned."""
+    cost: MessageCost
+    """Of a message at the declared rate, to one subscriber."""
+    up_bps: float
+    """At the declared rate."""
+    down_bps: float
+    share: float
+    """Of the capacity from the site, at the declared rate."""
+    seconds: float
+    """That one message takes to leave the site, for all subscribers; what comes behind it waits as long."""
+    most_hz: float
+    """The highest rate at which it would fit alone: USABLE of the capacity by the bits of a message."""
+    message_loss: float | None
+    """Share of the messages of which a part is lost, 1 - (1 - p)^n; None: p is not known. Reliable ones go again."""
+
+    @property
+    def thinned(self) -> bool:
+        """Whether its rate has to be lowered."""
+        return self.rate_hz < self.declared.rate_hz
+
+    def warnings(self) -> Iterator[str]:
+        """What is wrong with it beside the capacity, in words."""
+        yield from self.guidelines()
+        name = self.declared.topic
+        if not self.declared.reliable and self.message_loss is not None and self.message_loss > LOSSY:
+            yield f"of {name} {self.message_loss:.0%} of the messages would not arrive whole: make them smaller"
+        if self.declared.reliable and self.cost.packets_up > 2 * self.cost.fragments:
+            packets, once = round(self.cost.packets_up), self.cost.fragments
+            yield f"a message of {name} takes {packets} packets, because it is reliable; by best effort it takes {once}"
+        if self.seconds > LONG_S:
+            yield f"a message of {name} takes {self.seconds:.1f} s to leave the site, and what comes behind it waits"
+
+    def guidelines(self) -> Iterator[str]:
+        """What of the report's guidelines the declared rate and the lowered one do not keep to."""
+        topic, data = self.declared.topic, self.declared.data
+        for rate_hz in dict.fromkeys((self.declared.rate_hz, self.rate_hz)):
+            found = beside_guideline(data, rate_hz)
+            if found is not None and found[0] == "above":
+                yield f"{topic} at {rate_hz:g} Hz is above the report's guideline ({found[1]})"
+            elif found is not None:
+                yield f"{topic} at {rate_hz:g} Hz is below the report's guideline ({found[1]})"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkFit:
+    """A vehicle on one bearer."""
+
+    link: MeteredLink
+    capacity: Capacity
+    topics: tuple[TopicFit, ...]
+    other_up_bps: float
+    """What the site says by itself, without telemetry."""
+    other_down_bps: float
+    thinned_up_bps: float
+    """With the rates at which it fits."""
+    thinned_down_bps: float
+
+    @property
+    def up_bps(self) -> float:
+        """All that would leave over it, as declared."""
+        return self.other_up_bps + sum(topic.up_bps for topic in self.topics)
+
+    @property
+    def down_bps(self) -> float:
+        """All that would come over it, as declared."""
+        return self.other_down_bps + sum(topic.down_bps for topic in self.topics)
+
+    @property
+    def fits(self) -> bool:
+        """As declared."""
+        return self.capacity.admits(self.up_bps, self.down_bps)
+
+    @property
+    def fits_thinned(self) -> bool:
+        """With lowered rates, none below what is useful."""
+        return self.capacity.admits(self.thinned_up_bps, self.thinned_down_bps)
+
+    @property
+    def word(self) -> str:
+        """The answer."""
+        return "fits" if self.fits else "fits when thinned" if self.fits_thinned else "does not fit"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Of all topics."""
+        return tuple(words for topic in self.topics for words in topic.warnings())
+
+    @property
+    def verdict(self) -> Verdict:
+        """On what is declared: what has to be thinned first does not fit. Without a measurement nothing is proved."""
+        if not self.fits:
+            return Verdict.FAIL
+        if self.capacity.doubt:
+            return Verdict.INCONCLUSIVE
+        return Verdict.WARN if self.warnings else Verdict.PASS
+
+    @property
+    def reason(self) -> str:
+        """Why this verdict."""
+        if self.fits:
+            return self.capacity.doubt or f"measured, {self.capacity.run}"
+        return f"more than {USABLE:.0%} of the capacity would be used, as declared"
+
+    def costs(self, seconds: int, *, thinned: bool = False) -> Bill:
+        """What goes over it in so many seconds, both ways, with what the site says by itself."""
+        bps = self.thinned_up_bps + self.thinned_down_bps if thinned else self.up_bps + self.down_bps
+        return bill(round(bps * seconds / 8), seconds, self.link.tariff if self.link.metered else None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data."""
+        up, down = self.capacity.pace.up_bps, self.capacity.down_bps
+        return {
+            "link": self.link.name,
+            "verdict": self.verdict.value,
+            "word": self.word,
+            "reason": self.reason,
+            "capacity": {
+                "source": self.capacity.source,
+                "run": self.capacity.run,
+                "up_bps": round(up),
+                "down_bps": round(down),
+                "rtt_s": self.capacity.pace.rtt_s,
+                "loss_up": self.capacity.loss,
+                "usable": USABLE,
+            },
+            "topics": [_topic_as_dict(topic) for topic in self.topics],
+            "by_itself": {"up_bps": round(self.other_up_bps), "down_bps": round(self.other_down_bps)},
+            "declared": self._sums(self.up_bps, self.down_bps, thinned=False),
+            "thinned": None if self.fits else self._sums(self.thinned_up_bps, self.thinned_down_bps, thinned=True),
+            "warnings": list(self.warnings),
+        }
+
+    def _sums(self, up_bps: float, down_bps: float, *, thinned: bool) -> dict[str, Any]:
+        hour, day = self.costs(_HOUR_S, thinned=thinned), self.costs(DAY_S, thinned=thinned)
+        return {
+            "up_bps": round(up_bps),
+            "down_bps": round(down_bps),
+            "share_up": round(up_bps / self.capacity.pace.up_bps, 4),
+            "share_down": round(down_bps / self.capacity.down_bps, 4),
+            "hour": dict(hour.as_dict()),
+            "day": dict(day.as_dict()),
+        }
+
+
+def _topic_as_dict(topic: TopicFit) -> dict[str, Any]:
+    cost = topic.cost
+    return {
+        "topic": topic.declared.topic,
+        "data": topic.declared.data.value,
+        "reliable": topic.declared.reliable,
+        "size_bytes": topic.declared.size_bytes,
+        "rate_hz": topic.declared.rate_hz,
+        "fits_at_hz": topic.rate_hz,
+        "most_hz_alone": topic.most_hz,
+        "fragments": cost.fragments,
+        "message_bytes_up": round(cost.bytes_up, 1),
+        "message_packets_up": round(cost.packets_up, 2),
+        "message_bytes_down": round(cost.bytes_down, 1),
+        "message_packets_down": round(cost.packets_down, 2),
+        "up_bps": round(topic.up_bps),
+        "down_bps": round(topic.down_bps),
+        "share_up": round(topic.share, 4),
+        "seconds_a_message": round(topic.seconds, 4),
+        "message_loss": None if topic.message_loss is None else round(topic.message_loss, 4),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFit:
+    """A vehicle on the bearers of a site, in order of preference."""
+
+    site: str
+    vehicle: str
+    middleware: RosMiddleware
+    subscribers: int
+    links: tuple[LinkFit, ...]
+
+    @property
+    def exit(self) -> ExitCode:
+        """Green where every bearer that was asked for is measured and the telemetry fits it as declared."""
+        green = all(link.verdict in {Verdict.PASS, Verdict.WARN} for link in self.links)
+        return ExitCode.DONE if green else ExitCode.CHECKS_FAILED
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "exit": int(self.exit),
+            "errors": [],
+            "site": self.site,
+            "vehicle": self.vehicle,
+            "middleware": self.middleware.value,
+            "subscribers": self.subscribers,
+            "links": [link.as_dict() for link in self.links],
+        }
+
+
+def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
+    declaration: Declaration,
+    stores: Sequence[Store],
+    site: str,
+    vehicle: str,
+    now: datetime,
+    *,
+    link: str | None = None,
+    run: str | None = None,
+) -> VehicleFit:
+    """Work it out; `stores`: of real runs, and behind it that of rehearsed ones, of which a run is taken by name alone.
+
+    Without `stores` by what is declared alone. NothingMatched: no such site, vehicle, link or run, or nothing is
+    published. UsageError, StateDamaged.
+    """
+    topics = _telemetry(declaration, site, vehicle)
+    profile, subscribers = publishing_profile(declaration, site), control_centres(declaration)
+    if profile is None or not subscribers:
+        raise NothingMatched(
+            f"nobody at {site} publishes to a control centre",
+            hint="declare a control centre, and a gateway or a peer of `dds:` at the site",
+        )
+    named = None if run is None else named_run(stores, site, run)
+    links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
+    fits = []
+    for bearer in _bearers(declaration, site, link, named):
+        kept = named or (newest_run(stores[0], site, bearer) if stores else None)
+        capacity = capacity_of(bearer, kept, now)
+        by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
+        other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
+        fits.append(_Link(capacity, profile.messages, subscribers, other).fit(links[bearer.name], topics))
+    return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
+
+
+def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
+    """Vehicles that are tested at a site of which no link carries what they publish, by the declared rates.
+
+    Each is a warning at the site's first link: not a vehicle that fits one when it is thinned.
+    """
+    for name, site in declaration.sites.items():
+        tested = site.checklist.vehicles
+        for key, vehicle in declaration.vehicles.items():
+            if not vehicle.telemetry or (tested is not None and key not in tested):
+                continue
+            with suppress(NothingMatched):
+                found = vehicle_fit(declaration, (), name, key, now)
+                if not any(link.fits_thinned for link in found.links):
+                    message = f"`{key}` publishes more than any link of {name} carries, also at the lowest useful rates"
+                    hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
+                    yield Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
+
+
+def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
+    if site == ALL:
+        raise UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
+    choose(declaration, site)
+    if vehicle not in declaration.vehicles:
+        near, listed = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
+        hint = f"did you mean `{near}`? {listed}" if near else listed
+        raise NothingMatched(f"there is no vehicle `{vehicle}`", hint=hint)
+    topics = declaration.vehicles[vehicle].telemetry
+    if not topics:
+        raise NothingMatched(
+            f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
+            hint="declare its topics in group_vars/all/vehicles.yml; docs/cost.md shows how",
+        )
+    return topics
+
+
+def _bearers(declaration: Declaration, site: str, link: str | None, named: KeptRun | None) -> Sequence[Bearer]:
+    if named is not None:
+        if link is not None and link != named.run.link:
+            raise UsageError(f"run {named.run.id} has measured {named.run.link}, not {link}", hint="leave out `link=`")
+        link = named.run.link
+    return declaration.sites[site].bearers if link is None else (bearer_named(declaration, site, link),)
+
+
+@dataclass(frozen=True, slots=True)
+class _Link:
+    """A bearer, and how topics go over it."""
+
+    capacity: Capacity
+    messages: DdsMessages
+    subscribers: int
+    other: tuple[float, float]
+    """What it carries besides, up and down, in bit/s."""
+
+    def fit(self, link: MeteredLink, topics: Sequence[TelemetryTopic]) -> LinkFit:
+        rates = self._thinned(topics)
+        up, down = self._load(topics, rates)
+        fits = tuple(self._topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
+        return LinkFit(link, self.capacity, fits, *self.other, up, down)
+
+    def _cost(self, topic: TelemetryTopic, rate_hz: float) -> MessageCost:
+        return self.messages.cost(replace(steady(topic), rate_hz=rate_hz), self.capacity.pace)
+
+    def _bps(self, topic: TelemetryTopic, rate_hz: float) -> tuple[float, float]:
+        cost, each = self._cost(topic, rate_hz), rate_hz * self.subscribers * 8
+        return cost.bytes_up * each, cost.bytes_down * each
+
+    def _load(self, topics: Sequence[TelemetryTopic], rates: Sequence[float]) -> tuple[float, float]:
+        loads = [self._bps(topic, rate) for topic, rate in zip(topics, rates, strict=True)]
+        return self.other[0] + sum(up for up, _ in loads), self.other[1] + sum(down for _, down in loads)
+
+    def _within(self, topics: Sequence[TelemetryTopic], rates: Sequence[float]) -> bool:
+        return self.capacity.admits(*self._load(topics, rates))
+
+    def _thinned(self, topics: Sequence[TelemetryTopic]) -> list[float]:
+        """The rates at which all fit, as far as they do."""
+        rates = [topic.rate_hz for topic in topics]
+        for data in _THINNED_FIRST:
+            if self._within(topics, rates):
+                break
+            lowest = [
+                topic.useful_hz if topic.data is data else rate for topic, rate in zip(topics, rates, strict=True)
+            ]
+            rates = self._between(topics, lowest, rates) if self._within(topics, lowest) else lowest
+        return rates
+
+    def _between(self, topics: Sequence[TelemetryTopic], low: Sequence[float], high: Sequence[float]) -> list[float]:
+        """The highest rates that fit, all of them at the same place between `low`, which fit, and `high`."""
+
+        def at(share: float) -> list[float]:
+            return [least + share * (most - least) for least, most in zip(low, high, strict=True)]
+
+        below, above = 0.0, 1.0
+        for _ in range(_STEPS):
+            middle = (below + above) / 2
+            below, above = (middle, above) if self._within(topics, at(middle)) else (below, middle)
+        return [
+            rate if rate == most else _rounded_down(rate, least)
+            for rate, least, most in zip(at(below), low, high, strict=True)
+        ]
+
+    def _topic(self, topic: TelemetryTopic, rate_hz: float) -> TopicFit:
+        cost, pace, loss = self._cost(topic, topic.rate_hz), self.capacity.pace, self.capacity.loss
+        up, down = self._bps(topic, topic.rate_hz)
+        return TopicFit(
+            topic,
+            rate_hz,
+            cost,
+            up,
+            down,
+            up / pace.up_bps,
+            pace.sends_in_s(cost.bytes_up * self.subscribers),
+            _rounded_down(USABLE / pace.sends_in_s(cost.bytes_up * self.subscribers), 0.0),
+            None if loss is None else 1 - (1 - loss) ** cost.fragments,
+        )
+
+
+def _rounded_down(rate_hz: float, least: float) -> float:
+    """To two digits, and not below a rate."""
+    step = 10.0 ** (math.floor(math.log10(rate_hz)) - 1)
+    return max(float(f"{math.floor(rate_hz / step + 1e-9) * step:.6g}"), least)

@@ -1,0 +1,119 @@
+"""What a bearer carries, and how that is known: the newest real run of `provision qualify`, else the declared rate."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.bearers.standing import LinkPace
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.journal import NoSuchRun
+from atlantis_netcfg.operations.standing import declared_pace
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.qualify.grids import message_bytes
+from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
+from atlantis_netcfg.qualify.messages import MessagePlan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from datetime import datetime
+
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.qualify.figures import TrainLoss
+    from atlantis_netcfg.qualify.kept import KeptRun
+    from atlantis_netcfg.qualify.measured_run import MeasuredRun
+    from atlantis_netcfg.qualify.record import QualifyRecord
+
+USABLE: Final = 0.7
+"""Of a capacity: facts/devices.md, section 9."""
+QUALIFIED_DAYS: Final = 30
+"""An older measurement says what the link was, not what it is."""
+_SOURCES: Final = {
+    (True, True): "measured",
+    (True, False): "measured up, declared down",
+    (False, True): "declared up, measured down",
+    (False, False): "declared",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Capacity:
+    """What a bearer carries, and how that is known."""
+
+    pace: LinkPace
+    down_bps: float
+    loss: float | None
+    """Share of the packets that are lost on the way up; None: nobody has measured it."""
+    source: str
+    """Where both rates are from."""
+    run: str | None = None
+    """The measurement; None: there is none."""
+    doubt: str = ""
+    """Why a word of success would not be earned; empty: it would."""
+
+    def admits(self, up_bps: float, down_bps: float) -> bool:
+        """Whether so much may be sent each way."""
+        return up_bps <= USABLE * self.pace.up_bps and down_bps <= USABLE * self.down_bps
+
+
+def named_run(stores: Sequence[Store], site: str, run: str) -> KeptRun:
+    """A run by its name, of any of the stores. NoSuchRun, StateDamaged."""
+    for store in stores[1:]:
+        with suppress(NoSuchRun):
+            return kept_run(store, site, run)
+    return kept_run(stores[0], site, run)
+
+
+def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
+    """The newest real run of a bearer that has filled it, else the newest real one."""
+    real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
+    return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
+
+
+def _carried(record: QualifyRecord, way: str) -> float | None:
+    """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
+    row = next((row for row in record.load if row.way == way), None)
+    if row is None or row.goodput_bps is None:
+        return None
+    return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
+
+
+def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
+    """What a run has measured, as far as it has; None: nobody has measured the bearer."""
+    pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
+    if kept is None:
+        doubt = "only the declared rate is known: nobody has measured this link"
+        return Capacity(pace, down, None, "declared", doubt=doubt)
+    record = record_of(kept)
+    measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle
+    rtt_s = pace.rtt_s if idle is None or idle.rtt is None else idle.rtt.p50
+    return Capacity(
+        LinkPace(rtt_s, measured_up or pace.up_bps),
+        measured_down or down,
+        None if idle is None else _loss_up(idle.loss),
+        _SOURCES[measured_up is not None, measured_down is not None],
+        kept.run.id,
+        "; ".join(_doubts(kept.run, now, measured_up, measured_down)),
+    )
+
+
+def _loss_up(loss: TrainLoss) -> float:
+    """Where it is not known each way, that of both ways: no message loses more."""
+    known = loss.sent - loss.in_flight
+    return loss.share if loss.up is None or not known else loss.up / known
+
+
+def _doubts(run: MeasuredRun, now: datetime, up: float | None, down: float | None) -> Iterator[str]:
+    if run.emulated:
+        yield "the run was emulated: it says nothing of the real link"
+    if run.way is not Verdict.PASS:
+        yield f"the run does not prove that it went over {run.link}"
+    if now - run.begun > timedelta(days=QUALIFIED_DAYS):
+        yield f"the run is older than {QUALIFIED_DAYS} days"
+    if not up:
+        yield "the run has no capacity from the site: the declared one is taken"
+    if not down:
+        yield "the run has no capacity to the site: the declared one is taken"

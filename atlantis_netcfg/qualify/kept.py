@@ -1,0 +1,119 @@
+"""The runs of a site on this computer: `<state>/<real|rehearsal>/<site>/qualify/<run>/`.
+
+A run is there when its `run.json` is. `record.json` beside it is made of the two files of the run; where it is missing,
+of another version, or no longer of these samples, the figures are made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.journal import NoSuchRun, StateDamaged, os_errors_as, write_atomically
+from atlantis_netcfg.journal.files import component
+from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
+from atlantis_netcfg.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.qualify.samples import read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.qualify.judgement import QualifyProfile
+    from atlantis_netcfg.qualify.samples import Sample
+
+RECORD_FILE: Final = "record.json"
+_NAMED: Final = 5
+
+
+@dataclass(frozen=True, slots=True)
+class KeptRun:
+    """A run and its folder."""
+
+    folder: Path
+    run: MeasuredRun
+
+
+def folder_of(store: Store, site: str) -> Path:
+    """Where the runs of a site are kept."""
+    return store.root / component(site) / "qualify"
+
+
+def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
+    """Give the runs of a site, or of one of its links, oldest first. StateDamaged: a `run.json` cannot be read."""
+    folder = folder_of(store, site)
+    places = [path for path in folder.iterdir() if (path / RUN_FILE).is_file()] if folder.is_dir() else []
+    found = [KeptRun(place, _run(place)) for place in places]
+    return sorted(
+        (item for item in found if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
+    )
+
+
+def kept_run(store: Store, site: str, run: str) -> KeptRun:
+    """Give a run by its name. NoSuchRun, StateDamaged."""
+    folder = folder_of(store, site)
+    names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
+    if run not in names:
+        near = nearest(run, names)
+        known = f"did you mean `{near}`? " if near else f"its latest: {', '.join(names[-_NAMED:])}; " if names else ""
+        raise NoSuchRun(
+            f"{site} has no measurement `{run}`",
+            hint=f"{known}`provision qualify history site={site}` lists them",
+        )
+    return KeptRun(folder / run, _run(folder / run))
+
+
+def _run(folder: Path) -> MeasuredRun:
+    try:
+        return read_run(folder)
+    except (OSError, ValueError) as error:
+        raise StateDamaged(
+            f"a measurement cannot be read: {folder / RUN_FILE}",
+            hint="it was cut off, or written by another version: put its folder aside",
+        ) from error
+
+
+def samples_of(folder: Path) -> list[Sample]:
+    """Read the samples of a run; none where it has sent nothing. SamplesUnreadable, StateDamaged."""
+    path = folder / SAMPLES_FILE
+    try:
+        with path.open(encoding="utf-8") as lines:
+            return [*read(lines, str(path))]
+    except FileNotFoundError:
+        return []
+    except (OSError, UnicodeDecodeError) as error:
+        raise StateDamaged(f"samples cannot be read: {path}", hint="put the folder of that run aside") from error
+
+
+def _digest(folder: Path) -> str:
+    path = folder / SAMPLES_FILE
+    return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
+
+
+def record_of(kept: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
+    """Give the figures of a run: as they were kept, where that is still of its samples; else made again."""
+    digest = _digest(kept.folder)
+    known = _kept_record(kept.folder) if thresholds is None else None
+    if known is not None and known.samples_sha256 == digest and known.run == kept.run:
+        return known
+    return make_record(kept.run, samples_of(kept.folder), digest, thresholds)
+
+
+def _kept_record(folder: Path) -> QualifyRecord | None:
+    try:
+        return QualifyRecord.model_validate_json((folder / RECORD_FILE).read_bytes())
+    except (OSError, ValueError):
+        return None
+
+
+def keep_record(folder: Path, record: QualifyRecord) -> None:
+    """Put the figures beside the samples. JournalFailed."""
+    with os_errors_as("the figures of the measurement", folder):
+        write_atomically(folder / RECORD_FILE, record_json(record))
+
+
+def record_json(record: QualifyRecord) -> bytes:
+    """`record.json`: the same bytes for the same figures."""
+    return (record.model_dump_json(indent=1) + "\n").encode()
