@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    PROFILE,
+    CommandSpec,
+    Flag,
+    Group,
+    Word,
+)
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -45,6 +55,7 @@ QUALIFY = CommandSpec(
         Flag("max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"),
         Flag("max-minutes", "stop before it takes longer", takes="M"),
         Flag("rehearse", "the same with an emulated router, link and far end, within seconds", harmless=True),
+        PROFILE,
         ACCEPT_COST,
         ASK_VAULT_PASS,
         JSON,
@@ -99,9 +110,9 @@ def run_qualify(arguments: Arguments) -> ExitCode:
 def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
     if opened.rehearsal is None:
         return ()
-    from atlantis_netcfg.operations.qualify.emulation import NOT_REHEARSED
+    from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    return tuple(f"  not rehearsed: {each}" for each in NOT_REHEARSED)
+    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal))
 
 
 def _limits(arguments: Arguments) -> BudgetLimits:

@@ -1,4 +1,6 @@
-"""A link and its far end for a rehearsal: our reflector as a program of its own, behind a relay of the declared rate.
+"""A link and its far end for a rehearsal: our reflector as a program of its own, behind a relay.
+
+The relay does what the link is declared to do, or what a run has measured (`link_shapes`).
 
 The emulated router does not carry the packets. It holds the rows, is told afterwards what the relay carried, and leads
 and counts it by its own rules (`emulator/routeros/network/traffic.py`).
@@ -15,7 +17,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.paths import write_private
-from atlantis_netcfg.emulator.udp_link import LinkShape, UdpRelay
+from atlantis_netcfg.emulator.udp_link import UdpRelay
+from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.qualify.transport import UdpTransport
 
 if TYPE_CHECKING:
@@ -26,17 +29,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.qualify.way import MeasuredFlow
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
-NOT_REHEARSED = (
-    "the link: delay and rate are those that are declared, and nothing is lost on it",
-    "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried",
-)
+_LINK = "the link: it does what is declared below `rate`, and nothing else"
+_ROUTER = "the router: it does not carry the test packets, and is told afterwards what a relay of this computer carried"
 
 
-def link_shapes(bearer: Bearer) -> tuple[LinkShape, LinkShape]:
-    """What the link does up and down, by its declaration."""
-    delay_s = bearer.rate.rtt_ms / 2000
-    up, down = (rate * 1000 for rate in (bearer.rate.up_kbps, bearer.rate.down_kbps))
-    return LinkShape(rate_bps=up, delay_s=delay_s), LinkShape(rate_bps=down, delay_s=delay_s)
+def not_rehearsed(twins: Rehearsal) -> tuple[str, ...]:
+    """What a rehearsal says nothing about, in a person's words."""
+    return (_LINK if twins.replay is None else twins.replay.not_rehearsed, _ROUTER)
 
 
 @dataclass(slots=True)
@@ -78,7 +77,7 @@ def emulated_link(bearer: Bearer, key: bytes, twins: Rehearsal) -> Iterator[Emul
     with (
         temporary.folder("qualify") as folder,
         _reflector(folder, key) as port,
-        UdpRelay(("127.0.0.1", port), *link_shapes(bearer)) as relay,
+        UdpRelay(("127.0.0.1", port), *link_shapes(bearer, twins.replay)) as relay,
     ):
         yield EmulatedLink(relay, twins)
 

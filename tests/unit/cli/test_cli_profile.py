@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     import pytest
 
-_WITHOUT = {"adopt", "resume", "rollback"}
-"""Their rehearsals go over the technician's cable, or repeat an earlier one."""
+_WITHOUT = {"adopt", "resume", "rollback", "survey"}
+"""Their rehearsals go over the technician's cable, repeat an earlier one, or hear another link at every place."""
 
 
 def test_a_real_link_is_what_it_is(

@@ -166,4 +166,4 @@ def test_samples_without_a_train_have_no_figures() -> None:
 
 
 def test_the_page_of_tolerances_is_read_whole() -> None:
-    assert len(tolerances()) == 13
+    assert len(tolerances()) == 14
