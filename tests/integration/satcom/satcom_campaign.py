@@ -51,7 +51,6 @@ if TYPE_CHECKING:
 
     from matrix_stand import Vpn
 
-    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.qualify.figures import TrainFigures
     from atlantis_netcfg.qualify.grids import RateRow
     from atlantis_netcfg.qualify.samples import Sample
@@ -151,16 +150,17 @@ def campaign(  # noqa: PLR0913 - each is a choice of who runs it
     idle_s: float,
     shapes: tuple[LinkShape, LinkShape] = CERTUS,
     link: str = "",
+    patience_s: float = 3.0,
 ) -> Campaign:
-    """Measure every cell as test packets, then as DDS samples."""
+    """Measure every cell as test packets, then as DDS samples; `patience_s` is for answers and between two cells."""
     shipped = load(ROOT / "inventory")
     dds = Dds(distribution=RosDistribution.HUMBLE, middleware=RosMiddleware.CYCLONE_DDS)
     declaration = replace(shipped, pilot=shipped.pilot.model_copy(update={"dds": dds}))
     wishes = [host(declaration, name) for name in (GATEWAY, CENTRE)]
     with vpn(declaration, wishes, folder, slow=[GATEWAY], shapes=shapes) as made:
         made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)
-        samples = _test_packets(made, folder, grid, idle_s)
-        heard = _dds_samples(made, declaration, folder, grid)
+        samples = _test_packets(made, folder, grid, idle_s, patience_s)
+        heard = _dds_samples(made, folder, grid, patience_s)
         up, down = _counted(made, "up"), _counted(made, "down")
     idle = train_figures(samples, "idle")
     assert idle.rtt is not None, "nothing was answered through the tunnel"
@@ -178,14 +178,13 @@ def campaign(  # noqa: PLR0913 - each is a choice of who runs it
     )
 
 
-def _test_packets(made: Vpn, folder: Path, grid: Sequence[Cell], idle_s: float) -> list[Sample]:
+def _test_packets(made: Vpn, folder: Path, grid: Sequence[Cell], idle_s: float, patience_s: float) -> list[Sample]:
     key, plan, file = folder / "stamp.key", folder / "stamp.json", folder / "samples.jsonl"
     key.write_bytes(KEY)
     address = str(made.authority.membership().members[CENTRE].address)
     rows = [[cell.kind, cell.label, cell.octets, cell.rate_hz, cell.seconds] for cell in grid]
-    plan.write_text(
-        json.dumps({"far_end": [address, PORT], "key": str(key), "samples": str(file), "idle_s": idle_s, "cells": rows})
-    )
+    told = {"far_end": [address, PORT], "key": str(key), "samples": str(file), "idle_s": idle_s}
+    plan.write_text(json.dumps({**told, "cells": rows, "patience_s": patience_s}))
     reflector = ("-P", "-m", "atlantis_netcfg.qualify.reflector", "--address", address, "--port", str(PORT))
     far = Participant("reflector", made.start(CENTRE, sys.executable, *reflector, "--key-file", str(key)))
     assert far.wait(lambda: any("ready" in line for line in far.lines), time.monotonic() + _PATIENCE_S), far.lines
@@ -195,20 +194,20 @@ def _test_packets(made: Vpn, folder: Path, grid: Sequence[Cell], idle_s: float) 
         return [*read(lines)]
 
 
-def _dds_samples(made: Vpn, declaration: Declaration, folder: Path, grid: Sequence[Cell]) -> tuple[DdsRow, ...]:
+def _dds_samples(made: Vpn, folder: Path, grid: Sequence[Cell], patience_s: float) -> tuple[DdsRow, ...]:
     plan = folder / "dds.json"
     rows = [[cell.kind, cell.label, cell.octets, cell.rate_hz, cell.seconds] for cell in grid]
-    plan.write_text(json.dumps({"cells": rows}))
+    plan.write_text(json.dumps({"cells": rows, "patience_s": patience_s}))
     both = {}
     for name, what in ((CENTRE, "hear"), (GATEWAY, "publish")):
-        views = profile_views(declaration, declaration.hosts[name], "pypi")
+        views = profile_views(made.declaration, made.declaration.hosts[name], "pypi")
         view = max(views, key=lambda one: one.tuning.announce_s)
         path = folder / f"{name}.xml"
         path.write_text(profiles(view)[f"{view.bearer}/cyclonedds.xml"], encoding="utf-8")
         command = (sys.executable, "-P", str(PROGRAMS / "dds_cells.py"), what, str(plan))
         both[what] = Participant(name, made.start(name, *command, environment={"CYCLONEDDS_URI": str(path)}))
     publisher, hearer = both["publish"], both["hear"]
-    lasts = sum(cell.seconds + 5 for cell in grid) + _PATIENCE_S
+    lasts = sum(cell.seconds + 2 * patience_s for cell in grid) + _PATIENCE_S
     assert publisher.wait(lambda: "done" in publisher.lines, time.monotonic() + lasts), publisher.lines + hearer.lines
     delays: dict[int, list[float]] = {}
     for line in list(hearer.lines):

@@ -39,7 +39,7 @@ Random octets, as many as a JPEG of that size and quality may have. Nothing is s
 fragment is lost is lost, so where packets are lost, large images seldom arrive whole, at any rate.
 """
 _AGAIN = """\
-`make satcom ARGS='--cell-s 60 --write'` needs root and two hours; without `--write` it prints this page. With
+`make satcom ARGS='--cell-s 60 --write'` needs root and an hour and a half; without `--write` it prints this page. With
 `--profile FOLDER` the link is a run that `provision qualify` measured, [replayed](qualify.md#replay). CI sends one size
 at one rate of each table (`tests/integration/satcom`).
 """

@@ -14,6 +14,7 @@ import selectors
 import socket
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
@@ -114,6 +115,7 @@ class Link:
                 continue
             self.carried += 1
             if way is self.up:
-                self._server.send(data)
+                with suppress(ConnectionError):  # of an earlier packet: nobody listens there any more
+                    self._server.send(data)
             elif self._from is not None:
                 self._client.sendto(data, self._from)

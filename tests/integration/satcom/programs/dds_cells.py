@@ -1,6 +1,7 @@
 """Publishes or hears one cell after the other with Cyclone DDS: `dds_cells.py publish|hear PLAN`, a JSON file.
 
-PLAN: `cells` (kind, label, octets, messages a second, seconds). Both run on this computer, so the clock of a sample's
+PLAN: `cells` (kind, label, octets, messages a second, seconds) and `patience_s`, for which nothing is sent between two
+cells. Both run on this computer, so the clock of a sample's
 departure is that of its arrival, and a delay one way is exact. Who hears prints `heard CELL SECONDS` for each sample.
 """
 
@@ -19,8 +20,6 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-_DRAIN_S = 3.0
-"""Between two cells: until the queue is empty."""
 _AROUND = 28
 """Octets of a sample beside its text: CDR's header, cell, departure, and the text's length and end."""
 
@@ -40,20 +39,21 @@ def say(what: str) -> None:
     sys.stdout.flush()
 
 
-def publish(participant: DomainParticipant, topic: Topic[Message], qos: Qos, cells: list[list[float]]) -> None:
+def publish(participant: DomainParticipant, topic: Topic[Message], qos: Qos, plan: Path) -> None:
     """Wait for the hearer, then send every cell on its schedule."""
+    told = json.loads(plan.read_text(encoding="utf-8"))
     writer = DataWriter(participant, topic, qos=qos)
     while not writer.get_matched_subscriptions():
         time.sleep(0.1)
     say("met")
-    for number, (octets, rate_hz, seconds) in enumerate(cells):
+    for number, (_, _, octets, rate_hz, seconds) in enumerate(told["cells"]):
         text = "x" * max(1, round(octets) - _AROUND)
-        begin, count = time.monotonic() + _DRAIN_S, max(1, round(rate_hz * seconds))
+        begin, count = time.monotonic() + told["patience_s"], max(1, round(rate_hz * seconds))
         for message in range(count):
             time.sleep(max(0.0, begin + message / rate_hz - time.monotonic()))
             writer.write(Message(number, time.monotonic(), text))
         say(f"sent {number} {count}")
-    time.sleep(_DRAIN_S)
+    time.sleep(told["patience_s"])
     say("done")
     sys.stdin.read()
 
@@ -79,8 +79,7 @@ def main(what: str, plan: Path) -> None:
     if what == "hear":
         hear(participant, topic, qos)
     else:
-        cells = [cell[2:] for cell in json.loads(plan.read_text(encoding="utf-8"))["cells"]]
-        publish(participant, topic, qos, cells)
+        publish(participant, topic, qos, plan)
 
 
 if __name__ == "__main__":
