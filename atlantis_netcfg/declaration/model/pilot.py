@@ -22,6 +22,7 @@ from atlantis_netcfg.declaration.model.checklist import Role, VehicleChecklist
 from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, TelemetryTopic
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
+from atlantis_netcfg.declaration.model.services import Retrieval
 
 
 class TimeServer(Model):
@@ -199,5 +200,7 @@ class Pilot(Model):
     """None: no profiles are made."""
     gateways: Gateways = Gateways()
     asbuilt: AsBuilt = AsBuilt()
+    retrieval: Retrieval | None = None
+    """None: no recordings are brought to the control centre."""
     roles: tuple[Role, ...] = ()
     """Who may answer or sign in the checklist, where `by` and `signed_by` name a role."""
