@@ -41,6 +41,7 @@ COMMANDS: Mapping[str, str] = {
     "asbuilt": "atlantis_netcfg.cli.asbuilt:asbuilt",
     "use": "atlantis_netcfg.cli.use:use",
     "prove": "atlantis_netcfg.cli.links:prove",
+    "retrieve": "atlantis_netcfg.cli.retrieve:retrieve",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
     "report list": "atlantis_netcfg.cli.checklist:report_list",

@@ -6,7 +6,7 @@ ends when the control centre has read every file again and found the same SHA-25
 the control centre: it keeps to the rate, counts every byte, and ends at the job's cap.
 """
 
-# ruff: noqa: INP001, S603 - a program of the gateway, which starts programs of the gateway
+# ruff: noqa: INP001, PTH100, PTH112, PTH118, PTH123, S603, S607 - a program of the gateway; its paths are text
 
 import contextlib
 import fcntl
@@ -16,6 +16,7 @@ import json
 import os
 import socket
 import stat
+import struct
 import subprocess
 import sys
 import threading
@@ -42,6 +43,9 @@ SOME_LEFT = frozenset({23, 24})
 """Of rsync(1): some files were not sent, or have gone; what arrived is read again all the same."""
 PERMANENT = ("Permission denied", "Host key verification failed", "IDENTIFICATION HAS CHANGED", "host key is known")
 SPENT = 75
+SLOW_S = 10
+RTT_AT = 68
+"""In `struct tcp_info` of Linux (tcp.h): `tcpi_rtt`, in microseconds."""
 
 
 class Away(Exception):
@@ -147,7 +151,7 @@ def start(settings: "dict", wish: "dict") -> "dict":
         return {"error": "more", "bytes": found["bytes"]}
     if not found["rows"]:
         return {"error": "nothing"}
-    limits = {name: wish[name] for name in ("id", "link", "rate_bps", "cap_bytes", "silence_s")}
+    limits = {name: wish[name] for name in ("id", "link", "rate_bps", "cap_bytes", "silence_s", "rtt_max_s")}
     with contextlib.suppress(OSError):
         COUNTS.unlink()
     totals = {name: found[name] for name in ("files", "bytes")}
@@ -194,7 +198,7 @@ def run(settings: "dict") -> int:
             if read(COUNTS, {}).get("spent"):
                 return end(state="spent")
             note(state="waiting", why=str(error), tries=tries + 1)
-            time.sleep(PAUSES_S[min(tries, len(PAUSES_S) - 1)] if job["silence_s"] > 60 else 1)
+            time.sleep(min(job["silence_s"] / 4, PAUSES_S[min(tries, len(PAUSES_S) - 1)]))
             tries += 1
         except Refused as error:
             return end(state="failed", why=str(error))
@@ -223,9 +227,9 @@ def attempt(settings: "dict", job: "dict") -> "dict":
         note(arrived=job_files(job) - len(due) - sum(map(len, left.values())))
         if not due:
             break
-        need = sum(row[1] for row in sort["missing"])
-        if need > answers["room"]:
-            raise Refused("no room: %d bytes are missing in the folder at the control centre" % (need - answers["room"]))
+        lacking = sum(row[1] for row in sort["missing"]) - answers["room"]
+        if lacking > 0:
+            raise Refused(f"no room: {lacking} bytes are missing in the folder at the control centre")
         send(settings, job, [row[0] for row in (*sort["missing"], *sort["partial"])], repair=False)
         send(settings, job, [row[0] for row in sort["differs"]], repair=True)
         due = unchanged(settings, due, left)
@@ -323,16 +327,16 @@ def ssh(settings: "dict", job: "dict") -> "list[str]":
         "UpdateHostKeys": "no",
         "ServerAliveInterval": str(max(1, job["silence_s"] // 4)),
         "ServerAliveCountMax": "4",
-        "ProxyCommand": "/usr/bin/python3 -I %s connect" % os.path.abspath(__file__),
+        "ProxyCommand": f"/usr/bin/python3 -I {os.path.abspath(__file__)} connect",
     }
-    words = [word for name, value in options.items() for word in ("-o", "%s=%s" % (name, value))]
+    words = [word for name, value in options.items() for word in ("-o", f"{name}={value}")]
     return ["ssh", "-F", "none", "-T", "-i", settings["key"], "-l", settings["user"], *words]
 
 
 def call(settings: "dict", job: "dict", verb: str, rows: "list") -> "dict":
     """Ask the control centre about files. Raises Away, Refused."""
     words = [*ssh(settings, job), "-C", settings["address"], "atlantis", verb]
-    done = subprocess.run(words, input=json.dumps(rows).encode(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, check=False)
+    done = subprocess.run(words, input=json.dumps(rows).encode(), capture_output=True, check=False)
     if done.returncode:
         raise failure(done.returncode, done.stderr)
     try:
@@ -345,12 +349,12 @@ def call(settings: "dict", job: "dict", verb: str, rows: "list") -> "dict":
 
 
 def send(settings: "dict", job: "dict", paths: "list[str]", *, repair: bool) -> None:
-    """Send files by rsync: what arrived before is kept, or in a repair compared block by block. Raises Away, Refused."""
+    """Send files by rsync: what arrived before is kept, or in a repair compared by blocks. Raises Away, Refused."""
     if not paths:
         return
     silence = str(max(2, job["silence_s"]))
     how = ["--ignore-times"] if repair else ["--append-verify"]
-    shell = " ".join("'%s'" % word if " " in word else word for word in ssh(settings, job))
+    shell = " ".join(f"'{word}'" if " " in word else word for word in ssh(settings, job))
     words = ["rsync", "--times", "--inplace", *how, "--timeout", silence, "--from0", "--files-from=-", "-e", shell]
     words += [settings["folder"] + "/", settings["address"] + ":."]
     data = b"".join(path.encode() + b"\0" for path in paths)
@@ -364,8 +368,8 @@ def failure(code: int, data: bytes) -> Exception:
     text = data.decode(errors="replace").strip()
     last = next((line for line in text.splitlines() if any(word in line for word in PERMANENT)), None)
     if last is None and code in LINK_LOST:
-        return Away(text.splitlines()[0] if text else "the connection ended (%d)" % code)
-    return Refused(last or (text.splitlines()[0] if text else "a program ended with %d" % code))
+        return Away(text.splitlines()[0] if text else f"the connection ended ({code})")
+    return Refused(last or (text.splitlines()[0] if text else f"a program ended with {code}"))
 
 
 class Meter:
@@ -412,9 +416,12 @@ def connect(settings: "dict") -> int:
     if job is None or read(COUNTS, {}).get("spent"):
         return 1
     meter = Meter(job)
-    here = (settings["from"], 0)
+    here, began = (settings["from"], 0), time.monotonic()
     with socket.create_connection((settings["address"], settings["port"]), job["silence_s"], here) as peer:
+        if too_slow(job, time.monotonic() - began):
+            return 1
         peer.settimeout(None)
+        threading.Thread(target=_watch, args=(peer, job), daemon=True).start()
         # What waits in the kernel has been counted, and has not been sent: let it be little.
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         threading.Thread(target=_up, args=(peer, meter), daemon=True).start()
@@ -428,6 +435,31 @@ def connect(settings: "dict") -> int:
                 view = view[os.write(1, view) :]
     meter.save()
     return 0
+
+
+def too_slow(job: "dict", rtt_s: float) -> bool:
+    """Whether an answer comes over another link than the job's, one that is paid by the byte; ssh's error tells it."""
+    limit = job.get("rtt_max_s")
+    if limit is None or rtt_s <= limit:
+        return False
+    sys.stderr.write("an answer takes {:.1f} s: the traffic does not go over {} now\n".format(rtt_s, job["link"]))
+    sys.stderr.flush()
+    return True
+
+
+def _watch(peer: socket.socket, job: "dict") -> None:
+    """End the connection when its answers have been too slow for a while: the site has taken another link."""
+    slow = 0
+    while slow < SLOW_S:
+        time.sleep(1)
+        try:
+            told = peer.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104)
+        except OSError:
+            return
+        (rtt_us,) = struct.unpack_from("I", told, RTT_AT)
+        slow = slow + 1 if job.get("rtt_max_s") is not None and rtt_us / 1e6 > job["rtt_max_s"] else 0
+    too_slow(job, rtt_us / 1e6)
+    os._exit(1)
 
 
 def _up(peer: socket.socket, meter: Meter) -> None:

@@ -8,7 +8,7 @@ Takes NAME FOLDER BUDGET_MB; sshd starts it in place of whatever the gateway has
 - `atlantis keep`: the same rows; what has arrived is read again, and gets its name in FOLDER/NAME if it is the same.
 """
 
-# ruff: noqa: INP001, S606 - a program of the control centre, which becomes rsync
+# ruff: noqa: INP001, PTH105, PTH106, PTH118, S606, S607 - a program of the control centre, which becomes rsync
 
 import contextlib
 import fcntl
@@ -115,7 +115,8 @@ def inside(path: str) -> str:
     """A path that stays in its folder. Raises ValueError."""
     parts = path.split("/")
     if not path or not path.isprintable() or any(part in ("", ".", "..") for part in parts):
-        raise ValueError("no path of a recording: %r" % path)
+        msg = f"no path of a recording: {path!r}"
+        raise ValueError(msg)
     return path
 
 
@@ -132,11 +133,13 @@ def same(path: Path, size: int, sha256: str) -> bool:
 
 def server(words: "list[str]") -> "list[str]":
     """The command of rsync that is run: it may only write, and only here. Raises ValueError."""
-    if words[:2] != ["rsync", "--server"] or len(words) < 4 or words[-2:] != [".", "."]:
-        raise ValueError("not admitted: %s" % " ".join(words))
+    if words[:2] != ["rsync", "--server"] or words[2:][-2:] != [".", "."]:
+        msg = "not admitted: {}".format(" ".join(words))
+        raise ValueError(msg)
     for word in words[2:-2]:
         if not (LONG if word.startswith("--") else SHORT).fullmatch(word):
-            raise ValueError("option not admitted: %s" % word)
+            msg = f"option not admitted: {word}"
+            raise ValueError(msg)
     return words
 
 
@@ -153,7 +156,7 @@ def main(name: str, folder: str, budget_mb: str) -> int:
             return 0
         command = server(words)
     except (ValueError, TypeError) as error:
-        sys.stderr.write("atlantis: %s\n" % error)
+        sys.stderr.write(f"atlantis: {error}\n")
         return 3
     os.chdir(str(receiver.incoming))
     os.execvp("rsync", command)
