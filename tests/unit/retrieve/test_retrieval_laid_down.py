@@ -35,9 +35,7 @@ def test_the_control_centre_gives_that_key_one_program_alone() -> None:
     made = retrieval(declaration, declaration.hosts[CENTRE])
     files = {file.path: file.content for file in made.files}
     words = f"/usr/bin/python3 -I /usr/local/lib/atlantis/retrieval_receive.py {GATEWAY} /srv/recordings 1000"
-    assert files["/etc/atlantis/retrieval.keys"] == (
-        f'restrict,from="10.80.0.21",command="{words}" {KEY} {GATEWAY}\n'
-    )
+    assert files["/etc/atlantis/retrieval.keys"] == (f'restrict,from="10.80.0.21",command="{words}" {KEY} {GATEWAY}\n')
     assert "Match User svc-retrieval" in files["/etc/ssh/sshd_config.d/50-atlantis-retrieval.conf"]
     assert made.units == ()
 

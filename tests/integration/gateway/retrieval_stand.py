@@ -55,10 +55,19 @@ class Ends:
         answer: dict[str, Any] = json.loads(done.stdout)
         return answer
 
-    def start(self, *, rate_bps: int = 80 * MB, cap: int | None = None, **how: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+    def start(
+        self, *, rate_bps: int = 80 * MB, cap: int | None = None, rtt_max_s: float | None = None, **how: Any
+    ) -> dict[str, Any]:  # noqa: ANN401 - JSON
         """Look, and begin; `how` is what looks."""
         look = self.ask("look", **{"pattern": "*", "again": False, **how})
-        job = {"id": "r1", "link": "lan", "rate_bps": rate_bps, "cap_bytes": cap, "silence_s": QUICK_S}
+        job = {
+            "id": "r1",
+            "link": "lan",
+            "rate_bps": rate_bps,
+            "cap_bytes": cap,
+            "silence_s": QUICK_S,
+            "rtt_max_s": rtt_max_s,
+        }
         wish = {"pattern": "*", "again": False, **how, "before": look["before"], "agreed_bytes": look["bytes"], **job}
         assert self.ask("start", **wish) == {"started": True}
         return look
