@@ -14,6 +14,7 @@ import fnmatch
 import hashlib
 import json
 import os
+import signal
 import socket
 import stat
 import struct
@@ -41,8 +42,17 @@ LINK_LOST = frozenset({10, 12, 20, 30, 35, 255})
 """Of rsync(1) and ssh(1): socket, protocol stream, signal, timeouts, ssh itself."""
 SOME_LEFT = frozenset({23, 24})
 """Of rsync(1): some files were not sent, or have gone; what arrived is read again all the same."""
-PERMANENT = ("Permission denied", "Host key verification failed", "IDENTIFICATION HAS CHANGED", "host key is known")
+_OTHER_KEY = "whoever answers for the control centre has not its declared SSH host key, so nothing was sent"
+PERMANENT = {
+    "Permission denied": "the control centre does not admit this gateway: another key, or another address in the VPN",
+    "Host key verification failed": _OTHER_KEY,
+    "IDENTIFICATION HAS CHANGED": _OTHER_KEY,
+    "host key is known": _OTHER_KEY,
+}
+"""What ssh says where no second try helps, and what it means."""
 SPENT = 75
+NOTED_S = 0.25
+"""How often what was sent is noted; a power cut may cost the count of some seconds."""
 SLOW_S = 10
 RTT_AT = 68
 """In `struct tcp_info` of Linux (tcp.h): `tcpi_rtt`, in microseconds."""
@@ -64,13 +74,14 @@ def read(path: Path, default: "object" = None) -> "object":
         return default
 
 
-def write(path: Path, value: "object") -> None:
+def write(path: Path, value: "object", *, sync: bool = True) -> None:
     """Write JSON, whole or not at all."""
     beside = path.with_suffix(".new")
     with beside.open("w", encoding="utf-8") as file:
         json.dump(value, file)
         file.flush()
-        os.fsync(file.fileno())
+        if sync:
+            os.fsync(file.fileno())
     beside.rename(path)
 
 
@@ -219,20 +230,22 @@ def attempt(settings: "dict", job: "dict") -> "dict":
     left = {"changed": [], "gone": [], "differ": []}
     due = digested(settings, job, left)
     for _ in range(ROUNDS):
+        if not due:
+            break
         answers = call(settings, job, "have", [row[:3] for row in due])
         sort = {name: [row for row, word in zip(due, answers["answers"]) if word == name] for name in WORDS}
         keep(settings, sort["kept"])
         forget([*sort["missing"], *sort["differs"]])
         due = [row for row in due if row not in sort["kept"]]
         note(arrived=job_files(job) - len(due) - sum(map(len, left.values())))
-        if not due:
-            break
         lacking = sum(row[1] for row in sort["missing"]) - answers["room"]
         if lacking > 0:
             raise Refused(f"no room: {lacking} bytes are missing in the folder at the control centre")
         send(settings, job, [row[0] for row in (*sort["missing"], *sort["partial"])], repair=False)
         send(settings, job, [row[0] for row in sort["differs"]], repair=True)
         due = unchanged(settings, due, left)
+        if not due:
+            break
         answers = call(settings, job, "keep", [row[:3] for row in due])
         arrived = [row for row, word in zip(due, answers["answers"]) if word == "kept"]
         keep(settings, arrived)
@@ -366,10 +379,11 @@ def send(settings: "dict", job: "dict", paths: "list[str]", *, repair: bool) -> 
 def failure(code: int, data: bytes) -> Exception:
     """What a program's end means, with the last that it has said."""
     text = data.decode(errors="replace").strip()
-    last = next((line for line in text.splitlines() if any(word in line for word in PERMANENT)), None)
-    if last is None and code in LINK_LOST:
-        return Away(text.splitlines()[0] if text else f"the connection ended ({code})")
-    return Refused(last or (text.splitlines()[0] if text else f"a program ended with {code}"))
+    for words, meaning in PERMANENT.items():
+        if words in text:
+            return Refused(meaning)
+    first = text.splitlines()[0] if text else f"a program ended with {code}"
+    return Away(first) if code in LINK_LOST else Refused(first)
 
 
 class Meter:
@@ -377,7 +391,7 @@ class Meter:
 
     def __init__(self, job: "dict") -> None:
         self._cap, self._rate = job["cap_bytes"], job["rate_bps"] / 8 / WIRE
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._wire = read(COUNTS, {}).get("wire", 0)
         self._free_at = self._noted = time.monotonic()
 
@@ -399,15 +413,16 @@ class Meter:
         with self._lock:
             self._wire += int(count * WIRE)
             over = self._cap is not None and self._wire > self._cap
-            if over or time.monotonic() > self._noted + 1:
+            if over or time.monotonic() > self._noted + NOTED_S:
                 self.save(spent=over)
         if over:
             os._exit(SPENT)
 
     def save(self, *, spent: bool = False) -> None:
         """Note it for `status` and for the next connection."""
-        self._noted = time.monotonic()
-        write(COUNTS, {"wire": self._wire, "spent": spent})
+        with self._lock:
+            self._noted = time.monotonic()
+            write(COUNTS, {"wire": self._wire, "spent": spent}, sync=spent)
 
 
 def connect(settings: "dict") -> int:
@@ -416,12 +431,15 @@ def connect(settings: "dict") -> int:
     if job is None or read(COUNTS, {}).get("spent"):
         return 1
     meter = Meter(job)
+    for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGPIPE):
+        signal.signal(number, lambda *_: (meter.save(), os._exit(1)))
     here, began = (settings["from"], 0), time.monotonic()
     with socket.create_connection((settings["address"], settings["port"]), job["silence_s"], here) as peer:
         if too_slow(job, time.monotonic() - began):
             return 1
         peer.settimeout(None)
-        threading.Thread(target=_watch, args=(peer, job), daemon=True).start()
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, job["silence_s"] * 1000)
+        threading.Thread(target=_watch, args=(peer, job, meter), daemon=True).start()
         # What waits in the kernel has been counted, and has not been sent: let it be little.
         peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         threading.Thread(target=_up, args=(peer, meter), daemon=True).start()
@@ -439,7 +457,7 @@ def connect(settings: "dict") -> int:
 
 def too_slow(job: "dict", rtt_s: float) -> bool:
     """Whether an answer comes over another link than the job's, one that is paid by the byte; ssh's error tells it."""
-    limit = job.get("rtt_max_s")
+    limit = job["rtt_max_s"]
     if limit is None or rtt_s <= limit:
         return False
     sys.stderr.write("an answer takes {:.1f} s: the traffic does not go over {} now\n".format(rtt_s, job["link"]))
@@ -447,18 +465,17 @@ def too_slow(job: "dict", rtt_s: float) -> bool:
     return True
 
 
-def _watch(peer: socket.socket, job: "dict") -> None:
-    """End the connection when its answers have been too slow for a while: the site has taken another link."""
-    slow = 0
-    while slow < SLOW_S:
+def _watch(peer: socket.socket, job: "dict", meter: Meter) -> None:
+    """End with the ssh that this serves, which may die while nothing can be sent; and when answers get too slow."""
+    ssh_process, slow, rtt_s = os.getppid(), 0, 0.0
+    while os.getppid() == ssh_process and slow < SLOW_S:
         time.sleep(1)
-        try:
-            told = peer.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104)
-        except OSError:
-            return
-        (rtt_us,) = struct.unpack_from("I", told, RTT_AT)
-        slow = slow + 1 if job.get("rtt_max_s") is not None and rtt_us / 1e6 > job["rtt_max_s"] else 0
-    too_slow(job, rtt_us / 1e6)
+        with contextlib.suppress(OSError):
+            told = peer.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, RTT_AT + 4)
+            rtt_s = struct.unpack_from("I", told, RTT_AT)[0] / 1e6
+        slow = slow + 1 if job["rtt_max_s"] is not None and rtt_s > job["rtt_max_s"] else 0
+    too_slow(job, rtt_s)
+    meter.save()
     os._exit(1)
 
 
@@ -469,8 +486,8 @@ def _up(peer: socket.socket, meter: Meter) -> None:
             if not data:
                 break
             meter.pace(len(data))
-            peer.sendall(data)
             meter.count(len(data))
+            peer.sendall(data)
         peer.shutdown(socket.SHUT_WR)
 
 

@@ -90,8 +90,6 @@ def test_a_file_that_changes_meanwhile_is_told_and_not_vouched_for(sender: Any, 
         (255, "ssh: connect to host 192.0.2.2 port 22: Connection timed out", "Away"),
         (12, "rsync: connection unexpectedly closed", "Away"),
         (30, "rsync error: timeout in data send/receive", "Away"),
-        (255, "svc-retrieval@192.0.2.2: Permission denied (publickey).", "Refused"),
-        (255, "Host key verification failed.", "Refused"),
         (11, "rsync: [receiver] write failed: No space left on device (28)", "Refused"),
         (3, "atlantis: option not admitted: --delete", "Refused"),
     ],
@@ -99,6 +97,22 @@ def test_a_file_that_changes_meanwhile_is_told_and_not_vouched_for(sender: Any, 
 def test_a_lost_link_is_tried_again_and_a_refusal_is_not(sender: Any, code: int, text: str, name: str) -> None:  # noqa: ANN401 - as above
     found = sender.failure(code, f"{text}\nlast line\n".encode())
     assert (type(found).__name__, str(found)) == (name, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("svc-retrieval@192.0.2.2: Permission denied (publickey).", "does not admit this gateway"),
+        (
+            "@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.",
+            "declared SSH host key",
+        ),
+    ],
+)
+def test_what_ssh_refuses_for_good_is_told_in_our_words(sender: Any, text: str, words: str) -> None:  # noqa: ANN401 - as above
+    found = sender.failure(255, text.encode())
+    assert type(found).__name__ == "Refused"
+    assert words in str(found)
 
 
 class Clock:
