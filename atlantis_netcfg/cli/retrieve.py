@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.declaration import Declaration, Host
     from atlantis_netcfg.declaration.model import RetrievalSource
-    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalProgram, RetrievalStatus, RetrievalWish
+    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalProgram, RetrievalSelection, RetrievalStatus
 
 RETRIEVE = CommandSpec(
     "retrieve",
@@ -58,7 +58,7 @@ RETRIEVE = CommandSpec(
         "all, 4: it has ended before, 7: there is nothing."
     ),
     changes=True,
-    again="`provision retrieve site=… status` shows whether it goes on",
+    again="type the same again: what has arrived is not sent twice; with `status` it shows whether it goes on",
 )
 
 
@@ -68,7 +68,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.request import refuse_examples
-    from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalWish, source_at
+    from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, source_at
 
     site, order = arguments.word("site"), arguments.optional("order")
     _refuse_mixed(arguments, order)
@@ -84,8 +84,8 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
         program = RetrievalProgram(opened.declaration, opened.hosts[0], opened.paid(opened.request(Mode.DRIFT)))
         if order is not None:
             return _ended_or_told(opened, program, order)
-        wish = RetrievalWish(arguments.optional("files") or "*", arguments.flag("again"))
-        look = program.look(wish)
+        selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
+        look = program.look(selection)
         if not look["files"]:
             return _nothing(opened, look)
         plan = _planned(opened, found[0], look)
@@ -93,7 +93,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
             _say(opened, plan.lines(), plan.as_dict())
         if arguments.flag("plan"):
             return ExitCode.CHANGES
-        return _begin(opened, program, plan, wish)
+        return _begin(opened, program, plan, selection)
 
 
 def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
@@ -105,7 +105,7 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
     more = [f"`{name}=`" for name in ("files", "link") if arguments.optional(name) is not None]
     more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
     if more:
-        whole = f"type `provision retrieve site={arguments.word('site')} {order}`"
+        whole = f"`provision retrieve site={arguments.word('site')} {order}`"
         raise UsageError(
             f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint=whole
         )
@@ -155,21 +155,22 @@ def _in_use(opened: CommandSession) -> str:
     return active[0]
 
 
-def _begin(opened: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, wish: RetrievalWish) -> ExitCode:
+def _begin(
+    opened: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
+) -> ExitCode:
     """Raises CostRefused, NotBegun, BeginningUnknown."""
     from atlantis_netcfg.cli._consent import pay
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.operations.retrieve import new_number
+    from atlantis_netcfg.operations.retrieve import new_number, shown_by
 
     if plan.cost.over_cap:
         raise plan.cost.refusal()
     words = [plan.cost.words] if plan.link.metered else []
     pay(words, accepted=opened.arguments.given(ACCEPT_COST), as_json=opened.as_json)
-    program.start(plan.job(wish, new_number()))
+    program.start(plan.job(selection, new_number()))
     if opened.arguments.flag("leave"):
         status = program.status()
-        whole = f"`provision retrieve site={opened.site} status` shows how it stands"
-        _say(opened, ["begun: the gateway sends by itself", whole], status.as_dict())
+        _say(opened, ["begun: the gateway sends by itself", shown_by(opened.hosts[0])], status.as_dict())
         return ExitCode.DONE if status.runs or status.whole else status.exit
     return _watched(opened, program)
 
@@ -181,6 +182,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.core.events import Event, Stage
+    from atlantis_netcfg.operations.retrieve import shown_by
 
     name, period_s = opened.hosts[0].name, _SLOWLY_S if program.slow else _OFTEN_S
     try:
@@ -192,7 +194,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     except KeyboardInterrupt:
         raise OutcomeUnknown(
             f"nobody watches any more; {name} goes on sending by itself",
-            hint=f"`provision retrieve site={opened.site} from={name} status` shows it, `stop` in its place ends it",
+            hint=shown_by(opened.hosts[0]),
         ) from None
     return _tell(opened, status)
 

@@ -100,8 +100,8 @@ def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Re
 
 
 @dataclass(frozen=True, slots=True)
-class RetrievalWish:
-    """What a person wants retrieved."""
+class RetrievalSelection:
+    """What a person chooses of a folder."""
 
     pattern: str = "*"
     again: bool = False
@@ -157,10 +157,10 @@ class RetrievalPlan:
         most = round(self.wire_bytes * _SPARE)
         return most if self.link.cap_bytes is None else min(most, self.link.cap_bytes)
 
-    def job(self, wish: RetrievalWish, number: str) -> dict[str, Any]:
+    def job(self, selection: RetrievalSelection, number: str) -> dict[str, Any]:
         """What the gateway is told to do."""
         return {
-            **wish.as_dict(),
+            **selection.as_dict(),
             "before": self.look["before"],
             "agreed_bytes": self.look["bytes"],
             "id": number,
@@ -210,37 +210,37 @@ _APART: Final = 3
 class RetrievalStatus:
     """How a transfer stands, as its gateway has told it."""
 
-    told: Mapping[str, Any]
+    answer: Mapping[str, Any]
     link: MeteredLink | None
     """None: there was no transfer, or its link is declared no more."""
 
     @property
     def state(self) -> str:
         """`none`, `sending`, `waiting`, `done`, `failed`, `spent`, `stopped`; `lost`: it has ended without a word."""
-        state = str(self.told["state"])
+        state = str(self.answer["state"])
         return "lost" if state in _STARTED and not self.runs else state
 
     @property
     def runs(self) -> bool:
         """Whether it goes on."""
-        return bool(self.told["running"] or self.told["job"])
+        return bool(self.answer["running"] or self.answer["job"])
 
     @property
     def left(self) -> Mapping[str, Sequence[str]]:
         """Files that were not retrieved, by the reason."""
-        return {name: paths for name, paths in self.told.get("left", {}).items() if paths}
+        return {name: paths for name, paths in self.answer.get("left", {}).items() if paths}
 
     @property
     def whole(self) -> bool:
         """Whether every file of it was read again at the control centre and found the same."""
-        return self.state == "done" and not self.left and self.told.get("arrived") == self.told.get("files")
+        return self.state == "done" and not self.left and self.answer.get("arrived") == self.answer.get("files")
 
     @property
     def spent(self) -> Bill:
         """What it has cost so far."""
-        seconds = max(0.0, self.told.get("at", 0) - self.told.get("since", 0))
+        seconds = max(0.0, self.answer.get("at", 0) - self.answer.get("since", 0))
         tariff = self.link.tariff if self.link is not None and self.link.metered else None
-        return bill(int(self.told["wire_bytes"]), seconds, tariff)
+        return bill(int(self.answer["wire_bytes"]), seconds, tariff)
 
     @property
     def exit(self) -> ExitCode:
@@ -253,11 +253,11 @@ class RetrievalStatus:
 
     def progress(self) -> str:
         """One line while it goes on."""
-        wire, files = size(int(self.told["wire_bytes"])), self.told.get("files", 0)
-        over = f" over {self.told['link']}" if "link" in self.told else ""
+        wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
+        over = f" over {self.answer['link']}" if "link" in self.answer else ""
         cost = f", {self.spent.money}" if self.link is not None and self.link.metered else ""
-        of = f"{self.told.get('arrived', 0)} of {_files(files)} whole, {wire} sent{over}{cost}"
-        return f"waits for the control centre, {of}: {self.told.get('why')}" if self.state == "waiting" else of
+        of = f"{self.answer.get('arrived', 0)} of {_files(files)} whole, {wire} sent{over}{cost}"
+        return f"waits for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
 
     def lines(self, site: str) -> list[str]:
         """What a person reads of it."""
@@ -268,15 +268,15 @@ class RetrievalStatus:
             "waiting": [self.progress()],
             "stopped": ["it was stopped; what has arrived stays at the control centre", again],
             "spent": ["it has ended by itself: it has sent as much as was agreed to", again],
-            "failed": [f"it has failed: {self.told.get('why') or 'files are not the same at both ends'}", again],
+            "failed": [f"it has failed: {self.answer.get('why') or 'files are not the same at both ends'}", again],
             "lost": ["it has ended without a word: the gateway was switched off, or its program has failed", again],
         }
         if self.state != "done":
             return [*closing[self.state], *self._left_lines()]
-        arrived = int(self.told.get("arrived", 0))
+        arrived = int(self.answer.get("arrived", 0))
         cost = self.spent.words if self.link is not None and self.link.metered else size(self.spent.payload_bytes)
         same = f"{_files(arrived)}: the same SHA-256 at both ends"
-        return [same, *self._left_lines(), f"{cost} over {self.told['link']}"]
+        return [same, *self._left_lines(), f"{cost} over {self.answer['link']}"]
 
     def _left_lines(self) -> list[str]:
         words = {
@@ -284,7 +284,7 @@ class RetrievalStatus:
             "gone": "is there no more",
             "differ": "is not the same at the control centre, though it was sent again: look at both disks",
         }
-        lost = [f"{path}: was not the same at the control centre any more" for path in self.told.get("lost", ())]
+        lost = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
         return [*lost, *(f"{path}: {words[name]}" for name, paths in self.left.items() for path in paths)]
 
     def as_dict(self) -> dict[str, Any]:
@@ -296,7 +296,7 @@ class RetrievalStatus:
             "whole": self.whole,
             "left": dict(self.left),
             "spent": self.spent.as_dict(),
-            **{name: self.told[name] for name in names if name in self.told},
+            **{name: self.answer[name] for name in names if name in self.answer},
         }
 
 
@@ -308,27 +308,24 @@ class RetrievalProgram:
         self._access = computer_access(declaration, host, request)
         self.slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
 
-    def look(self, wish: RetrievalWish) -> dict[str, Any]:
+    def look(self, selection: RetrievalSelection) -> dict[str, Any]:
         """What there is to send. Raises GatewayAway, DeviceFailed."""
-        seen = self._ask("look", wish.as_dict())
+        seen = self._ask("look", selection.as_dict())
         if not seen["folder"]:
-            source = source_of(self._declaration, self._host.name)
-            folder = "" if source is None else source.folder
             raise DeviceFailed(
-                f"{self._host.name} has no folder {folder}",
+                f"{self._host.name} has no such folder: {seen['place']}",
                 hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
             )
         return seen
 
     def start(self, job: Mapping[str, Any]) -> None:
         """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
-        name, site = self._host.name, self._host.site
+        name = self._host.name
         try:
             answer = self._ask("start", job)
         except GatewayAway as error:
             raise BeginningUnknown(
-                f"whether {name} has begun is not known: {error}",
-                hint=f"`provision retrieve site={site} from={name} status` shows it",
+                f"whether {name} has begun is not known: {error}", hint=shown_by(self._host)
             ) from None
         if (why := answer.get("error")) is None:
             return
@@ -338,10 +335,8 @@ class RetrievalProgram:
             "nothing": "there is nothing to send any more",
             "unit": f"its unit does not start: {answer.get('why')}",
         }
-        hint = "type the same again"
-        if why == "running":
-            hint = f"`provision retrieve site={site} from={name} status` shows it, `stop` in its place ends it"
-        raise NotBegun(f"{name}: {words[why]}", hint=hint)
+        hint = shown_by(self._host) if why == "running" else "type the same again"
+        raise NotBegun(f"{name} does not begin: {words[why]}", hint=hint)
 
     def status(self) -> RetrievalStatus:
         """How it stands. Raises GatewayAway."""
@@ -354,10 +349,12 @@ class RetrievalProgram:
             raise DeviceFailed(f"{self._host.name} does not stop: {answer.get('why')}", hint="type the same again")
         return self._status(answer)
 
-    def _status(self, told: Mapping[str, Any]) -> RetrievalStatus:
+    def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
         links = {bearer.name for bearer in self._declaration.sites[self._host.site].bearers}
-        name = told.get("link")
-        return RetrievalStatus(told, link_of(self._declaration, self._host.site, str(name)) if name in links else None)
+        name = answer.get("link")
+        return RetrievalStatus(
+            answer, link_of(self._declaration, self._host.site, str(name)) if name in links else None
+        )
 
     def _ask(self, verb: str, values: Mapping[str, Any]) -> dict[str, Any]:
         name = self._host.name
@@ -384,24 +381,24 @@ class RetrievalProgram:
     def _failure(self, text: str) -> DeviceFailed:
         name = self._host.name
         if _NO_PROGRAM in text or "are declared" in text:
-            centre = self._declaration.pilot.retrieval
-            other = (
-                ""
-                if centre is None
-                else f", and `provision site=scc only={centre.to}`".replace(
-                    "scc", self._declaration.hosts[centre.to].site
-                )
-            )
+            retrieval = self._declaration.pilot.retrieval
+            centre = self._host if retrieval is None else self._declaration.hosts[retrieval.to]
             return DeviceFailed(
                 f"{name} has not been set up for this",
-                hint=f"type `provision site={self._host.site} only={name}`{other}",
+                hint=f"type `provision site={self._host.site} only={name}`, and `provision site={centre.site} "
+                f"only={centre.name}`",
             )
         if (trouble := key_trouble(name, text)) is not None:
-            return GatewayAway(f"{name}: {trouble[0]}", hint=trouble[1])
+            return GatewayAway(f"{name} was not reached: {trouble[0]}", hint=trouble[1])
         last = text.strip().rpartition("\n")[2] or "ssh said nothing"
         return GatewayAway(
             f"{name} was not reached: {last}", hint="look at its power and at your way to it, then type the same again"
         )
+
+
+def shown_by(host: Host) -> str:
+    """The hint for whoever does not see how it goes on."""
+    return f"`provision retrieve site={host.site} from={host.name} status` shows it, `stop` in its place ends it"
 
 
 def new_number() -> str:

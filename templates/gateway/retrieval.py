@@ -106,12 +106,12 @@ def names(folder: str) -> "list[tuple[str, os.stat_result]]":
     return found
 
 
-def listed(settings: "dict", wish: "dict") -> "dict":
+def listed(settings: "dict", request: "dict") -> "dict":
     """What would be sent: files that match, are written to no more, and are not at the control centre yet."""
-    kept, rows, writing, before = read(KEPT, {}), [], 0, wish["before"]
+    kept, rows, writing, before = read(KEPT, {}), [], 0, request["before"]
     already = unnamed = 0
     for path, state in names(settings["folder"]):
-        if not fnmatch.fnmatchcase(path, wish["pattern"]):
+        if not fnmatch.fnmatchcase(path, request["pattern"]):
             continue
         try:
             path.encode("utf-8")
@@ -122,7 +122,7 @@ def listed(settings: "dict", wish: "dict") -> "dict":
             unnamed += 1
         elif state.st_mtime > before - QUIET_S:
             writing += 1
-        elif not wish["again"] and kept.get(path, [])[:2] == [state.st_size, state.st_mtime_ns]:
+        elif not request["again"] and kept.get(path, [])[:2] == [state.st_size, state.st_mtime_ns]:
             already += 1
         else:
             rows.append([path, state.st_size, state.st_mtime_ns])
@@ -138,12 +138,13 @@ def listed(settings: "dict", wish: "dict") -> "dict":
     }
 
 
-def look(settings: "dict", wish: "dict") -> "dict":
+def look(settings: "dict", request: "dict") -> "dict":
     """Say what would be sent; nothing is contacted."""
-    wish.setdefault("before", time.time())
-    found = listed(settings, wish)
+    request.setdefault("before", time.time())
+    found = listed(settings, request)
     del found["rows"]
-    return dict(found, before=wish["before"], folder=os.path.isdir(settings["folder"]), running=runs())
+    there = os.path.isdir(settings["folder"])
+    return dict(found, before=request["before"], folder=there, place=settings["folder"], running=runs())
 
 
 def runs() -> bool:
@@ -153,20 +154,20 @@ def runs() -> bool:
     return done.stdout.strip() in (b"active", b"activating", b"reloading", b"deactivating")
 
 
-def start(settings: "dict", wish: "dict") -> "dict":
+def start(settings: "dict", request: "dict") -> "dict":
     """Take a job, if there is none, and let the unit begin."""
     if runs():
         return {"error": "running"}
-    found = listed(settings, wish)
-    if found["bytes"] > wish["agreed_bytes"]:
+    found = listed(settings, request)
+    if found["bytes"] > request["agreed_bytes"]:
         return {"error": "more", "bytes": found["bytes"]}
     if not found["rows"]:
         return {"error": "nothing"}
-    limits = {name: wish[name] for name in ("id", "link", "rate_bps", "cap_bytes", "silence_s", "rtt_max_s")}
+    limits = {name: request[name] for name in ("id", "link", "rate_bps", "cap_bytes", "silence_s", "rtt_max_s")}
     with contextlib.suppress(OSError):
         COUNTS.unlink()
     totals = {name: found[name] for name in ("files", "bytes")}
-    write(STATUS, {"state": "sending", "id": wish["id"], "link": wish["link"], "since": time.time(), **totals})
+    write(STATUS, {"state": "sending", "id": request["id"], "link": request["link"], "since": time.time(), **totals})
     write(JOB, dict(limits, files=found["rows"]))
     subprocess.run(["systemctl", "reset-failed", UNIT], stderr=subprocess.DEVNULL, check=False)
     done = subprocess.run(["systemctl", "start", "--no-block", UNIT], stderr=subprocess.PIPE, check=False)
@@ -176,13 +177,13 @@ def start(settings: "dict", wish: "dict") -> "dict":
     return {"started": True}
 
 
-def status(_settings: "dict", _wish: "dict") -> "dict":
+def status(_settings: "dict", _request: "dict") -> "dict":
     """Say how it stands."""
     counts = read(COUNTS, {})
     return dict(read(STATUS, {"state": "none"}), running=runs(), job=JOB.exists(), wire_bytes=counts.get("wire", 0))
 
 
-def stop(settings: "dict", wish: "dict") -> "dict":
+def stop(settings: "dict", request: "dict") -> "dict":
     """End it for good; what has arrived stays there, and is not sent again by the next job."""
     there = JOB.exists()
     with contextlib.suppress(FileNotFoundError):
@@ -192,7 +193,7 @@ def stop(settings: "dict", wish: "dict") -> "dict":
         return {"error": "unit", "why": done.stderr.decode(errors="replace").strip()}
     if there:
         note(state="stopped")
-    return dict(status(settings, wish), stopped=there)
+    return dict(status(settings, request), stopped=there)
 
 
 def run(settings: "dict") -> int:

@@ -13,8 +13,8 @@ from atlantis_netcfg.operations.costs import link_of
 from atlantis_netcfg.operations.retrieve import (
     SHARES,
     RetrievalPlan,
+    RetrievalSelection,
     RetrievalStatus,
-    RetrievalWish,
     duration,
     plan,
     source_at,
@@ -56,7 +56,7 @@ def test_the_rate_is_the_share_of_the_declared_upward_rate(priority: RetrievalPr
 def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it() -> None:
     made = planned("satellite")
     assert made.cost.bill.payload_bytes == made.wire_bytes > 1.2 * LOOK["bytes"]
-    job = made.job(RetrievalWish("bag-*"), "number")
+    job = made.job(RetrievalSelection("bag-*"), "number")
     link = link_of(SHIPPED, "coastal", "satellite")
     assert link.cap_bytes is not None
     assert job["cap_bytes"] == min(round(made.wire_bytes * 1.25), link.cap_bytes)

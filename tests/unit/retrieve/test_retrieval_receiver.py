@@ -91,5 +91,5 @@ def test_nothing_but_writing_here_is_admitted(command: str) -> None:
 
 
 def test_what_our_rsync_asks_for_is_admitted() -> None:
-    words = "rsync --server -tRe.LsfxCIvu --timeout=120 --append --append --inplace . .".split()
+    words = ["rsync", "--server", "-tRe.LsfxCIvu", "--timeout=120", "--append", "--append", "--inplace", ".", "."]
     assert RECEIVER.server(words) == words
