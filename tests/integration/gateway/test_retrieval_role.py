@@ -27,6 +27,7 @@ def stand(machine: Start, technician: Key, folder: Path, name: str, lan: str) ->
     made = Stand(computer, technician, folder, ["gateway_base"], name=name)
     for host in (GATEWAY, CENTRE):
         made.declare({"ssh": {"host_key": computer.host_key.strip()}}, f"host_vars/{host}.yml", "device")
+    made.declare({"services": None}, f"host_vars/{CENTRE}.yml", "device")
     made.declare({"retrieval": DECLARED})
     return made
 
