@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli._arguments import (
@@ -105,9 +106,8 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
     more = [f"`{name}=`" for name in ("files", "link") if arguments.optional(name) is not None]
     more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
     if more:
-        whole = f"`provision retrieve site={arguments.word('site')} {order}`"
         raise UsageError(
-            f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint=whole
+            f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint="leave that out"
         )
 
 
@@ -177,8 +177,6 @@ def _begin(
 
 def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
     """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
-    import time
-
     from atlantis_netcfg.cli._output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
     from atlantis_netcfg.core.events import Event, Stage
@@ -190,7 +188,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
             while (status := _patient(program)) is None or status.runs:
                 if status is not None:
                     notify(Event(name, Stage.APPLYING, status.progress()))
-                time.sleep(period_s)
+                _pause(period_s)
     except KeyboardInterrupt:
         raise OutcomeUnknown(
             f"nobody watches any more; {name} goes on sending by itself",
@@ -200,6 +198,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
 
 
 _OFTEN_S, _SLOWLY_S = 2.0, 30.0
+_pause = time.sleep
 
 
 def _patient(program: RetrievalProgram) -> RetrievalStatus | None:

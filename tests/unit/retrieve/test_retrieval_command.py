@@ -158,7 +158,7 @@ def test_whoever_stops_watching_does_not_stop_the_transfer(desk: Desk) -> None:
     def stop(_seconds: float) -> None:
         raise KeyboardInterrupt
 
-    desk.monkeypatch.setattr("time.sleep", stop)
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", stop)
     desk.answers(status=GOES_ON)
     printed = desk.type("link=wifi-ptp", code=5)
     assert f"nobody watches any more; {GATEWAY} goes on sending by itself" in printed
@@ -167,7 +167,7 @@ def test_whoever_stops_watching_does_not_stop_the_transfer(desk: Desk) -> None:
 
 def test_a_gateway_that_is_not_reached_meanwhile_is_waited_for(desk: Desk) -> None:
     desk.answers(status=None, error="ssh: connect to host 10.64.1.10 port 22: Connection timed out")
-    desk.monkeypatch.setattr("time.sleep", lambda _seconds: desk.answers(status=STATUS))
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", lambda _seconds: desk.answers(status=STATUS))
     assert "the same SHA-256" in desk.type("link=wifi-ptp")
     assert desk.verbs()[-2:] == ["status", "status"]
 
@@ -211,10 +211,6 @@ def stopped(desk: Desk) -> str:
     return desk.type("status", code=4)
 
 
-def wrong_words(desk: Desk) -> str:
-    return desk.type("status", "link=4g", code=3)
-
-
 def not_set_up(desk: Desk) -> str:
     desk.answers(look=None, error="python3: can't open file '/usr/local/lib/atlantis/retrieval.py'")
     printed = desk.type("link=wifi-ptp", code=4)
@@ -226,7 +222,6 @@ ADVICE = {
     SHOWN: not_begun,
     "`provision links site={}` shows more; or name it: `link=NAME`": not_known,
     "`provision retrieve site={}` goes on, and sends nothing twice": stopped,
-    "`provision retrieve site={} {}`": wrong_words,
     "type `provision site={} only={}`, and `provision site={} only={}`": not_set_up,
 }
 
