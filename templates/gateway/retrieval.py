@@ -48,8 +48,10 @@ PERMANENT = {
     "Host key verification failed": _OTHER_KEY,
     "IDENTIFICATION HAS CHANGED": _OTHER_KEY,
     "host key is known": _OTHER_KEY,
+    "No space left on device": "the disk of the control centre is full",
+    "atlantis: ": "the control centre refuses it",
 }
-"""What ssh says where no second try helps, and what it means."""
+"""What ssh, or the other end, says where no second try helps, and what it means."""
 SPENT = 75
 NOTED_S = 0.25
 """How often what was sent is noted; a power cut may cost the count of some seconds."""
@@ -382,7 +384,8 @@ def failure(code: int, data: bytes) -> Exception:
     text = data.decode(errors="replace").strip()
     for words, meaning in PERMANENT.items():
         if words in text:
-            return Refused(meaning)
+            line = next(line for line in text.splitlines() if words in line)
+            return Refused(f"{meaning} ({line.strip()})")
     first = text.splitlines()[0] if text else f"a program ended with {code}"
     return Away(first) if code in LINK_LOST else Refused(first)
 

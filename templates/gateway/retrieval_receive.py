@@ -155,7 +155,7 @@ def main(name: str, folder: str, budget_mb: str) -> int:
             sys.stdout.write(json.dumps(answer) + "\n")
             return 0
         command = server(words)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OSError) as error:
         sys.stderr.write(f"atlantis: {error}\n")
         return 3
     os.chdir(str(receiver.incoming))
