@@ -48,6 +48,7 @@ class Ends:
     lab: Lab
     gateway: Machine
     centre: Machine
+    declaration: Declaration
 
     def ask(self, verb: str, **values: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
         """Ask the gateway's program as the toolkit does, without the SSH before it."""
@@ -122,9 +123,9 @@ class Ends:
 
 def ends(lab: Lab, machine: Start) -> Ends:
     """Start both, with what the role lays down on them."""
-    made = Ends(lab, machine(GATEWAY), machine(CENTRE))
-    places = {GATEWAY: made.gateway, CENTRE: made.centre}
+    places = {name: machine(name) for name in (GATEWAY, CENTRE)}
     declaration = declared({name: place.host_key for name, place in places.items()})
+    made = Ends(lab, places[GATEWAY], places[CENTRE], declaration)
     for name, place in places.items():
         device = declaration.hosts[name].device
         assert isinstance(device, ServerComputer)

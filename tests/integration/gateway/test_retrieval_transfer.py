@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 from gateway_stand import ground, machine, technician  # noqa: F401 - fixtures
-from retrieval_stand import FOLDER, KEPT, MB, Ends, ends
+from retrieval_stand import FOLDER, GATEWAY, KEPT, MB, Ends, ends
+
+from atlantis_netcfg.operations.request import Request, Target
+from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection
 
 if TYPE_CHECKING:
-    from gateway_stand import Start
+    from pathlib import Path
+
+    from gateway_stand import Key, Start
 
     from atlantis_netcfg.emulator.lab import Lab
 
@@ -23,7 +28,22 @@ def pair(ground: Lab, machine: Start) -> Ends:  # noqa: F811 - fixtures
     return ends(ground, machine)
 
 
-def test_a_transfer_is_whole_survives_a_cut_and_is_mended(pair: Ends) -> None:
+def asked_by_ssh(pair: Ends, key: Key, folder: Path) -> RetrievalProgram:
+    """The gateway's program, as the command asks it."""
+    known = folder / "known"
+    known.write_text(f"{GATEWAY} {pair.gateway.host_key}\n")
+    port, file = pair.gateway.port, str(key.file)
+    target = Target(host="127.0.0.1", port=port, known_hosts=str(known), identity=file)
+    request = Request(state=folder, rehearsed=True, targets={GATEWAY: target})
+    return RetrievalProgram(pair.declaration, pair.declaration.hosts[GATEWAY], request)
+
+
+def test_a_transfer_is_whole_survives_a_cut_and_is_mended(
+    pair: Ends,
+    technician: Key,  # noqa: F811 - a fixture
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     pair.record("bag-1/a.db3", 3 * MB)
     pair.record("bag-1/metadata.yaml", 400)
     pair.record("bag-2/writing.db3", 1000, age_s=1)
@@ -47,7 +67,10 @@ def test_a_transfer_is_whole_survives_a_cut_and_is_mended(pair: Ends) -> None:
     there = pair.digests(pair.centre, KEPT)
     assert there == {name: digest for name, digest in before.items() if not name.startswith("bag-2")}
     assert pair.digests(pair.gateway, FOLDER) == before, "nothing is removed or changed at the source"
-    assert pair.ask("look", pattern="*", again=False)["kept"] == 2
+    monkeypatch.setenv("ANSIBLE_SSH_ARGS", "")
+    program = asked_by_ssh(pair, technician, tmp_path)
+    assert program.look(RetrievalSelection())["kept"] == 2
+    assert program.status().whole
 
     spoil = f"printf X | dd of={KEPT}/bag-1/a.db3 bs=1 seek=1000000 conv=notrunc"
     pair.centre.run(f"touch -r {KEPT}/bag-1/a.db3 /root/time; {spoil}; touch -r /root/time {KEPT}/bag-1/a.db3")
