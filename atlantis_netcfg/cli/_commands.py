@@ -43,6 +43,7 @@ COMMANDS: Mapping[str, str] = {
     "prove": "atlantis_netcfg.cli.links:prove",
     "qualify": "atlantis_netcfg.cli.qualify:qualify",
     "survey": "atlantis_netcfg.cli.survey:survey",
+    "retrieve": "atlantis_netcfg.cli.retrieve:retrieve",
     "verify": "atlantis_netcfg.cli.devices:verify",
     "dds": "atlantis_netcfg.cli.declaration:dds",
     "fit": "atlantis_netcfg.cli.fit:fit",

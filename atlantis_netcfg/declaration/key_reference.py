@@ -131,6 +131,7 @@ _FORMS: Mapping[str, str] = {
     "unit": "V",
     "until": '"2026-12-31"',
     "tested_at": "[coastal]",
+    "to": "scc-control",
     "user": "provision",
     "value": "harbour",
     "version": '"0.9.2-1*"',

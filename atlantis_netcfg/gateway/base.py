@@ -40,6 +40,8 @@ from atlantis_netcfg.gateway.parts import (
     computer_network,
 )
 from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, reflector
+from atlantis_netcfg.gateway.retrieval import packages as retrieval_packages
+from atlantis_netcfg.gateway.retrieval import retrieval
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -347,7 +349,8 @@ def gateway_base(
         return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
-    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *hosted.packages(host.device))
+    more = (*hosted.packages(host.device), *retrieval_packages(declaration, host))
+    packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *more)
     return GatewayBase(
         packages=(*(Package(name) for name in packages), *air.packages),
         configuration=Configuration(
@@ -364,7 +367,8 @@ def gateway_base(
         )
         .joined(reflector(host))
         .joined(far_end(declaration.pilot.qualify))
-        .joined(hosted.services(host.device, images)),
+        .joined(hosted.services(host.device, images))
+        .joined(retrieval(declaration, host, rehearsed=rehearsed)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,

@@ -23,6 +23,7 @@ from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, Telemetr
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
 from atlantis_netcfg.declaration.model.qualify import Qualify
+from atlantis_netcfg.declaration.model.services import Retrieval
 
 
 class TimeServer(Model):
@@ -202,5 +203,7 @@ class Pilot(Model):
     qualify: Qualify | None = None
     """None: links are not measured, and no far end is set up."""
     asbuilt: AsBuilt = AsBuilt()
+    retrieval: Retrieval | None = None
+    """None: no recordings are brought to the control centre."""
     roles: tuple[Role, ...] = ()
     """Who may answer or sign in the checklist, where `by` and `signed_by` name a role."""

@@ -14,6 +14,7 @@ from pydantic import BeforeValidator, Field, StrictInt
 
 from atlantis_netcfg.declaration.model._base import (
     Account,
+    HostName,
     Model,
     Name,
     SecretText,
@@ -263,3 +264,35 @@ class Ros1Bridge(ImageArchive):
     def master(self) -> IPv4Address:
         """Where the master of ROS 1 is."""
         return IPv4Address(self.master_uri.removeprefix("http://").partition(":")[0])
+
+
+class RetrievalPriority(StrEnum):
+    """How much of a link recordings may take on their way to the control centre, beside all other traffic."""
+
+    LOW = "low"
+    NORMAL = "normal"
+    HIGH = "high"
+
+
+class RetrievalSource(Model):
+    """A folder on a gateway whose files are wanted at the control centre."""
+
+    host: HostName
+    """The gateway; its `ssh.host_key` is declared, for that is how the control centre knows it."""
+    folder: DataFolder = "/var/lib/svc-recording"
+    """On the gateway; nothing in it is ever changed or removed."""
+    priority: RetrievalPriority = RetrievalPriority.LOW
+    """Of the upward rate that the link in use is declared with: `low` takes 20 %, `normal` 50 %, `high` 80 %."""
+
+
+class Retrieval(Model):
+    """Recordings of gateways that `provision retrieve` brings to the control centre, through the VPN."""
+
+    to: HostName
+    """The control centre; its `ssh.host_key` is declared, for that is how gateways know it."""
+    folder: DataFolder = "/srv/recordings"
+    """On the control centre: below it each gateway has a folder with its name. Nothing else stands in it."""
+    budget_mb: Annotated[StrictInt, Field(ge=1)]
+    """No transfer begins that would make the folder hold more, in 10^6 bytes; nothing is removed."""
+    sources: Annotated[tuple[RetrievalSource, ...], Field(min_length=1)]
+    """One for each gateway."""

@@ -37,6 +37,7 @@ from atlantis_netcfg.gateway.base import gateway_base
 from atlantis_netcfg.gateway.containers import IMAGES
 from atlantis_netcfg.gateway.interop import gateway_interop
 from atlantis_netcfg.gateway.recording import packages as recorder
+from atlantis_netcfg.gateway.retrieval import PACKAGES as RETRIEVAL
 from atlantis_netcfg.journal import write_atomically
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.operations.request import StandIns, Target
@@ -142,7 +143,7 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
     the run.
     """
-    requested = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN}
+    requested = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
     for host in declaration.hosts.values():
         if isinstance(host.device, ServerComputer):
             requested |= {item.name for item in gateway_base(declaration, host).packages}

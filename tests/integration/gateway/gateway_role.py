@@ -35,10 +35,12 @@ class Stand:
     roles: Sequence[str]
     variables: dict[str, Any] = field(default_factory=dict)
     """Extra variables of Ansible."""
+    name: str = NAME
+    """Of the computer in the inventory."""
 
     def __post_init__(self) -> None:
         shutil.copytree(ROOT / "inventory", self.inventory)
-        self.known.write_text(f"{NAME} {self.gateway.host_key}\n")
+        self.known.write_text(f"{self.name} {self.gateway.host_key}\n")
 
     @property
     def inventory(self) -> Path:
@@ -77,7 +79,7 @@ class Stand:
             os.close(write)
             with os.fdopen(read) as lines:
                 told = [json.loads(line) for line in lines]
-        results = [line["devices"][NAME] for line in told if line.get("devices")]
+        results = [line["devices"][self.name] for line in told if line.get("devices")]
         assert len(results) == 1, f"{(self.folder / 'said').read_text()}\n{told}"
         result: dict[str, Any] = results[0]
         return result
@@ -95,16 +97,16 @@ class Stand:
             }
             for role in self.roles
         ]
-        play = [{"hosts": "gateways", "gather_facts": False, "tasks": tasks}]
+        play = [{"hosts": "gateways:control_centres", "gather_facts": False, "tasks": tasks}]
         variables = {
             "ansible_host": "127.0.0.1",
             "ansible_port": self.gateway.port,
             "ansible_user": "root",
             "ansible_ssh_private_key_file": str(self.key.file),
-            "ansible_ssh_common_args": f"-o HostKeyAlias={NAME} -o UserKnownHostsFile={self.known}",
+            "ansible_ssh_common_args": f"-o HostKeyAlias={self.name} -o UserKnownHostsFile={self.known}",
             "atlantis_request": {"state": str(self.folder / "state"), "rehearsed": True, "events_fd": events},
             **self.variables,
         }
         (self.folder / "play.yml").write_text(json.dumps(play))
         (self.folder / "variables.json").write_text(json.dumps(variables))
-        return [PLAYBOOK, "-i", "inventory", "play.yml", "-e", "@variables.json", "--limit", NAME, *words]
+        return [PLAYBOOK, "-i", "inventory", "play.yml", "-e", "@variables.json", "--limit", self.name, *words]

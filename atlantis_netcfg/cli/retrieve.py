@@ -1,0 +1,242 @@
+"""`provision retrieve`: recordings from a gateway to the control centre, over whatever link the site has."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import (
+    ACCEPT_COST,
+    ASK_VAULT_PASS,
+    INVENTORY,
+    JSON,
+    VIA,
+    Arguments,
+    CommandSpec,
+    Flag,
+    Group,
+    Values,
+    Word,
+)
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import RetrievalSource
+    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalProgram, RetrievalSelection, RetrievalStatus
+
+RETRIEVE = CommandSpec(
+    "retrieve",
+    "bring recordings from a gateway to the control centre, over whatever link the site has",
+    group=Group.LINKS,
+    words=(
+        Word("site", "the site", required=True, example="coastal"),
+        Word(
+            "from", "the gateway; may be left out where the site has one", example="coastal-gateway", values=Values.HOST
+        ),
+        Word("files", "only those whose path below the folder is like this", example="'bag-20261126-*'"),
+        Word("link", "the link that carries it; the router is asked if left out", example="4g"),
+        Word("order", "`status`: how it stands; `stop`: end it", choices=("status", "stop"), bare=True),
+        VIA,
+        INVENTORY,
+    ),
+    flags=(
+        Flag("plan", "say what it takes and costs, send nothing", harmless=True),
+        Flag("leave", "begin, and do not wait for its end"),
+        Flag("again", "also compare what was retrieved before, and send again what differs"),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+    ),
+    details=(
+        "The gateway sends by itself, at the declared share of the link, and goes on where it was after a gap, a "
+        "restart, or when you leave: Ctrl-C ends the watching alone. Nothing is removed from the gateway.\n"
+        "Exit code 0: every file was read again at the control centre and has the same SHA-256, 6: not yet, or not "
+        "all, 4: it has ended before, 7: there is nothing."
+    ),
+    changes=True,
+    again="type the same again: what has arrived is not sent twice; with `status` it shows whether it goes on",
+)
+
+
+def run_retrieve(arguments: Arguments) -> ExitCode:
+    """Look, say what it costs, begin and watch; or tell how it stands, or end it."""
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.operations.retrieve import RetrievalProgram, RetrievalSelection, source_at
+
+    site, order = arguments.word("site"), arguments.optional("order")
+    _refuse_mixed(arguments, order)
+    found: list[RetrievalSource] = []
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        source, host = source_at(declaration, site, arguments.optional("from"))
+        found.append(source)
+        return (host,)
+
+    with session(arguments, via=arguments.optional("via"), chosen=chosen) as opened:
+        refuse_examples(opened.declaration, rehearsed=False)
+        program = RetrievalProgram(opened.declaration, opened.hosts[0], opened.paid(opened.request(Mode.DRIFT)))
+        if order is not None:
+            return _ended_or_told(opened, program, order)
+        selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
+        look = program.look(selection)
+        if not look["files"]:
+            return _nothing(opened, look)
+        plan = _planned(opened, found[0], look)
+        if not opened.as_json or arguments.flag("plan"):
+            _say(opened, plan.lines(), plan.as_dict())
+        if arguments.flag("plan"):
+            return ExitCode.CHANGES
+        return _begin(opened, program, plan, selection)
+
+
+def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
+    """Raises UsageError where the words do not go together."""
+    from atlantis_netcfg.core.errors import UsageError
+
+    if order is None:
+        return
+    more = [f"`{name}=`" for name in ("files", "link") if arguments.optional(name) is not None]
+    more += [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
+    if more:
+        raise UsageError(
+            f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint="leave that out"
+        )
+
+
+def _nothing(opened: CommandSession, look: dict[str, int]) -> ExitCode:
+    """Done where all that matches was retrieved before; else nothing has matched."""
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.retrieve import left_out
+
+    done = look["kept"] and not look["writing"] and not look["unnamed"]
+    lines = ["nothing to send" if done else "no file to send", *left_out(look)]
+    _say(opened, lines, {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")})
+    return ExitCode.DONE if done else ExitCode.NOTHING
+
+
+def _planned(opened: CommandSession, source: RetrievalSource, look: dict[str, int]) -> RetrievalPlan:
+    """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
+    from atlantis_netcfg.operations.link_use import bearer_named
+    from atlantis_netcfg.operations.retrieve import plan
+
+    named = opened.arguments.optional("link")
+    bearers = opened.declaration.sites[opened.site].bearers
+    if named is not None:
+        link = bearer_named(opened.declaration, opened.site, named).name
+    else:
+        link = bearers[0].name if len(bearers) == 1 else _in_use(opened)
+    return plan(opened.declaration, source, link, look)
+
+
+def _in_use(opened: CommandSession) -> str:
+    """Ask the router which link carries the traffic. Raises DeviceFailed where it does not say so of one alone."""
+    from atlantis_netcfg.cli.links import seen
+    from atlantis_netcfg.core.errors import DeviceFailed
+    from atlantis_netcfg.operations.link_use import router_of
+
+    gateway, opened.hosts = opened.hosts, (router_of(opened.declaration, opened.site),)
+    try:
+        active = [status.name for status in seen(opened).bearers if status.active]
+    finally:
+        opened.hosts = gateway
+    if len(active) != 1:
+        raise DeviceFailed(
+            f"which link carries the traffic of {opened.site} is not known, so nothing was sent",
+            hint=f"`provision links site={opened.site}` shows more; or name it: `link=NAME`",
+        )
+    return active[0]
+
+
+def _begin(
+    opened: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
+) -> ExitCode:
+    """Raises CostRefused, NotBegun, BeginningUnknown."""
+    from atlantis_netcfg.cli._consent import pay
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.operations.retrieve import new_number, shown_by
+
+    if plan.cost.over_cap:
+        raise plan.cost.refusal()
+    words = [plan.cost.words] if plan.link.metered else []
+    pay(words, accepted=opened.arguments.given(ACCEPT_COST), as_json=opened.as_json)
+    program.start(plan.job(selection, new_number()))
+    if opened.arguments.flag("leave"):
+        status = program.status()
+        _say(opened, ["begun: the gateway sends by itself", shown_by(opened.hosts[0])], status.as_dict())
+        return ExitCode.DONE if status.runs or status.whole else status.exit
+    return _watched(opened, program)
+
+
+def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
+    """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.core.errors import OutcomeUnknown
+    from atlantis_netcfg.core.events import Event, Stage
+    from atlantis_netcfg.operations.retrieve import shown_by
+
+    name, period_s = opened.hosts[0].name, _SLOWLY_S if program.slow else _OFTEN_S
+    try:
+        with progress(quiet=opened.as_json) as notify:
+            while (status := _patient(program)) is None or status.runs:
+                if status is not None:
+                    notify(Event(name, Stage.APPLYING, status.progress()))
+                _pause(period_s)
+    except KeyboardInterrupt:
+        raise OutcomeUnknown(
+            f"nobody watches any more; {name} goes on sending by itself",
+            hint=shown_by(opened.hosts[0]),
+        ) from None
+    return _tell(opened, status)
+
+
+_OFTEN_S, _SLOWLY_S = 2.0, 30.0
+_pause = time.sleep
+
+
+def _patient(program: RetrievalProgram) -> RetrievalStatus | None:
+    """How it stands; None while the gateway is not reached: it goes on without us."""
+    from atlantis_netcfg.operations.retrieve import GatewayAway
+
+    try:
+        return program.status()
+    except GatewayAway:
+        return None
+
+
+def _ended_or_told(opened: CommandSession, program: RetrievalProgram, order: str) -> ExitCode:
+    from atlantis_netcfg.core.errors import ExitCode
+
+    if order == "status":
+        return _tell(opened, program.status())
+    before = program.status()
+    if not before.runs:
+        _say(opened, ["nothing goes on, so there is nothing to stop"], before.as_dict())
+        return ExitCode.NOTHING
+    after = program.stop()
+    _say(opened, after.lines(opened.site), after.as_dict())
+    return ExitCode.DONE if not after.runs else ExitCode.FAILED
+
+
+def _tell(opened: CommandSession, status: RetrievalStatus) -> ExitCode:
+    _say(opened, status.lines(opened.site), status.as_dict())
+    return status.exit
+
+
+def _say(opened: CommandSession, lines: Sequence[str], data: dict[str, object]) -> None:
+    import json
+
+    from atlantis_netcfg.core import printable
+
+    if opened.as_json:
+        print(json.dumps({"site": opened.site, "from": opened.hosts[0].name, **data}, ensure_ascii=False))
+        return
+    for line in lines:
+        print(printable.line(translate(line)), flush=True)

@@ -1,0 +1,145 @@
+"""Recordings from gateways to the control centre: what each end needs for it, laid down with `gateway_base`.
+
+A gateway logs in to an account of its own kind at the control centre, through the VPN. Its key there is its SSH host
+key, which is declared: nothing is exchanged between the two, and a card that is set up anew brings no key that nobody
+knows. sshd gives that key, from that address, one program alone, which writes below one folder and nothing else. The
+gateway in its turn takes nothing but the declared host key of the control centre.
+
+Both let SSH in from the VPN, as every computer of the pilot does, and the policy of the VPN lets our own hosts reach
+one another: no row of a firewall is added.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.declaration.model import ServerComputer
+from atlantis_netcfg.gateway.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
+from atlantis_netcfg.render import environment
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Retrieval, RetrievalSource
+
+SERVICE = "atlantis-retrieval.service"
+PROGRAM = "/usr/local/lib/atlantis/retrieval.py"
+STATE = "/var/lib/atlantis/retrieval"
+USER = "svc-retrieval"
+PACKAGES = ("openssh-client", "rsync")
+_SETTINGS = "/etc/atlantis/retrieval.json"
+_KNOWN_HOSTS = "/etc/atlantis/retrieval.known_hosts"
+_UNIT = f"/etc/systemd/system/{SERVICE}"
+_RECEIVER = "/usr/local/lib/atlantis/retrieval_receive.py"
+_KEYS = "/etc/atlantis/retrieval.keys"
+_SSHD = "/etc/ssh/sshd_config.d/50-atlantis-retrieval.conf"
+_ACCOUNT = "/usr/lib/sysusers.d/atlantis-retrieval.conf"
+_FOLDER = "/etc/tmpfiles.d/atlantis-retrieval.conf"
+_HOST_KEYS = {"ssh-ed25519": "ed25519", "ssh-rsa": "rsa"}
+"""Kind of a key to the name of its file below /etc/ssh; every other kind is of ECDSA."""
+_TAKE_AWAY = f"""\
+[ ! -e {_UNIT} ] || exit 0
+rm -f /etc/systemd/system/*.wants/{SERVICE} {STATE}/job.json
+systemctl daemon-reload
+! systemctl --quiet is-active {SERVICE} || exec systemctl stop {SERVICE}
+"""
+_MATCH = f"""\
+# atlantis: gateways lay recordings down by this account, and nobody else logs in to it.
+Match User {USER}
+    AuthorizedKeysFile {_KEYS}
+    PermitTTY no
+"""
+
+
+def source_of(declaration: Declaration, host: str) -> RetrievalSource | None:
+    """What is declared to be brought from a host."""
+    retrieval = declaration.pilot.retrieval
+    sources = () if retrieval is None else retrieval.sources
+    return next((source for source in sources if source.host == host), None)
+
+
+def packages(declaration: Declaration, host: Host) -> tuple[str, ...]:
+    """What either end runs."""
+    retrieval = declaration.pilot.retrieval
+    ends = () if retrieval is None else (retrieval.to, *(source.host for source in retrieval.sources))
+    return PACKAGES if host.name in ends else ()
+
+
+def retrieval(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> Configuration:
+    """Pure. Where nothing is declared of a computer: what is taken away. In a rehearsal it has another host key."""
+    declared, source = declaration.pilot.retrieval, source_of(declaration, host.name)
+    sends = () if declared is None or source is None else _sender(declaration, host, declared, source)
+    takes = () if declared is None or declared.to != host.name else _receiver(declaration, declared)
+    files = (*sends, *takes)
+    laid = {file.path for file in files}
+    ours = (_UNIT, PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
+    return Configuration(
+        files=files,
+        absent=tuple(path for path in ours if path not in laid),
+        steps=(
+            ConvergeStep("take the retrieval of recordings away", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
+            ConvergeStep("make the account of recordings", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
+            ConvergeStep("make the folder of recordings", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
+            ConvergeStep("let sshd admit gateways, or no more", ("systemctl", "reload", "ssh.service"), (_SSHD,)),
+        ),
+        units=(Unit(SERVICE, enabled=True),) if sends else (),
+        checks=(_key_check(host),) if files and not rehearsed else (),
+    )
+
+
+def _sender(declaration: Declaration, host: Host, declared: Retrieval, source: RetrievalSource) -> tuple[File, ...]:
+    centre, device = _computer(declaration, declared.to), _computer(declaration, host.name)
+    settings = {
+        "folder": source.folder,
+        "from": str(device.vpn_address),
+        "to": declared.to,
+        "address": str(centre.vpn_address),
+        "port": centre.ssh.port,
+        "user": USER,
+        "key": _key_file(device),
+    }
+    templates = environment()
+    return (
+        File(_SETTINGS, json.dumps(settings, indent=1) + "\n"),
+        File(_KNOWN_HOSTS, f"{declared.to} {centre.ssh.host_key}\n"),
+        File(PROGRAM, templates.get_template("gateway/retrieval.py").render()),
+        File(_UNIT, templates.get_template("gateway/retrieval.service.j2").render(program=PROGRAM, state=STATE)),
+    )
+
+
+def _receiver(declaration: Declaration, declared: Retrieval) -> tuple[File, ...]:
+    lines = []
+    for source in declared.sources:
+        device = _computer(declaration, source.host)
+        command = f"/usr/bin/python3 -I {_RECEIVER} {source.host} {declared.folder} {declared.budget_mb}"
+        kind, key = (device.ssh.host_key or "").split(" ")[:2]
+        lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {source.host}\n')
+    return (
+        File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {declared.folder} /bin/sh\n'),
+        File(_FOLDER, f"d {declared.folder} 0750 {USER} {USER} -\n"),
+        File(_KEYS, "".join(lines)),
+        File(_SSHD, _MATCH, validate=("sshd", "-t", "-f", "%s")),
+        File(_RECEIVER, environment().get_template("gateway/retrieval_receive.py").render()),
+    )
+
+
+def _computer(declaration: Declaration, name: str) -> ServerComputer:
+    device = declaration.hosts[name].device
+    assert isinstance(device, ServerComputer)  # noqa: S101 - the rules of the declaration have looked
+    return device
+
+
+def _key_file(device: ServerComputer) -> str:
+    kind = (device.ssh.host_key or "").split(" ", maxsplit=1)[0]
+    return f"/etc/ssh/ssh_host_{_HOST_KEYS.get(kind, 'ecdsa')}_key"
+
+
+def _key_check(host: Host) -> Check:
+    device = host.device
+    assert isinstance(device, ServerComputer)  # noqa: S101 - as above
+    key = (device.ssh.host_key or "").split(" ")[1]
+    return Check(
+        ("grep", "-qF", f" {key}", f"{_key_file(device)}.pub"),
+        "the SSH host key of this computer is not the declared one, so recordings cannot be retrieved",
+        f"write what its {_key_file(device)}.pub holds as `ssh.host_key` in host_vars/{host.name}.yml",
+    )

@@ -1,0 +1,433 @@
+"""Bring recordings from a gateway to the control centre: what it takes, what it costs, and how it stands.
+
+The transfer itself is the gateway's (`templates/gateway/retrieval.py`): it outlives the technician's connection. Here
+it is looked at, given a rate and a cap, begun, watched and ended. What the gateway says of a file it says after the
+control centre has read that file again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+import subprocess
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Final
+
+from atlantis_netcfg.bearers.cost import Bill, Preview, bill, preview, size
+from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
+from atlantis_netcfg.declaration.model import RetrievalPriority
+from atlantis_netcfg.gateway.retrieval import PROGRAM, source_of
+from atlantis_netcfg.operations.bearers import FAST_S, bearer_of
+from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.vpn.link import ssh_command
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from atlantis_netcfg.bearers.cost import MeteredLink
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer, RetrievalSource
+    from atlantis_netcfg.operations.request import Request
+
+SHARES: Final[Mapping[RetrievalPriority, float]] = {
+    RetrievalPriority.LOW: 0.2,
+    RetrievalPriority.NORMAL: 0.5,
+    RetrievalPriority.HIGH: 0.8,
+}
+"""Of the upward rate that the link is declared with."""
+WIRE: Final = 1.2
+"""As the gateway's program counts: headers of TCP, IP and the VPN, acknowledgements, some losses."""
+SILENCE_S: Final = 120
+"""How long a connection may be silent: a satellite is, for 70 s."""
+_CONNECTION: Final = 12_000
+"""Bytes of one SSH connection before its first file; there are three where nothing goes wrong."""
+_ROW: Final = 250
+"""Bytes that are said about a file, both ways."""
+_SPARE: Final = 1.25
+"""How much more than expected may be sent before the transfer ends by itself: connections that had to be made anew."""
+_ANSWER_S: Final = 300.0
+_NO_PROGRAM: Final = "can't open file"
+_STARTED: Final = ("sending", "waiting")
+
+
+class GatewayAway(DeviceFailed):
+    """The gateway was not reached, and nothing was changed there."""
+
+
+class BeginningUnknown(OutcomeUnknown):
+    """The gateway was told to begin, and its answer did not come."""
+
+
+class NotBegun(DeviceFailed):
+    """The gateway has said why it does not begin."""
+
+
+def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[RetrievalSource, Host]:
+    """The one source of a site, or the named one. Raises NothingMatched, UsageError."""
+    if declaration.pilot.retrieval is None:
+        raise NothingMatched(
+            "no recordings are declared to be retrieved",
+            hint="write `retrieval:` in group_vars/all/pilot.yml: docs/retrieve.md has an example",
+        )
+    if site not in declaration.sites:
+        near = nearest(site, declaration.sites)
+        listed = f"the sites are: {', '.join(declaration.sites)}"
+        raise UsageError(
+            f"`site={site}`: recordings are retrieved from one site at a time",
+            hint=f"did you mean `site={near}`? {listed}" if near else listed,
+        )
+    hosts = [host.name for host in declaration.site_hosts(site) if source_of(declaration, host.name) is not None]
+    if not hosts:
+        raise NothingMatched(
+            f"no recordings of {site} are declared to be retrieved",
+            hint="add a gateway of it to `retrieval.sources` in group_vars/all/pilot.yml",
+        )
+    if name is None and len(hosts) > 1:
+        raise UsageError(f"{site} has more than one source of recordings", hint=f"name one: `from={hosts[0]}`")
+    chosen = hosts[0] if name is None else name
+    source = source_of(declaration, chosen) if chosen in hosts else None
+    if source is None:
+        near = nearest(chosen, hosts)
+        listed = f"there are: {', '.join(hosts)}"
+        raise UsageError(
+            f"`from={chosen}`: no recordings of it are declared at {site}",
+            hint=f"did you mean `from={near}`? {listed}" if near else listed,
+        )
+    return source, declaration.hosts[chosen]
+
+
+@dataclass(frozen=True, slots=True)
+class RetrievalSelection:
+    """What a person chooses of a folder."""
+
+    pattern: str = "*"
+    again: bool = False
+    """Also compare what was retrieved before."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the gateway's program takes it."""
+        return {"pattern": self.pattern, "again": self.again}
+
+
+@dataclass(frozen=True, slots=True)
+class RetrievalPlan:
+    """What a transfer takes over the link in use, before it begins."""
+
+    link: MeteredLink
+    bearer: Bearer
+    priority: RetrievalPriority
+    look: Mapping[str, Any]
+    """What the gateway has seen in its folder."""
+    rtt_max_s: float | None
+    """An answer that takes longer comes over another link, which is paid by the byte; None: there is none such."""
+
+    @property
+    def files(self) -> int:
+        """How many are sent or compared."""
+        return int(self.look["files"])
+
+    @property
+    def rate_bps(self) -> int:
+        """The share of the declared rate."""
+        return round(SHARES[self.priority] * self.bearer.rate.up_kbps * 1000)
+
+    @property
+    def wire_bytes(self) -> int:
+        """What goes over the link, both ways."""
+        return round((int(self.look["bytes"]) + _ROW * self.files + 3 * _CONNECTION) * WIRE)
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes at least: the link has gaps, and others use it."""
+        return 8 * self.wire_bytes / self.rate_bps + 12 * self.bearer.rate.rtt_ms / 1000
+
+    @property
+    def cost(self) -> Preview:
+        """What it costs."""
+        return preview(self.wire_bytes, self.seconds, self.link)
+
+    @property
+    def cap_bytes(self) -> int | None:
+        """At what the transfer ends by itself; over a link that is free at nothing."""
+        if not self.link.metered:
+            return None
+        most = round(self.wire_bytes * _SPARE)
+        return most if self.link.cap_bytes is None else min(most, self.link.cap_bytes)
+
+    def job(self, selection: RetrievalSelection, number: str) -> dict[str, Any]:
+        """What the gateway is told to do."""
+        return {
+            **selection.as_dict(),
+            "before": self.look["before"],
+            "agreed_bytes": self.look["bytes"],
+            "id": number,
+            "link": self.link.name,
+            "rate_bps": self.rate_bps,
+            "cap_bytes": self.cap_bytes,
+            "silence_s": SILENCE_S,
+            "rtt_max_s": self.rtt_max_s,
+        }
+
+    def lines(self) -> list[str]:
+        """What a person reads before it begins."""
+        rate = f"{self.rate_bps / 1000:.0f} kbit/s"
+        share = f"{SHARES[self.priority]:.0%}".replace("%", " %")
+        return [
+            f"{_files(self.files)} to send, {size(int(self.look['bytes']))}",
+            *left_out(self.look),
+            f"{self.cost.words}, in {duration(self.seconds)} at least",
+            f"at {rate}: priority {self.priority.value} takes {share} of what {self.link.name} is declared with",
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data."""
+        seen = {name: self.look[name] for name in ("files", "bytes", "compared", "kept", "writing", "unnamed")}
+        return {**seen, "rate_bps": self.rate_bps, "seconds": round(self.seconds), "cost": self.cost.as_dict()}
+
+
+def plan(declaration: Declaration, source: RetrievalSource, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
+    """Pure. `link` is the one that carries the traffic of the source's site."""
+    site = declaration.hosts[source.host].site
+    bearers = declaration.sites[site].bearers
+    bearer = next(each for each in bearers if each.name == link)
+    slower = [
+        other.rate.rtt_ms
+        for other in bearers
+        if other.name != link and other.metered and other.rate.rtt_ms > _APART * bearer.rate.rtt_ms
+    ]
+    between = math.sqrt(bearer.rate.rtt_ms * min(slower)) / 1000 if slower else None
+    return RetrievalPlan(link_of(declaration, site, link), bearer, source.priority, look, between)
+
+
+_APART: Final = 3
+"""By how much the round trips of two links differ that can be told apart by them."""
+
+
+@dataclass(frozen=True, slots=True)
+class RetrievalStatus:
+    """How a transfer stands, as its gateway has told it."""
+
+    answer: Mapping[str, Any]
+    link: MeteredLink | None
+    """None: there was no transfer, or its link is declared no more."""
+
+    @property
+    def state(self) -> str:
+        """`none`, `sending`, `waiting`, `done`, `failed`, `spent`, `stopped`; `lost`: it has ended without a word."""
+        state = str(self.answer["state"])
+        return "lost" if state in _STARTED and not self.runs else state
+
+    @property
+    def runs(self) -> bool:
+        """Whether it goes on."""
+        return bool(self.answer["running"] or self.answer["job"])
+
+    @property
+    def left(self) -> Mapping[str, Sequence[str]]:
+        """Files that were not retrieved, by the reason."""
+        return {name: paths for name, paths in self.answer.get("left", {}).items() if paths}
+
+    @property
+    def whole(self) -> bool:
+        """Whether every file of it was read again at the control centre and found the same."""
+        return self.state == "done" and not self.left and self.answer.get("arrived") == self.answer.get("files")
+
+    @property
+    def spent(self) -> Bill:
+        """What it has cost so far."""
+        seconds = max(0.0, self.answer.get("at", 0) - self.answer.get("since", 0))
+        tariff = self.link.tariff if self.link is not None and self.link.metered else None
+        return bill(int(self.answer["wire_bytes"]), seconds, tariff)
+
+    @property
+    def exit(self) -> ExitCode:
+        """Nothing but a whole transfer is green."""
+        if self.whole:
+            return ExitCode.DONE
+        if self.state == "none":
+            return ExitCode.NOTHING
+        return ExitCode.CHECKS_FAILED if self.runs or self.state == "done" else ExitCode.FAILED
+
+    def progress(self) -> str:
+        """One line while it goes on."""
+        wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
+        over = f" over {self.answer['link']}" if "link" in self.answer else ""
+        cost = f", {self.spent.money}" if self.link is not None and self.link.metered else ""
+        of = f"{self.answer.get('arrived', 0)} of {_files(files)} whole, {wire} sent{over}{cost}"
+        return f"waits for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
+
+    def lines(self, site: str) -> list[str]:
+        """What a person reads of it."""
+        again = f"`provision retrieve site={site}` goes on, and sends nothing twice"
+        closing = {
+            "none": ["nothing has been retrieved from here yet"],
+            "sending": [f"it goes on: {self.progress()}"],
+            "waiting": [self.progress()],
+            "stopped": ["it was stopped; what has arrived stays at the control centre", again],
+            "spent": ["it has ended by itself: it has sent as much as was agreed to", again],
+            "failed": [f"it has failed: {self.answer.get('why') or 'files are not the same at both ends'}", again],
+            "lost": ["it has ended without a word: the gateway was switched off, or its program has failed", again],
+        }
+        if self.state != "done":
+            return [*closing[self.state], *self._left_lines()]
+        arrived = int(self.answer.get("arrived", 0))
+        cost = self.spent.words if self.link is not None and self.link.metered else size(self.spent.payload_bytes)
+        same = f"{_files(arrived)}: the same SHA-256 at both ends"
+        return [same, *self._left_lines(), f"{cost} over {self.answer['link']}"]
+
+    def _left_lines(self) -> list[str]:
+        words = {
+            "changed": "changed while it was sent: type the same again when it is written to no more",
+            "gone": "is there no more",
+            "differ": "is not the same at the control centre, though it was sent again: look at both disks",
+        }
+        lost = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
+        return [*lost, *(f"{path}: {words[name]}" for name, paths in self.left.items() for path in paths)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON-able data."""
+        names = ("id", "link", "files", "bytes", "arrived", "tries", "why", "lost")
+        return {
+            "state": self.state,
+            "runs": self.runs,
+            "whole": self.whole,
+            "left": dict(self.left),
+            "spent": self.spent.as_dict(),
+            **{name: self.answer[name] for name in names if name in self.answer},
+        }
+
+
+class RetrievalProgram:
+    """The program of a gateway, asked by SSH."""
+
+    def __init__(self, declaration: Declaration, host: Host, request: Request) -> None:
+        self._declaration, self._host = declaration, host
+        self._access = computer_access(declaration, host, request)
+        self.slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
+
+    def look(self, selection: RetrievalSelection) -> dict[str, Any]:
+        """What there is to send. Raises GatewayAway, DeviceFailed."""
+        seen = self._ask("look", selection.as_dict())
+        if not seen["folder"]:
+            raise DeviceFailed(
+                f"{self._host.name} has no such folder: {seen['place']}",
+                hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
+            )
+        return seen
+
+    def start(self, job: Mapping[str, Any]) -> None:
+        """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
+        name = self._host.name
+        try:
+            answer = self._ask("start", job)
+        except GatewayAway as error:
+            raise BeginningUnknown(
+                f"whether {name} has begun is not known: {error}", hint=shown_by(self._host)
+            ) from None
+        if (why := answer.get("error")) is None:
+            return
+        words = {
+            "running": "a transfer goes on there already",
+            "more": "there is more to send now than was looked at",
+            "nothing": "there is nothing to send any more",
+            "unit": f"its unit does not start: {answer.get('why')}",
+        }
+        hint = shown_by(self._host) if why == "running" else "type the same again"
+        raise NotBegun(f"{name} does not begin: {words[why]}", hint=hint)
+
+    def status(self) -> RetrievalStatus:
+        """How it stands. Raises GatewayAway."""
+        return self._status(self._ask("status", {}))
+
+    def stop(self) -> RetrievalStatus:
+        """End it, and say how it stands. Raises GatewayAway, DeviceFailed."""
+        answer = self._ask("stop", {})
+        if "error" in answer:
+            raise DeviceFailed(f"{self._host.name} does not stop: {answer.get('why')}", hint="type the same again")
+        return self._status(answer)
+
+    def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
+        links = {bearer.name for bearer in self._declaration.sites[self._host.site].bearers}
+        name = answer.get("link")
+        return RetrievalStatus(
+            answer, link_of(self._declaration, self._host.site, str(name)) if name in links else None
+        )
+
+    def _ask(self, verb: str, values: Mapping[str, Any]) -> dict[str, Any]:
+        name = self._host.name
+        command = f"python3 -I {PROGRAM} {verb}"
+        if self._access["become"]:
+            command = f"sudo -H -n sh -c {shlex.quote(command)}"
+        words = [*ssh_command(self._access), command]
+        try:
+            done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
+                words, input=json.dumps(values), capture_output=True, text=True, timeout=_ANSWER_S, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise GatewayAway(f"{name} did not answer within {_ANSWER_S:.0f} s", hint="type the same again") from None
+        except OSError as error:
+            raise GatewayAway(f"{name} was not reached: {error}", hint="install OpenSSH's client") from None
+        if done.returncode:
+            raise self._failure(done.stderr)
+        try:
+            answer: dict[str, Any] = json.loads(done.stdout.strip().rpartition("\n")[2])
+        except ValueError:
+            raise GatewayAway(f"the answer of {name} did not come whole", hint="type the same again") from None
+        return answer
+
+    def _failure(self, text: str) -> DeviceFailed:
+        name = self._host.name
+        if _NO_PROGRAM in text or "are declared" in text:
+            retrieval = self._declaration.pilot.retrieval
+            centre = self._host if retrieval is None else self._declaration.hosts[retrieval.to]
+            return DeviceFailed(
+                f"{name} has not been set up for this",
+                hint=f"type `provision site={self._host.site} only={name}`, and `provision site={centre.site} "
+                f"only={centre.name}`",
+            )
+        if (trouble := key_trouble(name, text)) is not None:
+            return GatewayAway(f"{name} was not reached: {trouble[0]}", hint=trouble[1])
+        last = text.strip().rpartition("\n")[2] or "ssh said nothing"
+        return GatewayAway(
+            f"{name} was not reached: {last}", hint="look at its power and at your way to it, then type the same again"
+        )
+
+
+def shown_by(host: Host) -> str:
+    """The hint for whoever does not see how it goes on."""
+    return f"`provision retrieve site={host.site} from={host.name} status` shows it, `stop` in its place ends it"
+
+
+def new_number() -> str:
+    """The name of a transfer: when it was begun."""
+    return datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+
+
+def duration(seconds: float) -> str:
+    """A time for a person: `40 s`, `12 min`, `3 h 20 min`."""
+    if seconds < _LONG_S:
+        return f"{max(1, math.ceil(seconds))} s"
+    minutes = math.ceil(seconds / 60)
+    hours, rest = divmod(minutes, 60)
+    return f"{minutes} min" if not hours else f"{hours} h {rest} min"
+
+
+_LONG_S: Final = 120
+
+
+def _files(count: int) -> str:
+    return f"{count} file" if count == 1 else f"{count} files"
+
+
+def left_out(look: Mapping[str, Any]) -> list[str]:
+    """What is not sent, and why."""
+    words = (
+        ("compared", "{} of them retrieved before, to be compared again"),
+        ("kept", "{} retrieved before"),
+        ("writing", "{} left out: written to less than a minute ago"),
+        ("unnamed", "{} left out: the name is no printable text"),
+    )
+    return [text.format(_files(look[name])) for name, text in words if look.get(name)]

@@ -1,0 +1,143 @@
+"""A gateway and a control centre with real sshd and rsync, on a link that is cut at will; what the role lays down.
+
+Their addresses in the VPN stand on the cable itself: the tunnel is not what is tried here. The role itself is run twice
+in `test_retrieval_role.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from gateway_stand import SHIPPED
+
+from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
+from atlantis_netcfg.gateway.retrieval import PROGRAM, SERVICE, retrieval
+
+if TYPE_CHECKING:
+    from gateway_stand import Start
+
+    from atlantis_netcfg.declaration import Declaration
+    from atlantis_netcfg.emulator.lab import Lab, Machine
+
+GATEWAY, CENTRE = "coastal-gateway", "scc-control"
+FOLDER, KEPT = "/var/lib/svc-recording", f"/srv/recordings/{GATEWAY}"
+DECLARED = Retrieval.model_validate({"to": CENTRE, "budget_mb": 100, "sources": [{"host": GATEWAY}]})
+QUICK_S = 4
+"""In the place of 120 s: how long a connection may be silent."""
+MB = 1_000_000
+
+
+def declared(host_keys: dict[str, str]) -> Declaration:
+    """The shipped pilot with a retrieval and these host keys."""
+    hosts = dict(SHIPPED.hosts)
+    for name, key in host_keys.items():
+        device = hosts[name].device
+        assert isinstance(device, ServerComputer)
+        ssh = device.ssh.model_copy(update={"host_key": key.strip()})
+        hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh}))
+    return replace(SHIPPED, hosts=hosts, pilot=SHIPPED.pilot.model_copy(update={"retrieval": DECLARED}))
+
+
+@dataclass
+class Ends:
+    """Both ends of a transfer."""
+
+    lab: Lab
+    gateway: Machine
+    centre: Machine
+    declaration: Declaration
+
+    def ask(self, verb: str, **values: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+        """Ask the gateway's program as the toolkit does, without the SSH before it."""
+        done = self.gateway.run(f"python3 -I {PROGRAM} {verb}", input=json.dumps(values))
+        answer: dict[str, Any] = json.loads(done.stdout)
+        return answer
+
+    def start(
+        self,
+        *,
+        rate_bps: int = 80 * MB,
+        cap: int | None = None,
+        rtt_max_s: float | None = None,
+        silence_s: int = QUICK_S,
+        **how: Any,  # noqa: ANN401 - JSON
+    ) -> dict[str, Any]:
+        """Look, and begin; `how` is what looks."""
+        look = self.ask("look", **{"pattern": "*", "again": False, **how})
+        job = {
+            "id": "r1",
+            "link": "lan",
+            "rate_bps": rate_bps,
+            "cap_bytes": cap,
+            "silence_s": silence_s,
+            "rtt_max_s": rtt_max_s,
+        }
+        wish = {"pattern": "*", "again": False, **how, "before": look["before"], "agreed_bytes": look["bytes"], **job}
+        assert self.ask("start", **wish) == {"started": True}
+        return look
+
+    def ended(self, timeout_s: float = 60) -> dict[str, Any]:
+        """How it has ended."""
+        return self.until(lambda told: not told["running"] and not told["job"], timeout_s)
+
+    def until(self, holds: Any, timeout_s: float = 60) -> dict[str, Any]:  # noqa: ANN401 - a test of an answer
+        """What is told once it is so."""
+        end = time.monotonic() + timeout_s
+        while not holds(told := self.ask("status")):
+            journal = self.gateway.run(f"journalctl --no-pager -qu {SERVICE} | tail -20").stdout
+            assert time.monotonic() < end, f"{told}\n{journal}"
+            time.sleep(0.2)
+        return told
+
+    def cut(self, *, up: bool = False) -> None:
+        """Take the cable of the control centre away, or give it back; no end is told."""
+        port = f"{self.centre._unique.rpartition('-')[2]}-0"
+        self.lab.command(("ip", "link", "set", port, "up" if up else "down"))
+
+    def log_in(self, *words: str) -> tuple[int, str]:
+        """Try something else with the gateway's key; give the exit code and what was printed."""
+        options = "-o BatchMode=yes -o StrictHostKeyChecking=no -o UserKnownHostsFile=/dev/null -o ConnectTimeout=5"
+        command = f"ssh -F none -i /etc/ssh/ssh_host_ed25519_key {options} {' '.join(words)} < /dev/null"
+        done = self.gateway.run(command, check=False)
+        return done.returncode, done.stdout
+
+    def sent(self) -> int:
+        """Bytes that the gateway has sent over its interface."""
+        return int(self.gateway.run("cat /sys/class/net/eth0/statistics/tx_bytes").stdout)
+
+    def record(self, name: str, size: int, *, age_s: int = 600) -> None:
+        """Write a recording that is noise, some time ago."""
+        path = f"{FOLDER}/{name}"
+        self.gateway.run(
+            f"mkdir -p $(dirname {path}) && head -c {size} /dev/urandom > {path} && touch -d '-{age_s} seconds' {path}"
+        )
+
+    def digests(self, machine: Machine, folder: str) -> dict[str, str]:
+        """SHA-256 of all files of a folder, by a program that is not ours."""
+        lines = machine.run(f"cd {folder} && find . -type f -exec sha256sum {{}} +").stdout.splitlines()
+        return {path.removeprefix("./"): digest for digest, path in (line.split(maxsplit=1) for line in lines)}
+
+
+def ends(lab: Lab, machine: Start) -> Ends:
+    """Start both, with what the role lays down on them."""
+    places = {name: machine(name) for name in (GATEWAY, CENTRE)}
+    declaration = declared({name: place.host_key for name, place in places.items()})
+    made = Ends(lab, places[GATEWAY], places[CENTRE], declaration)
+    for name, place in places.items():
+        device = declaration.hosts[name].device
+        assert isinstance(device, ServerComputer)
+        place.run(f"ip address add {device.vpn_address}/16 dev eth0; mkdir -p /etc/atlantis {FOLDER}")
+        configuration = retrieval(declaration, declaration.hosts[name])
+        for file in configuration.files:
+            place.put(file.path, file.content, mode=file.mode)
+        place.run("systemctl daemon-reload")
+        for unit in configuration.units:
+            place.run(f"systemctl enable {unit.name}")
+        for step in configuration.steps:
+            place.run(" ".join(f"'{word}'" for word in step.run))
+        for check in configuration.checks:
+            place.run(" ".join(f"'{word}'" for word in check.run))
+    return made

@@ -1,0 +1,44 @@
+"""The two programs of a retrieval as modules, and the shipped pilot with one declared."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Retrieval, ServerComputer
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from atlantis_netcfg.declaration import Declaration
+
+ROOT = Path(__file__).parents[3]
+SHIPPED = load(ROOT / "inventory")
+GATEWAY, CENTRE = "coastal-gateway", "scc-control"
+KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIOzMkrV3HHY+skvjB+3Dgsy6+gi2Qp9FkJyNvsHCouP1"
+
+
+def program(name: str) -> ModuleType:
+    """`retrieval` or `retrieval_receive`, freshly imported."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"templates/gateway/{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
+def with_retrieval(**values: Any) -> Declaration:  # noqa: ANN401 - of the model
+    """From the coastal gateway to the control centre; both have the same host key here."""
+    declared = {"to": CENTRE, "budget_mb": 1000, "sources": [{"host": GATEWAY}]} | values
+    hosts = dict(SHIPPED.hosts)
+    for name in (GATEWAY, CENTRE):
+        device = hosts[name].device
+        assert isinstance(device, ServerComputer)
+        ssh = device.ssh.model_copy(update={"host_key": KEY})
+        hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh}))
+    pilot = SHIPPED.pilot.model_copy(update={"retrieval": Retrieval.model_validate(declared)})
+    return replace(SHIPPED, hosts=hosts, pilot=pilot)

@@ -1,0 +1,245 @@
+"""`provision retrieve` as it is typed, with a stand-in for ssh that answers in the place of the gateway."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hints_said import advised, said
+from retrieval_programs import CENTRE, GATEWAY, with_retrieval
+
+from atlantis_netcfg.cli import _session, links, main
+from atlantis_netcfg.core.errors import ExitCode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.cli._arguments import Arguments
+
+SSH = """\
+#!/bin/sh
+for word in "$@"; do last="$word"; done
+verb="${last##* }"
+echo "$last" >> "$STAND_IN/typed"
+cat > "$STAND_IN/asked-$verb"
+[ -e "$STAND_IN/$verb" ] || { cat "$STAND_IN/error" >&2; exit 2; }
+cat "$STAND_IN/$verb"
+"""
+LOOK = {
+    "files": 3,
+    "bytes": 200_000,
+    "compared": 0,
+    "kept": 1,
+    "writing": 1,
+    "unnamed": 0,
+    "before": 1.0,
+    "folder": True,
+    "place": "/var/lib/svc-recording",
+    "running": False,
+}
+STATUS = {
+    "state": "done",
+    "id": "r1",
+    "link": "4g",
+    "files": 3,
+    "bytes": 200_000,
+    "arrived": 3,
+    "wire_bytes": 260_000,
+    "running": False,
+    "job": False,
+    "since": 1000.0,
+    "at": 1100.0,
+    "left": {"changed": [], "gone": [], "differ": []},
+}
+GOES_ON = {**STATUS, "state": "sending", "arrived": 1, "running": True, "job": True}
+
+
+class Desk:
+    """Somebody who types, and a gateway that answers as it is told."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder, self.capsys, self.monkeypatch = folder, capsys, monkeypatch
+
+    def answers(self, **values: Any) -> None:  # noqa: ANN401 - JSON
+        """By verb; None: it fails, and `error` is what it prints."""
+        for verb, value in values.items():
+            path = self.folder / verb
+            if value is None:
+                path.unlink(missing_ok=True)
+            else:
+                path.write_text(value if verb == "error" else json.dumps(value))
+
+    def type(self, *words: str, code: int = 0) -> str:
+        ended = main(["retrieve", "site=coastal", *words])
+        printed = self.capsys.readouterr()
+        assert ended == code, f"exit {ended}\n{printed.out}{printed.err}"
+        return printed.out + printed.err
+
+    def verbs(self) -> list[str]:
+        """What the gateway was asked."""
+        path = self.folder / "typed"
+        return [line.rpartition(" ")[2] for line in path.read_text().splitlines()] if path.exists() else []
+
+    def job(self) -> dict[str, Any]:
+        """What the gateway was told to do."""
+        job: dict[str, Any] = json.loads((self.folder / "asked-start").read_text())
+        return job
+
+
+@pytest.fixture
+def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
+    declared = with_retrieval()
+    real = replace(declared, pilot=declared.pilot.model_copy(update={"example_values": False}))
+    monkeypatch.setattr(_session, "load", lambda *_, **__: real)
+    programs, answers = tmp_path / "bin", tmp_path / "answers"
+    for folder in (programs, answers):
+        folder.mkdir()
+    (programs / "ssh").write_text(SSH)
+    (programs / "ssh").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:/usr/bin:/bin")
+    monkeypatch.setenv("STAND_IN", str(answers))
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("ANSIBLE_SSH_CONTROL_PATH_DIR", str(tmp_path / "cp"))
+    made = Desk(answers, capsys, monkeypatch)
+    made.answers(look=LOOK, start={"started": True}, status=STATUS, stop={**GOES_ON, "state": "stopped"}, error="")
+    return made
+
+
+def in_use(desk: Desk, *names: str) -> None:
+    """What the router says of its links."""
+    status = SimpleNamespace(bearers=[SimpleNamespace(name=name, active=True) for name in names])
+    desk.monkeypatch.setattr(links, "seen", lambda _opened: status)
+
+
+def test_a_plan_says_what_it_takes_and_sends_nothing(desk: Desk) -> None:
+    printed = desk.type("link=satellite", "--plan", code=2)
+    for words in (
+        "3 files to send, 200 kB",
+        "1 file left out: written to less than a minute ago",
+        "over satellite of coastal, which is paid by the byte: about 284 kB",
+        "EUR",
+        "priority low takes 20 % of what satellite is declared with",
+    ):
+        assert words in printed
+    assert desk.verbs() == ["look"]
+
+
+def test_over_a_metered_link_nothing_is_sent_without_consent_nor_beyond_the_cap(desk: Desk) -> None:
+    assert "nobody has agreed to pay for this" in desk.type("link=satellite", code=4)
+    desk.answers(look={**LOOK, "bytes": 10**10})
+    assert "no action may send more than" in desk.type("link=satellite", "--accept-cost", code=4)
+    assert "start" not in desk.verbs()
+
+
+def test_it_goes_over_the_link_that_the_router_says_and_is_whole_when_the_gateway_says_so(desk: Desk) -> None:
+    in_use(desk, "4g")
+    printed = desk.type("files=bag-*", "--accept-cost")
+    assert "3 files: the same SHA-256 at both ends" in printed
+    job = desk.job()
+    assert (job["link"], job["pattern"], job["agreed_bytes"], job["silence_s"]) == ("4g", "bag-*", 200_000, 120)
+    assert job["cap_bytes"] is not None
+    assert job["rtt_max_s"] is not None, "a satellite is slower and dearer"
+    assert desk.verbs() == ["look", "start", "status"]
+
+
+def test_whatever_is_not_whole_is_not_green(desk: Desk) -> None:
+    in_use(desk, "wifi-ptp")
+    desk.answers(status={**STATUS, "arrived": 2, "left": {"changed": ["bag/a"], "gone": [], "differ": []}})
+    assert "bag/a: changed while it was sent" in desk.type(code=6)
+    desk.answers(status={**STATUS, "state": "failed", "why": "no room: 12 bytes are missing"})
+    assert "no room: 12 bytes are missing" in desk.type(code=4)
+    assert json.loads(desk.type("--json", code=4))["whole"] is False
+
+
+def test_whoever_stops_watching_does_not_stop_the_transfer(desk: Desk) -> None:
+    def stop(_seconds: float) -> None:
+        raise KeyboardInterrupt
+
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", stop)
+    desk.answers(status=GOES_ON)
+    printed = desk.type("link=wifi-ptp", code=5)
+    assert f"nobody watches any more; {GATEWAY} goes on sending by itself" in printed
+    assert "stop" not in desk.verbs()
+
+
+def test_a_gateway_that_is_not_reached_meanwhile_is_waited_for(desk: Desk) -> None:
+    desk.answers(status=None, error="ssh: connect to host 10.64.1.10 port 22: Connection timed out")
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.retrieve._pause", lambda _seconds: desk.answers(status=STATUS))
+    assert "the same SHA-256" in desk.type("link=wifi-ptp")
+    assert desk.verbs()[-2:] == ["status", "status"]
+
+
+def test_how_it_stands_and_its_end(desk: Desk) -> None:
+    assert "3 files: the same SHA-256 at both ends" in desk.type("status")
+    assert "nothing goes on" in desk.type("stop", code=7)
+    desk.answers(status=GOES_ON, stop={**GOES_ON, "state": "stopped", "running": False, "job": False})
+    assert "it goes on: 1 of 3 files whole, 260 kB sent over 4g" in desk.type("status", code=6)
+    assert "it was stopped; what has arrived stays" in desk.type("stop")
+    assert "it takes no `files=`" in desk.type("files=a", "stop", code=3)
+
+
+def test_nothing_to_send_is_done_only_where_all_was_retrieved(desk: Desk) -> None:
+    nothing = {**LOOK, "files": 0, "bytes": 0}
+    desk.answers(look={**nothing, "writing": 0})
+    assert "nothing to send" in desk.type("link=4g")
+    desk.answers(look=nothing)
+    assert "no file to send" in desk.type("link=4g", code=7)
+    desk.answers(look={**nothing, "kept": 0, "writing": 0})
+    assert "no file to send" in desk.type("link=4g", code=7)
+    desk.answers(look={**nothing, "folder": False})
+    assert f"{GATEWAY} has no such folder: /var/lib/svc-recording" in desk.type("link=4g", code=4)
+
+
+SHOWN = "`provision retrieve site={} from={} status` shows it, `stop` in its place ends it"
+
+
+def not_begun(desk: Desk) -> str:
+    desk.answers(start={"error": "running"})
+    return desk.type("link=wifi-ptp", code=4)
+
+
+def not_known(desk: Desk) -> str:
+    in_use(desk)
+    return desk.type(code=4)
+
+
+def stopped(desk: Desk) -> str:
+    desk.answers(status={**STATUS, "state": "stopped"})
+    return desk.type("status", code=4)
+
+
+def not_set_up(desk: Desk) -> str:
+    desk.answers(look=None, error="python3: can't open file '/usr/local/lib/atlantis/retrieval.py'")
+    printed = desk.type("link=wifi-ptp", code=4)
+    assert f"only={CENTRE}" in printed
+    return printed
+
+
+ADVICE = {
+    SHOWN: not_begun,
+    "`provision links site={}` shows more; or name it: `link=NAME`": not_known,
+    "`provision retrieve site={}` goes on, and sends nothing twice": stopped,
+    "type `provision site={} only={}`, and `provision site={} only={}`": not_set_up,
+}
+
+
+@pytest.mark.parametrize("hint", ADVICE)
+def test_what_is_advised_is_typed(desk: Desk, hint: str) -> None:
+    """Of commands about routers and roles it is held that they take these words; their devices are nowhere."""
+    commands = advised(said(ADVICE[hint](desk), hint))
+    desk.answers(look=LOOK, start={"started": True}, status=STATUS)
+    in_use(desk, "wifi-ptp")
+    reached: list[str] = []
+
+    def reach(arguments: Arguments) -> ExitCode:
+        reached.append(arguments.command.name)
+        return ExitCode.DONE
+
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.links.run_links", reach)
+    desk.monkeypatch.setattr("atlantis_netcfg.cli.runs.run_site", reach)
+    assert [main(words) for words in commands] == [0] * len(commands)
+    assert commands
+    assert len(reached) == sum(words[0] != "retrieve" for words in commands)

@@ -1,0 +1,125 @@
+"""What a transfer takes and costs before it begins, how it stands, and how a command ends by that."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from retrieval_programs import GATEWAY, SHIPPED, with_retrieval
+
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.declaration.model import RetrievalPriority
+from atlantis_netcfg.operations.costs import link_of
+from atlantis_netcfg.operations.retrieve import (
+    SHARES,
+    RetrievalPlan,
+    RetrievalSelection,
+    RetrievalStatus,
+    duration,
+    plan,
+    source_at,
+)
+
+LOOK = {"files": 4, "bytes": 10_000_000, "compared": 0, "kept": 2, "writing": 1, "unnamed": 0, "before": 1.0}
+TOLD = {
+    "state": "done",
+    "id": "20261126T024000Z",
+    "link": "satellite",
+    "files": 2,
+    "bytes": 1_000_000,
+    "arrived": 2,
+    "running": False,
+    "job": False,
+    "wire_bytes": 1_200_000,
+    "since": 1000.0,
+    "at": 1600.0,
+}
+DECLARED = with_retrieval()
+
+
+def planned(link: str, priority: str = "low", **look: Any) -> RetrievalPlan:  # noqa: ANN401 - of a look
+    declaration = with_retrieval(sources=[{"host": GATEWAY, "priority": priority}])
+    return plan(declaration, source_at(declaration, "coastal", None)[0], link, {**LOOK, **look})
+
+
+def status(over: str = "satellite", **told: Any) -> RetrievalStatus:  # noqa: ANN401 - of a gateway
+    return RetrievalStatus({**TOLD, **told}, link_of(SHIPPED, "coastal", over))
+
+
+@pytest.mark.parametrize("priority", list(RetrievalPriority))
+def test_the_rate_is_the_share_of_the_declared_upward_rate(priority: RetrievalPriority) -> None:
+    made = planned("satellite", priority.value)
+    assert made.rate_bps == round(SHARES[priority] * made.bearer.rate.up_kbps * 1000)
+    assert made.seconds >= 8 * made.wire_bytes / made.rate_bps
+
+
+def test_what_is_told_of_the_cost_is_that_of_the_wire_and_the_job_is_bound_by_it() -> None:
+    made = planned("satellite")
+    assert made.cost.bill.payload_bytes == made.wire_bytes > 1.2 * LOOK["bytes"]
+    job = made.job(RetrievalSelection("bag-*"), "number")
+    link = link_of(SHIPPED, "coastal", "satellite")
+    assert link.cap_bytes is not None
+    assert job["cap_bytes"] == min(round(made.wire_bytes * 1.25), link.cap_bytes)
+    assert (job["pattern"], job["agreed_bytes"], job["silence_s"]) == ("bag-*", 10_000_000, 120)
+    assert planned("satellite", bytes=10**12).cost.over_cap
+
+
+def test_over_a_free_link_answers_as_slow_as_those_of_a_dear_one_stop_it() -> None:
+    free, dear = planned("wifi-ptp"), planned("satellite")
+    assert free.cap_bytes is None
+    slowest = dear.bearer.rate.rtt_ms / 1000
+    assert free.rtt_max_s is not None
+    assert free.bearer.rate.rtt_ms / 1000 < free.rtt_max_s < slowest
+    assert dear.rtt_max_s is None, "nothing is dearer and slower than a satellite"
+
+
+def test_only_what_is_the_same_at_both_ends_is_green() -> None:
+    assert (status().whole, status().exit) == (True, ExitCode.DONE)
+    assert status().lines("coastal")[0] == "2 files: the same SHA-256 at both ends"
+    for told, code in (
+        ({"state": "sending", "running": True}, ExitCode.CHECKS_FAILED),
+        ({"state": "waiting", "running": True, "why": "…"}, ExitCode.CHECKS_FAILED),
+        ({"left": {"changed": ["bag/a"], "gone": [], "differ": []}, "arrived": 1}, ExitCode.CHECKS_FAILED),
+        ({"arrived": 1}, ExitCode.CHECKS_FAILED),
+        ({"state": "failed", "left": {"differ": ["bag/a"]}}, ExitCode.FAILED),
+        ({"state": "spent"}, ExitCode.FAILED),
+        ({"state": "stopped"}, ExitCode.FAILED),
+        ({"state": "sending"}, ExitCode.FAILED),
+        ({"state": "none"}, ExitCode.NOTHING),
+    ):
+        found = status(**told)
+        assert (found.whole, found.exit) == (False, code), told
+        assert found.lines("coastal"), told
+
+
+def test_one_that_has_ended_without_a_word_says_so() -> None:
+    assert status(state="sending").state == "lost"
+    assert "without a word" in status(state="sending").lines("coastal")[0]
+    assert status(state="sending", job=True).state == "sending", "its unit begins again"
+
+
+def test_what_it_has_cost_is_told_while_it_goes_on_and_at_its_end() -> None:
+    on = status(state="sending", running=True, arrived=0)
+    assert on.progress() == f"0 of 2 files whole, 1.2 MB sent over satellite, {on.spent.money}"
+    assert "EUR" in on.spent.money
+    assert status().lines("coastal")[-1] == f"{status().spent.words} over satellite"
+    assert "EUR" not in status("wifi-ptp", link="wifi-ptp").lines("coastal")[-1]
+
+
+def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
+    assert source_at(DECLARED, "coastal", None)[1].name == source_at(DECLARED, "coastal", GATEWAY)[1].name == GATEWAY
+    with pytest.raises(UsageError, match="no recordings of it are declared") as near:
+        source_at(DECLARED, "coastal", "coastal-gatway")
+    assert near.value.hint is not None
+    assert "from=coastal-gateway" in near.value.hint
+    with pytest.raises(UsageError, match="one site at a time"):
+        source_at(DECLARED, "all", None)
+    with pytest.raises(NothingMatched, match="no recordings of te4sea"):
+        source_at(DECLARED, "te4sea", None)
+    with pytest.raises(NothingMatched, match="no recordings are declared"):
+        source_at(SHIPPED, "coastal", None)
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (119, "119 s"), (120, "2 min"), (12_000, "3 h 20 min")])
+def test_a_time_is_told_as_people_say_it(seconds: float, text: str) -> None:
+    assert duration(seconds) == text

@@ -1,0 +1,95 @@
+"""What a gateway may do at the control centre: the words that are admitted, the paths, and what is said of a file."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from retrieval_programs import program
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+RECEIVER = program("retrieval_receive")
+DATA = b"bag" * 1000
+
+
+def row(path: str, data: bytes = DATA) -> list[Any]:
+    return [path, len(data), hashlib.sha256(data).hexdigest()]
+
+
+@pytest.fixture
+def receiver(tmp_path: Path) -> Any:  # noqa: ANN401 - a program, no module of ours
+    return RECEIVER.Receiver("coastal-gateway", tmp_path / "recordings", 1_000_000)
+
+
+def lay(folder: Path, path: str, data: bytes) -> Path:
+    place: Path = folder / path
+    place.parent.mkdir(parents=True, exist_ok=True)
+    place.write_bytes(data)
+    return place
+
+
+def test_a_file_gets_its_name_when_it_was_read_again_and_is_the_same(receiver: Any) -> None:  # noqa: ANN401 - as above
+    assert receiver.have([row("bag/a")])["answers"] == ["missing"]
+    lay(receiver.incoming, "bag/a", DATA[:50])
+    assert receiver.have([row("bag/a")])["answers"] == ["partial"]
+    assert receiver.keep([row("bag/a")])["answers"] == ["differs"]
+    assert not (receiver.kept / "bag/a").exists(), "half a file has no name there"
+    lay(receiver.incoming, "bag/a", DATA)
+    assert receiver.have([row("bag/a")])["answers"] == ["partial"], "whole, and not yet kept"
+    assert receiver.keep([row("bag/a")])["answers"] == ["kept"]
+    assert (receiver.kept / "bag/a").read_bytes() == DATA
+    assert not (receiver.incoming / "bag").exists()
+    assert receiver.keep([row("bag/a")])["answers"] == receiver.have([row("bag/a")])["answers"] == ["kept"]
+
+
+def test_a_file_that_was_spoilt_later_is_found_and_mended_from_a_copy(receiver: Any) -> None:  # noqa: ANN401 - as above
+    spoilt = b"X" + DATA[1:]
+    kept = lay(receiver.kept, "bag/a", spoilt)
+    assert receiver.have([row("bag/a")])["answers"] == ["differs"]
+    assert (receiver.incoming / "bag/a").read_bytes() == spoilt, "what is right of it need not come again"
+    assert kept.read_bytes() == spoilt
+    lay(receiver.incoming, "bag/a", DATA)
+    assert receiver.keep([row("bag/a")])["answers"] == ["kept"]
+    assert kept.read_bytes() == DATA
+
+
+def test_the_room_is_what_the_budget_leaves(receiver: Any) -> None:  # noqa: ANN401 - as above
+    lay(receiver.kept, "a", b"1" * 600_000)
+    lay(receiver.folder, "another-gateway/b", b"1" * 300_000)
+    assert receiver.have([])["room"] == 100_000
+    lay(receiver.kept, "c", b"1" * 200_000)
+    assert receiver.have([])["room"] == 0
+
+
+@pytest.mark.parametrize("path", ["", "/etc/passwd", "../other/a", "a/../../b", "a//b", "./a", "a\nb"])
+def test_a_path_stays_in_its_folder(receiver: Any, path: str) -> None:  # noqa: ANN401 - as above
+    with pytest.raises(ValueError, match="no path of a recording"):
+        receiver.have([row(path)])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "rsync --server --sender -te.LsfxCIvu . .",
+        "rsync --server -te.LsfxCIvu . /etc",
+        "rsync --server -te.LsfxCIvu . ..",
+        "rsync --server -lte.LsfxCIvu . .",
+        "rsync --server -te.LsfxCIvu --delete . .",
+        "rsync --server -te.LsfxCIvu --temp-dir=/tmp . .",
+        "rsync --daemon . .",
+        "rsync --server",
+        "sh -c id",
+        "",
+    ],
+)
+def test_nothing_but_writing_here_is_admitted(command: str) -> None:
+    with pytest.raises(ValueError, match="admitted"):
+        RECEIVER.server(command.split())
+
+
+def test_what_our_rsync_asks_for_is_admitted() -> None:
+    words = ["rsync", "--server", "-tRe.LsfxCIvu", "--timeout=120", "--append", "--append", "--inplace", ".", "."]
+    assert RECEIVER.server(words) == words
