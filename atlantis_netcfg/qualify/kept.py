@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.errors import UsageError, nearest
 from atlantis_netcfg.journal import NoSuchRun, StateDamaged, os_errors_as, write_atomically
 from atlantis_netcfg.journal.files import component
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
@@ -37,8 +37,11 @@ class KeptRun:
 
 
 def folder_of(store: Store, site: str) -> Path:
-    """Where the runs of a site are kept."""
-    return store.root / component(site) / "qualify"
+    """Where the runs of a site are kept. UsageError: no site can have this name."""
+    try:
+        return store.root / component(site) / "qualify"
+    except ValueError as error:
+        raise UsageError(f"`{site}` cannot be the name of a site", hint="type its name: `site=coastal`") from error
 
 
 def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
