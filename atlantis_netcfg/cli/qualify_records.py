@@ -100,7 +100,8 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
 
     site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
-        hint = f"`provision qualify history site={site}` lists them; type two, as in `runs=A,B`"
+        more = " --rehearsed" if store.rehearsed else ""
+        hint = f"type two of those that `provision qualify history site={site}{more}` lists, as in `runs=A,B`"
         raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
     first, second = (record_of(kept_run(store, site, run)) for run in runs)
     comparison = compared(first, second)

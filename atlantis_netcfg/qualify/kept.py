@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
 
 RECORD_FILE: Final = "record.json"
-_NAMED: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +58,11 @@ def kept_run(store: Store, site: str, run: str) -> KeptRun:
     folder = folder_of(store, site)
     names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
     if run not in names:
+        rehearsed = " --rehearsed" if store.rehearsed else ""
         near = nearest(run, names)
-        known = f"did you mean `{near}`? " if near else f"its latest: {', '.join(names[-_NAMED:])}; " if names else ""
-        raise NoSuchRun(
-            f"{site} has no measurement `{run}`",
-            hint=f"{known}`provision qualify history site={site}` lists them",
-        )
+        meant = f"did you mean `{near}`? " if near else ""
+        hint = f"{meant}`provision qualify history site={site}{rehearsed}` lists them" if names else None
+        raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
     return KeptRun(folder / run, _run(folder / run))
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
+from hints_said import advised
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core import language, printable
@@ -317,6 +318,20 @@ def test_what_is_said_about_a_mistake(
     assert words in printed.err
     assert printed.out == ""
     assert not state.exists() or not [*state.rglob("run.json")]
+
+
+@pytest.mark.parametrize("more", [(), ("--rehearsed",)])
+@pytest.mark.parametrize(
+    "line", ["show site=coastal run=EXAMPLE", f"show site=coastal run={OLD}X", "compare site=coastal runs=EXAMPLE"]
+)
+def test_what_is_advised_is_typed(
+    line: str, more: tuple[str, ...], state: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put_run(state / ("rehearsal" if more else "real") / "coastal" / "qualify", measured_run(id=OLD), "")
+    assert main(["qualify", *line.split(), *more]) != 0
+    (words,) = advised(capsys.readouterr().err)
+    assert main(words) == 0
+    assert OLD in capsys.readouterr().out
 
 
 def test_nothing_is_said_of_the_other_kind_of_runs_but_that_they_are_there(

@@ -71,52 +71,50 @@ class _LinkQualified:
             return Judged(
                 (unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
             )
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         record = answer.record
         if record is None:
             message = f"{self.bearer.name} was never measured by this computer"
-            return Judged((unknown("never-measured", message, self._measure),))
+            return Judged((unknown("never-measured", message, again),))
         if record.run.emulated and not answer.rehearsed:
             message = f"the measurement of {self.bearer.name} was of an emulated link"
-            return Judged((unknown("emulated", message, self._measure),))
+            return Judged((unknown("emulated", message, again),))
         wrong = [*self._wrong(record, answer.now)]
         return Judged((*wrong,) or (self._fine(record, answer.now),), tuple(_evidence(record)))
-
-    @property
-    def _measure(self) -> str:
-        return f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
 
     def _wrong(self, record: QualifyRecord, now: datetime) -> Iterator[BearerFinding]:
         """Everything that keeps it from passing, what failed first."""
         run, name = record.run, self.bearer.name
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         failed = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
         if failed:
             message = f"{name} does not hold `{record.thresholds_name}`: {listed(failed)}"
-            yield fail("beyond-the-limit", message, f"`provision qualify show site={self.site.name} run={run.id}`")
+            shown = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
+            yield fail("beyond-the-limit", message, shown)
         if run.way is Verdict.FAIL:
-            yield fail("other-link", f"the measurement of {name} left by another link{why}", self._measure)
+            yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:
-            yield unknown(
-                "way-not-proved", f"that the measurement of {name} left by it is not proved{why}", self._measure
-            )
+            yield unknown("way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again)
         if open_ or not record.judgements:
             what = listed(open_) or "it has no round trips without load"
-            yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", self._measure)
+            yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
         if run.kind != self.bearer.kind.value:
-            message = f"{name} was of kind {run.kind} when it was measured, and is of kind {self.bearer.kind.value} now"
-            yield unknown("other-kind", message, self._measure)
+            kinds = f"it was of kind {run.kind}, and is of kind {self.bearer.kind.value} now"
+            yield unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
         yield from self._aged(run.begun, now)
 
     def _aged(self, begun: datetime, now: datetime) -> Iterator[BearerFinding]:
         days = self.site.declared.checklist.qualified_within_days
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         if begun > now + _AHEAD:
             message = f"the measurement of {self.bearer.name} is of the future: {begun:%Y-%m-%d %H:%M} UTC"
             yield unknown("of-the-future", message, "look at this computer's clock, then measure again")
         elif now - begun > timedelta(days=days):
             age = (now - begun).days
-            message = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
-            yield unknown("stale", message, self._measure)
+            old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
+            yield unknown("stale", old, again)
 
     def _fine(self, record: QualifyRecord, now: datetime) -> BearerFinding:
         count, age = len(record.judgements), (now - record.run.begun).days

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hints_said import advised
 
 from atlantis_netcfg.checklist.probes import Cell, LinkRecordRequest, LinkRecordResult, Place, Trouble
 from atlantis_netcfg.checklist.probes.site_checks import steps
@@ -16,6 +17,11 @@ from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.checklist.runner.simulated._world import healthy
 from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli._arguments import parse
+from atlantis_netcfg.cli._commands import COMMANDS, choose
+from atlantis_netcfg.cli._commands import load as load_command
+from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import BearerKind
@@ -138,6 +144,33 @@ def test_a_criterion_that_is_open_keeps_it_from_green() -> None:
     verdict, codes, message = judged(answer(record.model_copy(update={"judgements": (open_, *record.judgements[1:])})))
     assert (verdict, [*codes]) == (Verdict.INCONCLUSIVE, ["not-proved"])
     assert message == "the measurement of satellite leaves open: FTD, round trip, 95 %"
+
+
+def test_what_is_advised_can_be_typed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The figures are shown, and the list names what cannot be read; nothing is measured here."""
+    monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
+    place = put(tmp_path, replace(SATELLITE, slower=1.2))
+    probe = item(declared()).probe
+    assert probe is not None
+    shown = probe.judge({"record": ask(tmp_path)}).findings[0]
+    assert shown.code == "beyond-the-limit"
+    (words,) = advised(shown.hint or "")
+    assert main(words) == ExitCode.CHECKS_FAILED
+    assert place.name in capsys.readouterr().out
+    (place / "run.json").write_text("{}")
+    unread = probe.judge({"record": ask(tmp_path)}).findings[0]
+    assert unread.code == "not-readable"
+    (words,) = advised(unread.hint or "")
+    assert main(words) == ExitCode.FAILED
+    assert str(place) in capsys.readouterr().err
+    never = probe.judge({"record": answer(None)}).findings[0]
+    (words,) = advised(never.hint or "")
+    assert words == ["qualify", "site=coastal", "link=satellite"]
+    if "qualify" in COMMANDS:  # the part that measures brings it
+        name, rest = choose(words, COMMANDS)
+        assert parse(load_command(name, COMMANDS).command, rest).word("site") == "coastal"
 
 
 def put(state: Path, link: MeasuredLink, *, emulated: bool = False, rehearsed: bool = False) -> Path:
