@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ALIKE: Final = 0.05
 
 
-class Change(StrEnum):
+class FigureTrend(StrEnum):
     """What a figure of the second run is beside that of the first."""
 
     BETTER = "better"
@@ -95,48 +95,48 @@ class FigureChange:
     second: float | None
     difference: float | None
     """The second less the first, by the first; None where that says nothing."""
-    change: Change
+    change: FigureTrend
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RunComparison:
     """Two runs; `remarks`: why they may not be comparable."""
 
     remarks: tuple[str, ...]
     figures: tuple[FigureChange, ...]
 
 
-def compared(first: QualifyRecord, second: QualifyRecord) -> Comparison:
+def compared(first: QualifyRecord, second: QualifyRecord) -> RunComparison:
     """Compare the figures of two runs."""
-    return Comparison(
+    return RunComparison(
         tuple(_remarks(first, second)),
         tuple(_change(item, item.value(first), item.value(second)) for item in HEADLINES),
     )
 
 
 def _change(item: Headline, first: float | None, second: float | None) -> FigureChange:
-    change, difference = Change.UNKNOWN, None
+    change, difference = FigureTrend.UNKNOWN, None
     if first is not None and second is not None:
         difference = (second - first) / first if first else None
         if abs(second - first) <= max(item.resolution, ALIKE * max(abs(first), abs(second))):
-            change = Change.ALIKE
+            change = FigureTrend.ALIKE
         else:
-            change = Change.BETTER if (second > first) is item.higher_is_better else Change.WORSE
+            change = FigureTrend.BETTER if (second > first) is item.higher_is_better else FigureTrend.WORSE
     return FigureChange(item.key, item.title, item.unit, first, second, difference, change)
 
 
 def _remarks(first: QualifyRecord, second: QualifyRecord) -> Iterator[str]:
-    one, other = first.run, second.run
-    if one.link != other.link:
-        yield f"the links differ: {one.link} and {other.link}"
-    if one.emulated != other.emulated:
+    earlier, later = first.run, second.run
+    if earlier.link != later.link:
+        yield f"the links differ: {earlier.link} and {later.link}"
+    if earlier.emulated != later.emulated:
         yield "one of them was measured over an emulated link: it says nothing of a real one"
-    elif one.emulated:
+    elif earlier.emulated:
         yield "both were measured over an emulated link: they say nothing of a real one"
-    if one.far_end.over_vpn != other.far_end.over_vpn:
+    if earlier.far_end.over_vpn != later.far_end.over_vpn:
         yield "one of them went through the VPN, and the other did not"
-    if (one.far_end.address, one.far_end.port) != (other.far_end.address, other.far_end.port):
-        yield f"the far ends differ: {one.far_end.name} and {other.far_end.name}"
+    if (earlier.far_end.address, earlier.far_end.port) != (later.far_end.address, later.far_end.port):
+        yield f"the far ends differ: {earlier.far_end.name} and {later.far_end.name}"
     trains = [train for record in (first, second) if (train := record.idle) is not None]
     if len({(train.size, train.interval_s) for train in trains}) > 1:
         yield "the trains without load differ in size or interval"

@@ -71,8 +71,8 @@ def _run(folder: Path) -> MeasuredRun:
         return read_run(folder)
     except (OSError, ValueError) as error:
         raise StateDamaged(
-            f"a measurement cannot be read: {folder / RUN_FILE}",
-            hint="it was cut off, or written by another version: put its folder aside",
+            f"the measurement in {folder} is damaged, or of another version",
+            hint="put this folder aside, and type the same again",
         ) from error
 
 
@@ -85,7 +85,8 @@ def samples_of(folder: Path) -> list[Sample]:
     except FileNotFoundError:
         return []
     except (OSError, UnicodeDecodeError) as error:
-        raise StateDamaged(f"samples cannot be read: {path}", hint="put the folder of that run aside") from error
+        hint = "put this folder aside, and type the same again"
+        raise StateDamaged(f"the samples in {folder} are damaged", hint=hint) from error
 
 
 def _digest(folder: Path) -> str:

@@ -50,7 +50,7 @@ _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
 
 @dataclass(frozen=True, slots=True)
-class GridRow(RateRow):
+class MeasuredRate(RateRow):
     """A size at a rate, as `grids` judges it."""
 
     mb_per_hour: float
@@ -120,8 +120,8 @@ class QualifyRecord(BaseModel):
     rpm_under_load: float | None
     """Latency under load as one number: round trips a minute, higher is better."""
     load: tuple[LoadRow, ...]
-    telemetry: tuple[GridRow, ...]
-    images: tuple[GridRow, ...]
+    telemetry: tuple[MeasuredRate, ...]
+    images: tuple[MeasuredRate, ...]
     highest_rates: tuple[HighestRate, ...]
     grid_note: str = SHAPE_UNKNOWN
     wire_bytes: int
@@ -209,7 +209,7 @@ class _Measured:
                     figures.latency,
                 )
 
-    def telemetry(self) -> Iterable[GridRow]:
+    def telemetry(self) -> Iterable[MeasuredRate]:
         idle = self.trains.get("idle")
         reference = None if idle is None or idle.rtt is None else idle.rtt.p50
         for name, figures in self.trains.items():
@@ -219,7 +219,7 @@ class _Measured:
                 plan = TrainPlan(figures.size, 1 / rate_hz, _HOUR_S)
                 yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
 
-    def images(self) -> Iterable[GridRow]:
+    def images(self) -> Iterable[MeasuredRate]:
         known = {image.label: image for image in IMAGES}
         for name, figures in self.messages.items():
             if (found := _IMAGE.fullmatch(name)) is not None and found[1] in known:
@@ -227,14 +227,14 @@ class _Measured:
                 row = image_row(known[found[1]], rate_hz, figures, reference or 0.0)
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
-    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> GridRow:
+    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
         """Nothing passes that was compared with nothing, or that has not run to its end."""
         reason = self.reasons[name]
         if row.verdict is not Verdict.INCONCLUSIVE and reference is None:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=_NO_REFERENCE)
         elif row.verdict is Verdict.PASS and reason != EndReason.DONE:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=f"ended early: {reason}")
-        return GridRow(**asdict(row), mb_per_hour=hour_bytes / MB)
+        return MeasuredRate(**asdict(row), mb_per_hour=hour_bytes / MB)
 
     def _message_bytes(self, size: int, rate_hz: float) -> int:
         return message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)

@@ -15,7 +15,15 @@ from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
-from atlantis_netcfg.qualify_pages.sections import EMULATED, Section, Table, closing, heading, sections, subtitle
+from atlantis_netcfg.qualify_pages.sections import (
+    EMULATED,
+    FigureTable,
+    PageSection,
+    closing,
+    heading,
+    sections,
+    subtitle,
+)
 from atlantis_netcfg.report.drift import clean
 
 if TYPE_CHECKING:
@@ -75,7 +83,7 @@ def _judgements(record: QualifyRecord) -> Iterator[Row]:
         yield from wrapped(("  ", Styled(f"{verdict:<13}", STYLES[Verdict(verdict)]), words), NARROW, 15)
 
 
-def table_rows(table: Table) -> Iterator[Row]:
+def table_rows(table: FigureTable) -> Iterator[Row]:
     """A table within 80 columns; one that has no room is told row by row."""
     cells = [[translate(cell) for cell in row] for row in (table.columns, *table.rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
@@ -165,7 +173,7 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
     return paper.written()
 
 
-def _on_paper(paper: Paper, section: Section, plots: Sequence[Plot]) -> None:
+def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None:
     from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, printable  # noqa: PLC0415 - as above
 
     paper.head(translate(section.title))
@@ -185,6 +193,6 @@ def _on_paper(paper: Paper, section: Section, plots: Sequence[Plot]) -> None:
         paper.image(io.BytesIO(plot.svg(FAMILY, described=False).encode()), x=paper.l_margin, w=_PLOT_MM)
 
 
-def _widths(table: Table) -> tuple[int, ...]:
+def _widths(table: FigureTable) -> tuple[int, ...]:
     """Give the columns room by their longest cells, within reason."""
     return tuple(min(32, max(7, *map(len, column))) for column in zip(table.columns, *table.rows, strict=True))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from atlantis_netcfg.qualify.figures import TrainFigures
-    from atlantis_netcfg.qualify.record import GridRow, QualifyRecord
+    from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
     from atlantis_netcfg.qualify.samples import Sample
 
 WIDTH, HEIGHT = 560.0, 250.0
@@ -315,7 +315,7 @@ def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -
 _ROW, _HEAD = 34.0, 92.0
 
 
-def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[GridRow]) -> Plot:
+def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[MeasuredRate]) -> Plot:
     """Draw a cell for each size at each rate: its verdict by symbol, word and colour, and its 95th percentile."""
     sizes = list(dict.fromkeys((row.octets, row.label) for row in sorted(rows, key=lambda row: row.octets)))
     rates = sorted({row.rate_hz for row in rows})
@@ -338,7 +338,7 @@ def _grid(record: QualifyRecord, name: str, title: str, rows: Sequence[GridRow])
     return chart.plot(name, words)
 
 
-def _cell(chart: _Chart, row: GridRow | None, x: float, y: float, width: float) -> None:
+def _cell(chart: _Chart, row: MeasuredRate | None, x: float, y: float, width: float) -> None:
     tint = TINTS[None if row is None else ShownState(row.verdict.value)]
     chart.shape("rect", x=x, y=y, width=width, height=_ROW - 4, fill=tint.paper, stroke=tint.edge)
     if row is None:

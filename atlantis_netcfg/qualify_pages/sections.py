@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.qualify.figures import DelayVariation, TrainFigures
-    from atlantis_netcfg.qualify.record import GridRow, QualifyRecord
+    from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
 
 UNKNOWN: Final = "not known"
 _MILLI_BELOW_S: Final = 10.0
@@ -27,7 +27,7 @@ _SHARES: Final = ("FLR", "AVAIL")
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class FigureTable:
     """Cells in words; the first column names its row."""
 
     columns: tuple[str, ...]
@@ -35,13 +35,13 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class PageSection:
     """A heading, sentences below it, a table, and the names of the plots that belong there."""
 
     key: str
     title: str
     notes: tuple[str, ...] = ()
-    table: Table | None = None
+    table: FigureTable | None = None
     plots: tuple[str, ...] = ()
 
 
@@ -73,21 +73,21 @@ def closing(record: QualifyRecord) -> str:
 EMULATED: Final = "EMULATED LINK: these figures say nothing of a real one."
 
 
-def sections(record: QualifyRecord) -> list[Section]:
+def sections(record: QualifyRecord) -> list[PageSection]:
     """Everything, in the order in which a person wants to know it."""
     found = [_verdicts(record), _way(record), _figures(record), _load(record)]
     if record.telemetry:
         title = "Small telemetry, as Table 33 of the report may have been"
-        found.append(Section("telemetry", title, (record.grid_note,), _grid(record.telemetry), ("telemetry",)))
+        found.append(PageSection("telemetry", title, (record.grid_note,), _grid(record.telemetry), ("telemetry",)))
     if record.images:
         title = "Images, as Table 34 of the report may have been"
-        found.append(Section("images", title, (record.grid_note,), _grid(record.images), ("images",)))
+        found.append(PageSection("images", title, (record.grid_note,), _grid(record.images), ("images",)))
     if record.highest_rates:
         found.append(_highest(record))
     return [*found, _used(record), _circumstances(record)]
 
 
-def _verdicts(record: QualifyRecord) -> Section:
+def _verdicts(record: QualifyRecord) -> PageSection:
     rows = tuple(
         (
             item.criterion,
@@ -101,11 +101,11 @@ def _verdicts(record: QualifyRecord) -> Section:
     notes = [f"Thresholds: {record.thresholds_name}. They are a proposal: the report gives none."]
     if record.thresholds_name != record.run.thresholds_name:
         notes.append(f"The run itself was judged by {record.run.thresholds_name}.")
-    return Section(
+    return PageSection(
         "verdicts",
         "Verdicts",
         tuple(notes),
-        Table(("criterion", "measured", "limit", "verdict", "why"), rows) if rows else None,
+        FigureTable(("criterion", "measured", "limit", "verdict", "why"), rows) if rows else None,
     )
 
 
@@ -117,7 +117,7 @@ def _measure(criterion: str, value: float | None, unit: str) -> str:
     return share(value) if criterion.startswith(_SHARES) else f"{value:.2f}"
 
 
-def _way(record: QualifyRecord) -> Section:
+def _way(record: QualifyRecord) -> PageSection:
     run = record.run
     rows = tuple(
         (
@@ -132,14 +132,14 @@ def _way(record: QualifyRecord) -> Section:
     notes = [f"{run.way.value}{why}"]
     if rows:
         notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
-    return Section("way", "Which link carried it", tuple(notes), Table(columns, rows) if rows else None)
+    return PageSection("way", "Which link carried it", tuple(notes), FigureTable(columns, rows) if rows else None)
 
 
 def _count(value: int | None) -> str:
     return "-" if value is None else str(value)
 
 
-def _figures(record: QualifyRecord) -> Section:
+def _figures(record: QualifyRecord) -> PageSection:
     trains = [record.idle, record.under_load]
     rows = tuple((title, *("-" if train is None else take(train) for train in trains)) for title, take in _ROWS)
     notes = [f"Loss each way: {train.loss.why}." for train in trains[:1] if train is not None]
@@ -147,12 +147,12 @@ def _figures(record: QualifyRecord) -> Section:
         notes.append(f"The train without load ended early: {record.idle.reason}.")
     plots = ("idle-time", "loaded-time", "shares", "gaps", "loss")
     if record.idle is None and record.under_load is None:
-        return Section("figures", "Round trips, loss and gaps", ("No round trips were measured.",))
-    return Section(
+        return PageSection("figures", "Round trips, loss and gaps", ("No round trips were measured.",))
+    return PageSection(
         "figures",
         "Round trips, loss and gaps",
         tuple(notes),
-        Table(("figure", "without load", "under load"), rows),
+        FigureTable(("figure", "without load", "under load"), rows),
         plots,
     )
 
@@ -207,7 +207,7 @@ _ROWS: Final[tuple[tuple[str, Callable[[TrainFigures], str]], ...]] = (
 )
 
 
-def _load(record: QualifyRecord) -> Section:
+def _load(record: QualifyRecord) -> PageSection:
     run = record.run
     rows = tuple(
         (
@@ -226,16 +226,18 @@ def _load(record: QualifyRecord) -> Section:
     mtu = f"Path MTU: up {_octets(known[0])}, both ways {_octets(known[1])}{why}."
     notes = [mtu, *([] if rows else ["Goodput was not measured."])]
     columns = ("way", "message", "sent", "received", "goodput", "50 %", "95 %")
-    return Section("load", "Goodput at the receiver, path MTU", tuple(notes), Table(columns, rows) if rows else None)
+    return PageSection(
+        "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(columns, rows) if rows else None
+    )
 
 
 def _octets(value: int | None) -> str:
     return UNKNOWN if value is None else f"{value} octets"
 
 
-def _grid(rows: Sequence[GridRow]) -> Table:
+def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
     columns = ("size", "Hz", "sent", "recv", "loss up", "down", "50 %", "95 %", "MB/h", "verdict")
-    return Table(
+    return FigureTable(
         columns,
         tuple(
             (
@@ -259,7 +261,7 @@ def _short(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f} %"
 
 
-def _highest(record: QualifyRecord) -> Section:
+def _highest(record: QualifyRecord) -> PageSection:
     rows = tuple(
         (
             row.label,
@@ -272,10 +274,10 @@ def _highest(record: QualifyRecord) -> Section:
     )
     note = "Proved: this rate was sustained, and a higher one was seen to fail."
     columns = ("size", "highest rate", "limited by", "how sure", "on the wire")
-    return Section("highest", "The highest rate that the link sustains", (note,), Table(columns, rows))
+    return PageSection("highest", "The highest rate that the link sustains", (note,), FigureTable(columns, rows))
 
 
-def _used(record: QualifyRecord) -> Section:
+def _used(record: QualifyRecord) -> PageSection:
     run = record.run
     lasted = None if run.ended is None else (run.ended - run.begun).total_seconds()
     money = UNKNOWN if run.price is None else f"{run.price} {run.currency or ''}".rstrip()
@@ -294,10 +296,10 @@ def _used(record: QualifyRecord) -> Section:
     rows += [("budget in bytes", str(limits.max_bytes))] if limits.max_bytes is not None else []
     rows += [("budget in seconds", f"{limits.max_seconds:g} s")] if limits.max_seconds is not None else []
     rows += [("budget in money", f"{limits.max_price} {run.currency or ''}")] if limits.max_price is not None else []
-    return Section("used", "What it used, on the wire", (), Table(("what", "how much"), tuple(rows)))
+    return PageSection("used", "What it used, on the wire", (), FigureTable(("what", "how much"), tuple(rows)))
 
 
-def _circumstances(record: QualifyRecord) -> Section:
+def _circumstances(record: QualifyRecord) -> PageSection:
     run = record.run
     end = run.far_end
     rows = [
@@ -314,8 +316,11 @@ def _circumstances(record: QualifyRecord) -> Section:
         ("SHA-256 of samples.jsonl", record.samples_sha256),
         *run.facts.items(),
     ]
-    return Section(
-        "circumstances", "The link, and how it was measured", tuple(run.remarks), Table(("what", "value"), tuple(rows))
+    return PageSection(
+        "circumstances",
+        "The link, and how it was measured",
+        tuple(run.remarks),
+        FigureTable(("what", "value"), tuple(rows)),
     )
 
 

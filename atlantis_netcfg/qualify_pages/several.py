@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.qualify.compare import HEADLINES, Change
+from atlantis_netcfg.qualify.compare import HEADLINES, FigureTrend
 from atlantis_netcfg.qualify_pages.pages import STYLES
 from atlantis_netcfg.qualify_pages.sections import in_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.qualify.compare import Comparison
+    from atlantis_netcfg.qualify.compare import RunComparison
     from atlantis_netcfg.qualify.record import QualifyRecord
 
-_CHANGES: Final = {Change.BETTER: Style.GOOD, Change.WORSE: Style.BAD}
+_CHANGES: Final = {FigureTrend.BETTER: Style.GOOD, FigureTrend.WORSE: Style.BAD}
 _HISTORY: Final = ("rtt_p50", "rtt_p95", "loss", "longest_gap", "goodput_up", "goodput_down")
 _MARGIN = 6
 
@@ -27,7 +27,7 @@ def _title(record: QualifyRecord) -> str:
     return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{emulated}"
 
 
-def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: Comparison) -> Iterator[Row]:
+def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: RunComparison) -> Iterator[Row]:
     """Every line of a screen on which two runs stand beside each other."""
     for name, record in (("A", first), ("B", second)):
         verdict = Styled(record.verdict.value, STYLES[record.verdict])

@@ -18,7 +18,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.core import language, printable
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.qualify.compare import Change, compared
+from atlantis_netcfg.qualify.compare import FigureTrend, compared
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import read
@@ -238,13 +238,13 @@ def test_two_runs_are_compared() -> None:
     second, _ = drawn(idle_text(loss=0.03, gap_at_s=40.0), measured_run(link="4g", begun=BEGUN + timedelta(days=1)))
     found = compared(first, second)
     changes = {item.key: item.change for item in found.figures}
-    assert changes["rtt_p50"] is Change.ALIKE
-    assert changes["loss_up"] is Change.WORSE
-    assert changes["loss_down"] is Change.ALIKE
-    assert changes["longest_gap"] is Change.WORSE
-    assert changes["goodput_up"] is Change.UNKNOWN
-    assert changes["path_mtu_up"] is Change.ALIKE
-    assert compared(second, first).figures[8].change is Change.BETTER
+    assert changes["rtt_p50"] is FigureTrend.ALIKE
+    assert changes["loss_up"] is FigureTrend.WORSE
+    assert changes["loss_down"] is FigureTrend.ALIKE
+    assert changes["longest_gap"] is FigureTrend.WORSE
+    assert changes["goodput_up"] is FigureTrend.UNKNOWN
+    assert changes["path_mtu_up"] is FigureTrend.ALIKE
+    assert compared(second, first).figures[8].change is FigureTrend.BETTER
     assert found.remarks == (
         "the links differ: satellite and 4g",
         "one of them was measured over an emulated link: it says nothing of a real one",

@@ -216,7 +216,7 @@ def test_the_newest_real_one_of_this_computer_is_read_and_judged_from_its_sample
     (newest / "run.json").write_text("{}")
     broken = ask(tmp_path)
     assert broken.trouble is Trouble.MISSING
-    assert "cannot be read" in broken.words
+    assert "is damaged" in broken.words
 
 
 def test_a_rehearsal_says_that_its_link_is_emulated() -> None:
