@@ -23,6 +23,17 @@ UNKNOWN: Final = "not known"
 _MILLI_BELOW_S: Final = 10.0
 _FINE_BELOW_MS: Final = 10.0
 _KILO, _MEGA = 1_000, 1_000_000
+_COLUMNS: Final = {
+    "verdicts": ("criterion", "measured", "limit", "verdict", "why"),
+    "way": ("link", "packets up", "bytes up", "packets down", "bytes down", "port up", "port down"),
+    "figures": ("figure", "without load", "under load"),
+    "load": ("way", "message", "sent", "received", "goodput", "50 %", "95 %"),
+    "grid": ("size", "Hz", "sent", "received", "loss up", "down", "50 %", "95 %", "MB/h", "verdict"),
+    "highest": ("size", "highest rate", "limited by", "how sure", "on the wire"),
+    "used": ("what", "how much"),
+    "circumstances": ("what", "value"),
+}
+"""Of the tables, by what stands in them."""
 _SHARES: Final = ("FLR", "AVAIL")
 
 
@@ -105,7 +116,7 @@ def _verdicts(record: QualifyRecord) -> PageSection:
         "verdicts",
         "Verdicts",
         tuple(notes),
-        FigureTable(("criterion", "measured", "limit", "verdict", "why"), rows) if rows else None,
+        FigureTable(_COLUMNS["verdicts"], rows) if rows else None,
     )
 
 
@@ -127,12 +138,13 @@ def _way(record: QualifyRecord) -> PageSection:
         )
         for item in run.counts
     )
-    columns = ("link", "packets up", "bytes up", "packets down", "bytes down", "port up", "port down")
     why = f": {run.way_reason}" if run.way_reason else ""
     notes = [f"{run.way.value}{why}"]
     if rows:
         notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
-    return PageSection("way", "Which link carried it", tuple(notes), FigureTable(columns, rows) if rows else None)
+    return PageSection(
+        "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows) if rows else None
+    )
 
 
 def _count(value: int | None) -> str:
@@ -152,7 +164,7 @@ def _figures(record: QualifyRecord) -> PageSection:
         "figures",
         "Round trips, loss and gaps",
         tuple(notes),
-        FigureTable(("figure", "without load", "under load"), rows),
+        FigureTable(_COLUMNS["figures"], rows),
         plots,
     )
 
@@ -225,9 +237,8 @@ def _load(record: QualifyRecord) -> PageSection:
     known = (run.path_mtu_up, run.path_mtu_both)
     mtu = f"Path MTU: up {_octets(known[0])}, both ways {_octets(known[1])}{why}."
     notes = [mtu, *([] if rows else ["Goodput was not measured."])]
-    columns = ("way", "message", "sent", "received", "goodput", "50 %", "95 %")
     return PageSection(
-        "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(columns, rows) if rows else None
+        "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(_COLUMNS["load"], rows) if rows else None
     )
 
 
@@ -236,9 +247,8 @@ def _octets(value: int | None) -> str:
 
 
 def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
-    columns = ("size", "Hz", "sent", "recv", "loss up", "down", "50 %", "95 %", "MB/h", "verdict")
     return FigureTable(
-        columns,
+        _COLUMNS["grid"],
         tuple(
             (
                 row.label,
@@ -273,8 +283,9 @@ def _highest(record: QualifyRecord) -> PageSection:
         for row in record.highest_rates
     )
     note = "Proved: this rate was sustained, and a higher one was seen to fail."
-    columns = ("size", "highest rate", "limited by", "how sure", "on the wire")
-    return PageSection("highest", "The highest rate that the link sustains", (note,), FigureTable(columns, rows))
+    return PageSection(
+        "highest", "The highest rate that the link sustains", (note,), FigureTable(_COLUMNS["highest"], rows)
+    )
 
 
 def _used(record: QualifyRecord) -> PageSection:
@@ -296,7 +307,7 @@ def _used(record: QualifyRecord) -> PageSection:
     rows += [("budget in bytes", str(limits.max_bytes))] if limits.max_bytes is not None else []
     rows += [("budget in seconds", f"{limits.max_seconds:g} s")] if limits.max_seconds is not None else []
     rows += [("budget in money", f"{limits.max_price} {run.currency or ''}")] if limits.max_price is not None else []
-    return PageSection("used", "What it used, on the wire", (), FigureTable(("what", "how much"), tuple(rows)))
+    return PageSection("used", "What it used, on the wire", (), FigureTable(_COLUMNS["used"], tuple(rows)))
 
 
 def _circumstances(record: QualifyRecord) -> PageSection:
@@ -320,7 +331,7 @@ def _circumstances(record: QualifyRecord) -> PageSection:
         "circumstances",
         "The link, and how it was measured",
         tuple(run.remarks),
-        FigureTable(("what", "value"), tuple(rows)),
+        FigureTable(_COLUMNS["circumstances"], tuple(rows)),
     )
 
 
