@@ -87,8 +87,7 @@ class RehearsedEars:
         names = {key for key, _ in streams}
         for key, question in questions:
             if key not in names:
-                linked = isinstance(question, LinkRecordRequest)
-                answers[key] = self._measured(question) if linked else self._answer(question)
+                answers[key] = self._answer(question)
                 result(key, answers[key])
         if streams:
             by_key = dict(questions)
@@ -115,6 +114,9 @@ class RehearsedEars:
         return None if stand is None else replace(question, **stand.place())
 
     def _answer(self, question: Question) -> Answer:
+        return self._measured(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
+
+    def _of_computer(self, question: Question) -> Answer:
         if self.computer is None or isinstance(question, Listen):
             return unanswered(question, _NOBODY)
         if isinstance(question, RunProgram):
