@@ -169,7 +169,6 @@ def _nothing(arguments: Arguments) -> Exception:
     from atlantis_netcfg.qualify.kept import kept_runs
 
     site, link, rehearsed = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
-    what = f"link `{link}` of `{site}`" if link is not None else f"`{site}`"
     known = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), rehearsed=rehearsed), site)})
     others = kept_runs(Store(paths.state_dir(), rehearsed=not rehearsed), site, link)
     if known:
@@ -180,4 +179,5 @@ def _nothing(arguments: Arguments) -> Exception:
         )
     else:
         hint = f"`provision qualify site={site}` makes the first one"
-    return NothingMatched(f"there is no {'rehearsed ' if rehearsed else ''}measurement of {what}", hint=hint)
+    over = "" if link is None else f" of link `{link}`"
+    return NothingMatched(f"`{site}` has no {'rehearsed' if rehearsed else 'real'} measurement{over}", hint=hint)

@@ -85,7 +85,7 @@ def _judgements(record: QualifyRecord) -> Iterator[Row]:
 
 def table_rows(table: FigureTable) -> Iterator[Row]:
     """A table within 80 columns; one that has no room is told row by row."""
-    cells = [[translate(cell) for cell in row] for row in (table.columns, *table.rows)]
+    cells = [[*map(translate, table.columns)], *(in_words(table, row) for row in table.rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     if len(widths) == 2:  # noqa: PLR2004 - a name and a value
         yield from (line for name, value in cells[1:] for line in _labelled(name, value))
@@ -100,6 +100,11 @@ def table_rows(table: FigureTable) -> Iterator[Row]:
         for row in cells[1:]:
             pairs = (f"{column} {cell}" for column, cell in zip(cells[0][1:], row[1:], strict=True))
             yield from wrapped(f"  {row[0]}: {'; '.join(pairs)}", NARROW, _INDENT + 2)
+
+
+def in_words(table: FigureTable, row: Sequence[str]) -> list[str]:
+    """A row in the language of the person; names stay as they are."""
+    return [cell if table.named and not place else translate(cell) for place, cell in enumerate(row)]
 
 
 def _labelled(name: str, value: str) -> Iterator[Row]:
@@ -143,6 +148,7 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     made.filters.update(translate=translate)
+    made.globals.update(in_words=in_words)
     return made
 
 
@@ -182,10 +188,11 @@ def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None
     if section.table is not None:
         paper.plain(SMALL)
         with paper.table(text_align="LEFT", line_height=4.2, padding=0.6, col_widths=_widths(section.table)) as table:
-            for cells in (section.table.columns, *section.table.rows):
+            heads = [*map(translate, section.table.columns)]
+            for cells in (heads, *(in_words(section.table, row) for row in section.table.rows)):
                 row = table.row()
                 for cell in cells:
-                    row.cell(printable(translate(cell)))
+                    row.cell(printable(cell))
     for plot in plots:
         height = _PLOT_MM * plot.height / plot.width
         paper.set_y(paper.y + 3)

@@ -301,11 +301,12 @@ def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -
     bars: list[tuple[str, float | None, str]] = []
     for load, train in trains:
         up, down, both = loss_shares(train)
-        ways = (("up", up), ("down", down)) if up is not None else (("both ways", both),)
-        for way, share in ways:
+        words_of_load = translate(load)
+        ways = [(f"up, {words_of_load}", up), (f"down, {words_of_load}", down)]
+        for way, share in ways if up is not None else [(f"both ways, {words_of_load}", both)]:
             percent = None if share is None else 100 * share
             words = translate("not known") if percent is None else f"{percent:.2f} %"
-            bars.append((f"{translate(way)}, {translate(load)}", percent, words))
+            bars.append((translate(way), percent, words))
     y = _Axis.made(0, max((value or 0 for _, value, _ in bars), default=0) or 1.0, bottom, top + 14)
     chart.axes(_Axis(0, 1, left, right), y, "direction of the packets", "%")
     _bars(chart, bars, y)

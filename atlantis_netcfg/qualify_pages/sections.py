@@ -27,13 +27,15 @@ _COLUMNS: Final = {
     "verdicts": ("criterion", "measured", "limit", "verdict", "why"),
     "way": ("link", "packets up", "bytes up", "packets down", "bytes down", "port up", "port down"),
     "figures": ("figure", "without load", "under load"),
-    "load": ("way", "message", "sent", "received", "goodput", "50 %", "95 %"),
-    "grid": ("size", "Hz", "sent", "received", "loss up", "down", "50 %", "95 %", "MB/h", "verdict"),
+    "load": ("direction", "message size", "sent", "received", "goodput", "50 %", "95 %"),
+    "grid": ("size", "Hz", "sent", "received", "up %", "down %", "50 %", "95 %", "MB/h", "verdict"),
     "highest": ("size", "highest rate", "limited by", "how sure", "on the wire"),
     "used": ("what", "how much"),
     "circumstances": ("what", "value"),
 }
 """Of the tables, by what stands in them."""
+_DIRECTIONS = {"up": "to the far end", "down": "from the far end"}
+_LOSSES: Final = "up %, down %: what was lost each way; -: not known."
 _SHARES: Final = ("FLR", "AVAIL")
 
 
@@ -43,6 +45,8 @@ class FigureTable:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    named: bool = False
+    """The first cells are names, which nobody translates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +93,12 @@ def sections(record: QualifyRecord) -> list[PageSection]:
     found = [_verdicts(record), _way(record), _figures(record), _load(record)]
     if record.telemetry:
         title = "Small telemetry, as Table 33 of the report may have been"
-        found.append(PageSection("telemetry", title, (record.grid_note,), _grid(record.telemetry), ("telemetry",)))
+        found.append(
+            PageSection("telemetry", title, (record.grid_note, _LOSSES), _grid(record.telemetry), ("telemetry",))
+        )
     if record.images:
         title = "Images, as Table 34 of the report may have been"
-        found.append(PageSection("images", title, (record.grid_note,), _grid(record.images), ("images",)))
+        found.append(PageSection("images", title, (record.grid_note, _LOSSES), _grid(record.images), ("images",)))
     if record.highest_rates:
         found.append(_highest(record))
     return [*found, _used(record), _circumstances(record)]
@@ -114,7 +120,7 @@ def _verdicts(record: QualifyRecord) -> PageSection:
         notes.append(f"The run itself was judged by {record.run.thresholds_name}.")
     return PageSection(
         "verdicts",
-        "Verdicts",
+        "Verdicts by thresholds",
         tuple(notes),
         FigureTable(_COLUMNS["verdicts"], rows) if rows else None,
     )
@@ -143,7 +149,7 @@ def _way(record: QualifyRecord) -> PageSection:
     if rows:
         notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
     return PageSection(
-        "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows) if rows else None
+        "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows, named=True) if rows else None
     )
 
 
@@ -223,7 +229,7 @@ def _load(record: QualifyRecord) -> PageSection:
     run = record.run
     rows = tuple(
         (
-            row.way,
+            _DIRECTIONS[row.way],
             f"{row.size} B",
             str(row.sent),
             str(row.received),
@@ -268,7 +274,7 @@ def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
 
 
 def _short(value: float | None) -> str:
-    return "-" if value is None else f"{100 * value:.1f} %"
+    return "-" if value is None else f"{100 * value:.1f}"
 
 
 def _highest(record: QualifyRecord) -> PageSection:
@@ -316,12 +322,12 @@ def _circumstances(record: QualifyRecord) -> PageSection:
     rows = [
         ("kind of link", run.kind),
         ("far end", f"{end.name}, {end.address} port {end.port}"),
-        ("through the VPN", "yes" if end.over_vpn else "no"),
-        ("packets are authenticated", "yes" if end.authenticated else "no"),
-        ("from", end.source),
+        ("way to the far end", "through the VPN" if end.over_vpn else "beside the VPN"),
+        ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
+        ("sent from", end.source),
         ("this computer's clock", "synchronised" if run.clock_synchronised else "not known to be synchronised"),
-        ("begun", time_text(run.begun, run.time_zone)),
-        ("ended", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
+        ("it began", time_text(run.begun, run.time_zone)),
+        ("it ended", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
         ("what was measured", run.selection.value),
         ("tool", f"atlantis-netcfg {run.tool}"),
         ("SHA-256 of samples.jsonl", record.samples_sha256),

@@ -23,7 +23,7 @@ _MARGIN = 6
 
 
 def _title(record: QualifyRecord) -> str:
-    emulated = "; emulated" if record.run.emulated else ""
+    emulated = "; over an emulated link" if record.run.emulated else ""
     return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{emulated}"
 
 

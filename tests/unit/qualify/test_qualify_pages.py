@@ -148,7 +148,9 @@ def test_what_others_have_said_cannot_speak_for_itself() -> None:
 @pytest.mark.usefixtures("portuguese")
 def test_a_page_says_its_language() -> None:
     record, shown = drawn(idle_text())
-    assert '<html lang="pt-PT">' in html(record, shown).decode()
+    text = html(record, shown).decode()
+    assert '<html lang="pt-PT">' in text
+    assert '<th scope="row">satellite</th>' in text, "the name of a link is no word"
 
 
 def svg(plot: Plot) -> ET.Element:
@@ -301,8 +303,8 @@ def test_compare_and_history(state: Path, capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize(
     ("line", "code", "words"),
     [
-        ("show site=coastal", 7, "there is no measurement of `coastal`"),
-        ("history site=coastal", 7, "there is no measurement of `coastal`"),
+        ("show site=coastal", 7, "`coastal` has no real measurement"),
+        ("history site=coastal", 7, "`coastal` has no real measurement"),
         ("show site=coastal run=EXAMPLE", 7, "coastal has no measurement `EXAMPLE`"),
         ("show site=coastal run=EXAMPLE link=4g", 3, "name a measurement each"),
         ("compare site=coastal runs=EXAMPLE", 3, "two measurements are compared, and 1 were named"),
