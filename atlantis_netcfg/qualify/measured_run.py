@@ -5,8 +5,8 @@ tables, plots and verdicts are made of these two, so that they can be made again
 
 Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `load up` and
 `load down` (messages), `telemetry SIZE RATE`, `image LABEL RATE`, `rate SIZE RATE` (octets, and messages a second as
-`%g`; a label as `grids.NominalImage.label` has it). `single SIZE`, where it was measured: messages one after the other
-without load, whose latency those of the same size are compared with.
+`%g`; a label as `grids.NominalImage.label` has it). `rate SIZE 0`: messages one after the other, without load, whose
+latency those of this size are compared with.
 """
 
 from __future__ import annotations

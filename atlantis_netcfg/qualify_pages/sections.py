@@ -12,6 +12,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.qualify.compare import loss_shares
 from atlantis_netcfg.qualify.figures import GAPS_S
+from atlantis_netcfg.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -82,7 +83,8 @@ def closing(record: QualifyRecord) -> str:
     )
     if record.run.way is Verdict.FAIL:
         way = "the traffic left by another link"
-    return f"{words}; {way}{'; over an emulated link' if record.run.emulated else ''}"
+    short = "" if record.run.reason == EndReason.DONE else f"; it ended early: {record.run.reason}"
+    return f"{words}; {way}{short}{'; over an emulated link' if record.run.emulated else ''}"
 
 
 EMULATED: Final = "EMULATED LINK: these figures say nothing of a real one."

@@ -22,6 +22,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 )
 from atlantis_netcfg.checklist.probes.step import Answer, Judged, LinkRecordRequest, LinkRecordResult, Question, Step
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -97,6 +98,8 @@ class _LinkQualified:
             yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:
             yield unknown("way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again)
+        if run.reason != EndReason.DONE:
+            yield unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
         if open_ or not record.judgements:
             what = listed(open_) or "it has no round trips without load"
             yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)

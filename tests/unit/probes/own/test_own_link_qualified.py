@@ -127,6 +127,7 @@ def test_thirty_days_are_the_default() -> None:
         (real(replace(SATELLITE, slower=1.2, age=timedelta(days=60))), Verdict.FAIL, {"beyond-the-limit", "stale"}),
         (real(way=Verdict.FAIL), Verdict.FAIL, {"other-link"}),
         (real(way=Verdict.INCONCLUSIVE), Verdict.INCONCLUSIVE, {"way-not-proved"}),
+        (real(reason="bytes"), Verdict.INCONCLUSIVE, {"cut-short"}),
         (real(kind="lte"), Verdict.INCONCLUSIVE, {"other-kind"}),
         (real().model_copy(update={"judgements": ()}), Verdict.INCONCLUSIVE, {"not-proved"}),
         (make_record(real().run, []), Verdict.INCONCLUSIVE, {"not-proved"}),
