@@ -41,6 +41,7 @@ COMMANDS: Mapping[str, str] = {
     "asbuilt": "atlantis_netcfg.cli.asbuilt:asbuilt",
     "use": "atlantis_netcfg.cli.use:use",
     "prove": "atlantis_netcfg.cli.links:prove",
+    "qualify": "atlantis_netcfg.cli.qualify:qualify",
     "qualify show": "atlantis_netcfg.cli.qualify_records:qualify_show",
     "qualify compare": "atlantis_netcfg.cli.qualify_records:qualify_compare",
     "qualify history": "atlantis_netcfg.cli.qualify_records:qualify_history",

@@ -1,9 +1,10 @@
 """What may pass over a satellite link: derived from the declaration, plus what a person adds.
 
 Derived are the VPN's public endpoint and the pilot's time servers (UDP 123), because a site that is left with its
-satellite needs both: TLS refuses certificates while the clock is wrong. The declaration names no DNS servers (the
-router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived. `allow` of the bearer holds additions.
-Canaries of a satellite pass as well: the router's own pings to them, and nothing of the LAN.
+satellite needs both: TLS refuses certificates while the clock is wrong. So is the far end of measurements. The
+declaration names no DNS servers (the router asks none, see templates/routeros/parts/dns.rsc.j2), so none is derived.
+`allow` of the bearer holds additions. Canaries of a satellite pass as well: the router's own pings to them, and nothing
+of the LAN.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ NTP_PORT = 123
 """RFC 5905; UDP."""
 VPN_TARGET = "VPN server"
 """What the derived entry of the VPN is called."""
+FAR_END_TARGET = "far end of measurements"
+"""What the derived entry of `pilot.qualify` is called."""
 
 
 def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
@@ -37,7 +40,16 @@ def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
         AllowedTarget(name=server.name, address=server.address, port=NTP_PORT, transport=Transport.UDP)
         for server in pilot.time_servers
     )
-    return (tunnel, *times)
+    measured = far_end(pilot)
+    return (tunnel, *times) if measured is None else (tunnel, *times, measured)
+
+
+def far_end(pilot: Pilot) -> AllowedTarget | None:
+    """Where measurements are answered, at the control centre's public address; None: nobody has declared it."""
+    if (qualify := pilot.qualify) is None:
+        return None
+    address = qualify.address or pilot.vpn.endpoint
+    return AllowedTarget(name=FAR_END_TARGET, address=address, port=qualify.port, transport=Transport.UDP)
 
 
 def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:

@@ -39,7 +39,7 @@ from atlantis_netcfg.gateway.parts import (
     WayIn,
     computer_network,
 )
-from atlantis_netcfg.gateway.reflector import reflector
+from atlantis_netcfg.gateway.reflector import QUALIFY_SECRET, far_end, reflector
 from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
@@ -236,6 +236,11 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
             yield OpenPort(offered.name, offered.transport, offered.port, everybody)
     if device.vpn_address is not None:
         yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
+    if (qualify := declaration.pilot.qualify) is not None:
+        near = _collapsed((lan, declaration.sites[declaration.hosts[host].site].management.network, vpn.infrastructure))
+        yield OpenPort(
+            "measurements", Transport.UDP, qualify.port, ("0.0.0.0/0",) if host == qualify.reflector else near
+        )
     if device.ros1_bridge is not None:
         yield OpenPort("ROS 1", Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
     yield from _streams(declaration, host, lan)
@@ -311,6 +316,8 @@ class GatewayBase:
     """The word in the place of the key of the gateway's own access point; None: it has none."""
     service_secrets: tuple[str, ...]
     """Words in the places of the secrets of containers, in the order in which these are declared."""
+    qualify_secret: str | None = None
+    """The word in the place of the key of the far end of measured links; None: it has none."""
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of its modules."""
@@ -322,6 +329,7 @@ class GatewayBase:
             "secrets": dict(self.secrets),
             "own_secret": self.own_secret,
             "service_secrets": list(self.service_secrets),
+            "qualify_secret": self.qualify_secret,
         }
         return {**values, **keys} if "configure" in values else values
 
@@ -355,11 +363,13 @@ def gateway_base(
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
         .joined(reflector(host))
+        .joined(far_end(declaration.pilot.qualify))
         .joined(hosted.services(host.device, images)),
         network=network,
         secrets=air.secrets,
         own_secret=None if air.opened is None else air.opened.placeholder,
         service_secrets=hosted.secret_words(host.device),
+        qualify_secret=None if declaration.pilot.qualify is None else QUALIFY_SECRET,
     )
 
 

@@ -1,11 +1,16 @@
-"""What answers the checklist of the other computers: a small program of ours on every gateway and control centre.
+"""Two small programs of ours on every gateway and control centre, which answer other computers.
 
-It is bound to the address in the VPN alone, and the firewall lets only the pilot's own computers come to it
-(`gateway.base`). It shows that data arrive and come back, not that any program of a partner works.
+One answers the checklists of the other computers: it is bound to the address in the VPN alone, and the firewall lets
+only the pilot's own computers come to it (`gateway.base`). It shows that data arrive and come back, not that any
+program of a partner works.
+
+The other is the far end of measured links, the folder `qualify/reflector` as it is: it answers who has the key. At the
+control centre that `pilot.qualify` names it is open to everybody, since each link has another public address.
 """
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
@@ -15,37 +20,86 @@ from atlantis_netcfg.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.declaration import Host
+    from atlantis_netcfg.declaration.model import Qualify
 
 SERVICE = "atlantis-reflector.service"
 PROGRAM = "/usr/local/lib/atlantis/reflector.py"
-_UNIT = f"/etc/systemd/system/{SERVICE}"
+QUALIFY_SERVICE = "atlantis-qualify.service"
+QUALIFY_FOLDER = "/usr/local/lib/atlantis/qualify"
+QUALIFY_KEY = "/etc/atlantis/qualify.key"
+QUALIFY_SECRET = "@secret key of pilot.qualify@"  # noqa: S105 - the word in its place
+_UNITS = "/etc/systemd/system"
+_UNIT = f"{_UNITS}/{SERVICE}"
+_QUALIFY_UNIT = f"{_UNITS}/{QUALIFY_SERVICE}"
+_PACKAGE = "reflector"
+_PRIVILEGED_PORT = 1024
 _TAKE_AWAY = f"""\
-[ ! -e {_UNIT} ] || exit 0
-rm -f /etc/systemd/system/*.wants/{SERVICE}
+[ ! -e {_UNITS}/$1 ] || exit 0
+rm -f {_UNITS}/*.wants/$1
 systemctl daemon-reload
-! systemctl --quiet is-active {SERVICE} || exec systemctl stop {SERVICE}
+! systemctl --quiet is-active $1 || exec systemctl stop $1
 """
 
 
 def reflector(host: Host) -> Configuration:
-    """Pure. Of a computer that is not in the VPN: what is taken away."""
+    """Pure. What answers checklists; of a computer that is not in the VPN: what is taken away."""
     assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
-    taken_away = ConvergeStep("take the answers to checklists away", ("sh", "-c", _TAKE_AWAY), (_UNIT,))
+    away = _taken_away("take the answers to checklists away", SERVICE)
     if host.device.vpn_address is None:
-        return Configuration(absent=(_UNIT, PROGRAM), steps=(taken_away,))
-    values = {"program": PROGRAM, "name": host.name, "address": host.device.vpn_address, "port": REFLECTOR_PORT}
+        return Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
+    unit = _unit(
+        title="answers to the checklist of other sites",
+        command=f"/usr/bin/python3 -I {PROGRAM} {host.name} {host.device.vpn_address} {REFLECTOR_PORT}",
+    )
     return Configuration(
-        files=(
-            File(PROGRAM, environment().get_template("gateway/reflector.py").render()),
-            File(_UNIT, environment().get_template("gateway/reflector.service.j2").render(values)),
-        ),
-        steps=(taken_away,),
+        files=(File(PROGRAM, environment().get_template("gateway/reflector.py").render()), File(_UNIT, unit)),
+        steps=(away,),
         units=(Unit(SERVICE, enabled=True, active=True, after=(_UNIT, PROGRAM)),),
-        checks=(
-            Check(
-                ("sh", "-c", HOLDS_PORT, "sh", SERVICE, "u", str(REFLECTOR_PORT)),
-                f"nothing answers the checklists of other sites at UDP port {REFLECTOR_PORT}",
-                f"on the computer: `systemctl status {SERVICE}` and `journalctl -eu {SERVICE}` tell why",
-            ),
-        ),
+        checks=(_holds(SERVICE, REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
+    )
+
+
+def far_end(qualify: Qualify | None) -> Configuration:
+    """Pure. What answers the test packets of measured links; where none is declared: what is taken away."""
+    away = _taken_away("take the far end of measured links away", QUALIFY_SERVICE)
+    if qualify is None:
+        return Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
+    unit = _unit(
+        title="far end of measured links",
+        command=f"/usr/bin/python3 -s -B -m {_PACKAGE} --port {qualify.port} --key-file -",
+        folder=QUALIFY_FOLDER,
+        key=QUALIFY_KEY,
+        privileged=qualify.port < _PRIVILEGED_PORT,
+    )
+    programs = tuple(
+        File(f"{QUALIFY_FOLDER}/{_PACKAGE}/{source.name}", source.read_text("utf-8"))
+        for source in sorted(
+            resources.files("atlantis_netcfg.qualify.reflector").iterdir(), key=lambda source: source.name
+        )
+        if source.name.endswith(".py")
+    )
+    files = (*programs, File(QUALIFY_KEY, f"{QUALIFY_SECRET}\n", mode="0600"), File(_QUALIFY_UNIT, unit))
+    return Configuration(
+        files=files,
+        only=(QUALIFY_FOLDER,),
+        steps=(away,),
+        units=(Unit(QUALIFY_SERVICE, enabled=True, active=True, after=tuple(file.path for file in files)),),
+        checks=(_holds(QUALIFY_SERVICE, qualify.port, "nothing answers the measurements of links"),),
+    )
+
+
+def _unit(*, title: str, command: str, folder: str = "", key: str = "", privileged: bool = False) -> str:
+    template = environment().get_template("gateway/reflector.service.j2")
+    return template.render(title=title, command=command, folder=folder, key=key, privileged=privileged)
+
+
+def _taken_away(words: str, service: str) -> ConvergeStep:
+    return ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
+
+
+def _holds(service: str, port: int, finding: str) -> Check:
+    return Check(
+        ("sh", "-c", HOLDS_PORT, "sh", service, "u", str(port)),
+        f"{finding} at UDP port {port}",
+        f"on the computer: `systemctl status {service}` and `journalctl -eu {service}` tell why",
     )

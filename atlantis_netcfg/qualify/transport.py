@@ -86,6 +86,12 @@ class UdpTransport:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._socket.close()
 
+    @property
+    def source(self) -> tuple[str, int]:
+        """Address and port that the packets of this socket bear."""
+        address, port = self._socket.getsockname()[:2]
+        return address, port
+
     def now_ns(self) -> int:
         """`time.monotonic_ns`."""
         return time.monotonic_ns()

@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, Switch, TrafficClass
+from atlantis_netcfg.declaration.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
 from atlantis_netcfg.render._cpe import access_point, radio_name
 from atlantis_netcfg.render._environment import environment
 from atlantis_netcfg.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
@@ -123,16 +123,19 @@ def _inner(site: Site) -> tuple[IPv4Network, ...]:
 
 
 def forwards(declaration: Declared, host: DeclaredHost, router: Router) -> tuple[Forwarded, ...]:
-    """Return the ports of our outer addresses that lead inside."""
-    site = declaration.sites[host.site]
+    """Return the ports of our outer addresses that lead inside: what is declared, and the far end of measurements."""
+    site, qualify = declaration.sites[host.site], declaration.pilot.qualify
+    ports = [(forward.to, forward.transport, forward.port) for forward in router.forwards]
+    if qualify is not None and _named(declaration, host, qualify.reflector).site == host.site:
+        ports.append((qualify.reflector, Transport.UDP, qualify.port))
     return tuple(
         Forwarded(
-            name=forward.to,
-            transport=forward.transport.value,
-            port=forward.port,
-            to=address_in_site(_named(declaration, host, forward.to).device, site),
+            name=name,
+            transport=transport.value,
+            port=port,
+            to=address_in_site(_named(declaration, host, name).device, site),
         )
-        for forward in router.forwards
+        for name, transport, port in ports
     )
 
 

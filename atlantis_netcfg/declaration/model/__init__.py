@@ -128,6 +128,7 @@ from atlantis_netcfg.declaration.model.pilot import (
     Vpn,
     VpnService,
 )
+from atlantis_netcfg.declaration.model.qualify import KEY_OCTETS, LinkThresholds, Qualify, ThresholdsName
 from atlantis_netcfg.declaration.model.services import (
     ROS1_BRIDGE,
     BridgedTopic,
@@ -166,6 +167,7 @@ from atlantis_netcfg.declaration.model.site import (
 __all__ = [
     "BEARER_TRAITS",
     "ETHERNET",
+    "KEY_OCTETS",
     "LONGEST_PAUSE_S",
     "REFLECTOR_PORT",
     "ROS1_BRIDGE",
@@ -222,6 +224,7 @@ __all__ = [
     "Lan",
     "LanBox",
     "LinkRate",
+    "LinkThresholds",
     "LocationRow",
     "LteAccess",
     "LteDriver",
@@ -250,6 +253,7 @@ __all__ = [
     "Ptp",
     "PtpMode",
     "PtpProtocol",
+    "Qualify",
     "RadioMenus",
     "RcRfEndpoint",
     "Recording",
@@ -289,6 +293,7 @@ __all__ = [
     "TelemetryTopic",
     "TerminalEvidence",
     "Text",
+    "ThresholdsName",
     "TimeServer",
     "TrafficClass",
     "Transport",

@@ -22,6 +22,7 @@ from atlantis_netcfg.declaration.model.checklist import Role, VehicleChecklist
 from atlantis_netcfg.declaration.model.dds import Dds, RosDistribution, TelemetryTopic
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.gateways import Gateways
+from atlantis_netcfg.declaration.model.qualify import Qualify
 
 
 class TimeServer(Model):
@@ -198,6 +199,8 @@ class Pilot(Model):
     dds: Dds | None = None
     """None: no profiles are made."""
     gateways: Gateways = Gateways()
+    qualify: Qualify | None = None
+    """None: links are not measured, and no far end is set up."""
     asbuilt: AsBuilt = AsBuilt()
     roles: tuple[Role, ...] = ()
     """Who may answer or sign in the checklist, where `by` and `signed_by` name a role."""

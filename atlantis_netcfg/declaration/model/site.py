@@ -28,6 +28,7 @@ from atlantis_netcfg.declaration.model._base import (
 from atlantis_netcfg.declaration.model.checklist import ChecklistSettings
 from atlantis_netcfg.declaration.model.endpoints import Endpoints
 from atlantis_netcfg.declaration.model.pilot import ETHERNET, Column
+from atlantis_netcfg.declaration.model.qualify import LinkThresholds, ThresholdsName
 
 
 class TrafficClass(StrEnum):
@@ -117,6 +118,8 @@ class BearerTraits:
     column: str
     """Of the checklist, in which a location's link is looked at: of the report's Table 3, or our own `ethernet`."""
     pace: Pace
+    thresholds: ThresholdsName
+    """What a link of this kind is held against when it is measured."""
     box: str | None = None
     """Kind of device that carries it; None: a plain cable."""
     allow_list: bool = False
@@ -126,10 +129,12 @@ class BearerTraits:
 
 
 BEARER_TRAITS: dict[BearerKind, BearerTraits] = {
-    BearerKind.WIFI_PTP: BearerTraits(Column.WIFI, Pace.FAST, "cpe", bridge=True),
-    BearerKind.LTE: BearerTraits(Column.LTE, Pace.MOBILE, "lte_router"),
-    BearerKind.SATELLITE: BearerTraits(Column.SATELLITE, Pace.SATELLITE, "satellite_terminal", allow_list=True),
-    BearerKind.ETHERNET: BearerTraits(ETHERNET, Pace.FAST),
+    BearerKind.WIFI_PTP: BearerTraits(Column.WIFI, Pace.FAST, ThresholdsName.WIFI, "cpe", bridge=True),
+    BearerKind.LTE: BearerTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE, "lte_router"),
+    BearerKind.SATELLITE: BearerTraits(
+        Column.SATELLITE, Pace.SATELLITE, ThresholdsName.SATELLITE, "satellite_terminal", allow_list=True
+    ),
+    BearerKind.ETHERNET: BearerTraits(ETHERNET, Pace.FAST, ThresholdsName.WIFI),
 }
 """One row a kind: a new one is a name above and its row here."""
 
@@ -226,6 +231,7 @@ class Bearer(Model):
     canary_budget_eur: Annotated[StrictFloat, Field(gt=0)] | None = None
     """Metered links with a tariff in EUR only: the same as money."""
     rate: LinkRate
+    qualify: LinkThresholds = LinkThresholds()
     allow: tuple[AllowedTarget, ...] = ()
     """Satellite only: what may pass besides the VPN and the time servers. All else is dropped at the router."""
     refused_probes: tuple[AllowedTarget, ...] = ()

@@ -18,7 +18,7 @@ from atlantis_netcfg.declaration.model import (
     SatelliteTerminal,
     Transport,
 )
-from atlantis_netcfg.declaration.satellite_allow_list import VPN_TARGET, admits, allowed, derived
+from atlantis_netcfg.declaration.satellite_allow_list import FAR_END_TARGET, VPN_TARGET, admits, allowed, derived
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,7 +50,8 @@ def additions_only(draft: Draft) -> Iterator[Finding]:
         for place, target in enumerate(bearer.allow):
             same = next((allowed_target for allowed_target in known if _key(allowed_target) == _key(target)), None)
             if same is not None:
-                what = "the VPN" if same.name == VPN_TARGET else f"the time server {same.name}"
+                named = {VPN_TARGET: "the VPN", FAR_END_TARGET: f"the {FAR_END_TARGET}"}
+                what = named.get(same.name, f"the time server {same.name}")
                 message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
                 hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
                 yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, hint)

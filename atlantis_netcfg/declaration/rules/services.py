@@ -74,6 +74,8 @@ def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, st
         return taken
     if device.vpn_address is not None:
         taken[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
+    if draft.pilot.qualify is not None:
+        taken[Transport.UDP, draft.pilot.qualify.port] = "that of the far end of measurements (pilot.qualify)"
     if draft.pilot.dds is not None:
         taken |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
     for index, service in enumerate(draft.pilot.vpn.services):

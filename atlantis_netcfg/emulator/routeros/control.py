@@ -15,6 +15,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.modem import refit
+from atlantis_netcfg.emulator.routeros.network.traffic import carry
 from atlantis_netcfg.emulator.routeros.site import EmulatedSite, describe
 from atlantis_netcfg.emulator.routeros.wire.link import LinkFault, RouterLink, WireBehaviour
 
@@ -152,12 +153,17 @@ async def _rekey(router: EmulatedRouter) -> str:
     return router.host_key
 
 
+async def _carry(router: EmulatedRouter, **flow: Any) -> dict[str, Any]:  # noqa: ANN401 (a flow and its counts)
+    return carry(router.device.core, **flow)
+
+
 async def _wrapped(router: EmulatedRouter, interface: str) -> bool:
     return router.device.wrapped(interface)
 
 
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "around": _around,
+    "carry": _carry,
     "info": _info,
     "export": _export,
     "counters": _counters,

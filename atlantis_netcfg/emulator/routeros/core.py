@@ -123,7 +123,8 @@ class Core:
         self.store = RowStore(self.schema, reuses_ids=Deviation.IDS in spec.deviations)
         self.octets: dict[str, tuple[int, int]] = {}
         """Factory name of a port to the bytes received and sent since the start: of our sessions and its pings only."""
-        self.met: dict[int, int] = {}  # rules of the filter to the packets that they have met: of its own pings only
+        self.met: dict[tuple[str, int], tuple[int, int]] = {}
+        """Menu and row of a rule to the packets and octets that it has met: of its own pings, and what was carried."""
         self.history = ActionHistory(spec.history_limit)
         self.first_names: dict[str, str] = {}
         """New names of interfaces to earlier ones, as long as routes show these (`Deviation.NAMES`)."""

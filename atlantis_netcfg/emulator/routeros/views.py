@@ -6,7 +6,7 @@ Properties that the router computes: flags, status, and the rows that it makes b
 from __future__ import annotations
 
 from dataclasses import replace
-from ipaddress import IPv4Address, IPv4Interface
+from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed, public_key
@@ -14,8 +14,6 @@ from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import made
-from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
-from atlantis_netcfg.emulator.routeros.network.path import route_to
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, spell
 
 if TYPE_CHECKING:
@@ -295,36 +293,6 @@ def _dummy(store: RowStore, path: str, chain: str) -> Properties:
     }
 
 
-ECHO_BYTES = 84
-"""An echo request or its answer as an IP packet, with 56 bytes of data."""
-_FILTER = "/ip/firewall/filter"
-
-
-def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, answered: bool) -> None:
-    """Count echo requests on their way out, and their answers on their way in; one that is dropped is not sent."""
-    topology = core.topology
-    src = IPv4Address(source) if source else None
-    way = route_to(topology, target, src)
-    if way is None:
-        return
-    address = src or target
-    port = topology.interfaces[way].name
-    if _met(core, "output", Packet(address, target, "new", "icmp", out_interface=way), number) is PacketVerdict.DROP:
-        return
-    core.count(port, received=False, size=number * ECHO_BYTES)
-    if answered:
-        core.count(port, received=True, size=number * ECHO_BYTES)
-        _met(core, "input", Packet(target, address, "established", "icmp", in_interface=way), number)
-
-
-def _met(core: Core, chain: str, packet: Packet, number: int) -> PacketVerdict:
-    rules: list[int] = []
-    verdict = walk(core.topology, _FILTER, chain, packet, met=rules)
-    for rule in rules:
-        core.met[rule] = core.met.get(rule, 0) + number
-    return verdict
-
-
 HIDDEN = "*****"
 """What a group without policy `sensitive` sees of a secret."""
 TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
@@ -443,9 +411,12 @@ def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
     return shown | {name: str(count) for name, count in (tests | counts).items()}
 
 
-def _filter(core: Core, item: StoredItem) -> dict[str, str]:
-    packets = core.met.get(item.id, 0)
-    return {"packets": str(packets), "bytes": str(packets * ECHO_BYTES)}
+def _counted(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
+    def counted(core: Core, item: StoredItem) -> dict[str, str]:
+        packets, octets = core.met.get((path, item.id), (0, 0))
+        return {"packets": str(packets), "bytes": str(octets)}
+
+    return counted
 
 
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
@@ -453,7 +424,8 @@ _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/ip/firewall/address-list": _expiring,
     "/ip/dhcp-server/alert": alert,
     "/ip/dhcp-server/lease": lease,
-    "/ip/firewall/filter": _filter,
+    "/ip/firewall/filter": _counted("/ip/firewall/filter"),
+    "/ip/firewall/mangle": _counted("/ip/firewall/mangle"),
     "/ip/service": _service,
     "/system/clock": _clock,
     "/system/ntp/client": ntp,

@@ -13,7 +13,7 @@ from atlantis_netcfg.bearers.standing import NTP_BYTES
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
 from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.declaration.model import AllowedTarget, Bearer, Pilot, Transport
-from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed
+from atlantis_netcfg.declaration.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed, far_end
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
@@ -64,10 +64,12 @@ class Task:
 def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
     """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now.
 
-    `try_all`: rows may be added to the router for a moment.
+    `try_all`: rows may be added to the router for a moment. The far end of measurements is left to `provision qualify`:
+    it answers nobody who has no key, and a router has none.
     """
     how = _How(pilot, active, try_all)
-    reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer))
+    measured = far_end(pilot)
+    reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer) if target != measured)
     refused = (_task(target, Expected.REFUSED, how) for target in bearer.refused_probes)
     return (*reached, *refused)
 

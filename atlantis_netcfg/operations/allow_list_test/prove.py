@@ -22,6 +22,7 @@ from atlantis_netcfg.bearers.satellite import (
 )
 from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.declaration.satellite_allow_list import far_end
 from atlantis_netcfg.operations.allow_list_test.plan import (
     BUDGET_BYTES,
     TEMPORARY_ROWS,
@@ -218,6 +219,8 @@ class Proof:
     """All that was carried, as above."""
     sessions: int = 1
     """Connections to the router."""
+    left_out: str = ""
+    """What the satellite lets through and is not tried here, with the command that does."""
 
     @property
     def exit(self) -> ExitCode:
@@ -243,6 +246,7 @@ class Proof:
             "budget_bytes": self.budget_bytes,
             "kept_off_packets": self.kept_off,
             "turned_away_packets": self.turned_away,
+            "left_out": self.left_out,
         }
 
     def as_text(self) -> str:
@@ -256,6 +260,8 @@ class Proof:
             yield f"  {finding.verdict.value:<12} {finding.message}"
             if finding.hint:
                 yield f"  {'':<12} {finding.hint}"
+        if self.left_out:
+            yield f"  {Verdict.SKIP.value:<12} {self.left_out}"
         tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not ProbeOutcome.NOT_TRIED]
         proved = sum(verdict in _PROVED for verdict in tried)
         yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
@@ -393,7 +399,16 @@ class Proving:
             turned_away=after.dropped(self._chains[1]),
             carrier=self.carrier,
             opening_bytes=self._opening_bytes,
+            left_out=self._left_out,
         )
+
+    @property
+    def _left_out(self) -> str:
+        measured = far_end(self.pilot)
+        if measured is None:
+            return ""
+        command = f"provision qualify site={self.site} link={self.bearer.name}"
+        return f"{measured.name} ({measured.address} udp {measured.port}): `{command}` tries it"
 
     def _judged(self, attempt: Attempt, *, link_seen: bool) -> BearerFinding:
         finding = judge_attempt(attempt, link_seen=link_seen)

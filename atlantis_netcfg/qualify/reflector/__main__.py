@@ -93,6 +93,11 @@ async def _until_ended(opened: socket.socket, reflector: Reflector) -> None:
     await serve(opened, reflector, end)
 
 
+def _key(file: Path) -> bytes:
+    """Without the white space around it; a unit of systemd opens a file that only root may read, and hands it over."""
+    return (sys.stdin.buffer.read() if str(file) == "-" else file.read_bytes()).strip()
+
+
 def main(words: list[str] | None = None) -> int:
     """Run the program; its exit code."""
     parser = argparse.ArgumentParser(prog="reflector", description=__doc__)
@@ -102,10 +107,10 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--synchronised", action="store_true", help="an external source disciplines this clock")
     parser.add_argument("--clock-error-s", type=float, default=1.0, help="the error of this clock")
     who = parser.add_mutually_exclusive_group(required=True)
-    who.add_argument("--key-file", type=Path, help="only who has this key is answered")
+    who.add_argument("--key-file", type=Path, help="only who has this key is answered; `-`: standard input")
     who.add_argument("--unauthenticated", action="store_true", help="answer anybody: for testers of others")
     arguments = parser.parse_args(words)
-    key = None if arguments.unauthenticated else arguments.key_file.read_bytes().strip()
+    key = None if arguments.unauthenticated else _key(arguments.key_file)
     if key is not None and len(key) < MIN_KEY_SIZE:
         parser.error("the key in {} has fewer than {} octets".format(arguments.key_file, MIN_KEY_SIZE))  # noqa: UP032
     reflector = Reflector(

@@ -41,7 +41,7 @@ def text(base: GatewayBase, path: str) -> str:
 def test_it_is_final_data(tmp_path: Path) -> None:
     told = part(tmp_path).as_dict()
     assert json.loads(json.dumps(told)) == told
-    assert told.keys() == {"packages", "configure", "secrets", "own_secret", "service_secrets"}
+    assert told.keys() == {"packages", "configure", "secrets", "own_secret", "service_secrets", "qualify_secret"}
     assert {"name": "chrony", "version": None} in told["packages"]["packages"]
     assert "{{" not in json.dumps(told)
     assert "{%" not in json.dumps(told)

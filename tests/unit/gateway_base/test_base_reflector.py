@@ -17,7 +17,16 @@ from atlantis_netcfg.checklist.probes.agent.streams import ProbeError
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import REFLECTOR_PORT, ServerComputer
 from atlantis_netcfg.gateway.base import gateway_base
-from atlantis_netcfg.gateway.reflector import PROGRAM, SERVICE, reflector
+from atlantis_netcfg.gateway.reflector import (
+    PROGRAM,
+    QUALIFY_FOLDER,
+    QUALIFY_KEY,
+    QUALIFY_SECRET,
+    QUALIFY_SERVICE,
+    SERVICE,
+    far_end,
+    reflector,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,6 +64,67 @@ def test_of_a_computer_outside_the_vpn_it_is_taken_away() -> None:
     declaration = replace(SHIPPED, hosts={**SHIPPED.hosts, "scc-control": outside})
     rules = [file.content for file in gateway_base(declaration, outside).configuration.files if "nft" in file.path]
     assert str(REFLECTOR_PORT) not in "".join(rules)
+
+
+@pytest.mark.parametrize(
+    ("name", "sources"),
+    [
+        ("scc-control", "0.0.0.0/0"),
+        ("coastal-gateway", "10.64.1.0/24, 10.64.101.0/24, 10.80.0.0/24"),
+        ("te4sea-gateway", "10.64.2.0/24, 10.64.102.0/24, 10.80.0.0/24"),
+    ],
+)
+def test_the_far_end_answers_everybody_at_the_control_centre_and_ours_elsewhere(name: str, sources: str) -> None:
+    base = gateway_base(SHIPPED, SHIPPED.hosts[name])
+    files = {file.path: file for file in base.configuration.files}
+    rules = [line.strip() for line in files["/etc/nftables.conf"].content.splitlines() if "dport 862" in line]
+    assert rules == [f'ip saddr {{ {sources} }} udp dport 862 accept comment "measurements"']
+    unit = files[f"/etc/systemd/system/{QUALIFY_SERVICE}"].content.splitlines()
+    assert f"WorkingDirectory={QUALIFY_FOLDER}" in unit
+    assert f"StandardInput=file:{QUALIFY_KEY}" in unit
+    assert "ExecStart=/usr/bin/python3 -s -B -m reflector --port 862 --key-file -" in unit
+    assert {"DynamicUser=yes", "AmbientCapabilities=CAP_NET_BIND_SERVICE", "ProtectSystem=strict"} <= set(unit)
+    assert (files[QUALIFY_KEY].content, files[QUALIFY_KEY].mode) == (f"{QUALIFY_SECRET}\n", "0600")
+    assert base.qualify_secret == QUALIFY_SECRET
+    assert "EXAMPLE-key-of-the-far-end" not in json.dumps(base.as_dict())
+    (row,) = [row for row in base.configuration.units if row.name == QUALIFY_SERVICE]
+    assert QUALIFY_KEY in row.after, "a new key is read by a new start"
+
+
+def test_a_high_port_needs_no_capability() -> None:
+    assert SHIPPED.pilot.qualify is not None
+    high = far_end(SHIPPED.pilot.qualify.model_copy(update={"port": 8862}))
+    (unit,) = [file.content for file in high.files if file.path.endswith(QUALIFY_SERVICE)]
+    assert "CapabilityBoundingSet=\n" in unit
+    assert "CAP_NET_BIND_SERVICE" not in unit
+
+
+def test_where_no_far_end_is_declared_it_is_taken_away() -> None:
+    silent = replace(SHIPPED, pilot=SHIPPED.pilot.model_copy(update={"qualify": None}))
+    base = gateway_base(silent, silent.hosts["scc-control"])
+    assert {f"/etc/systemd/system/{QUALIFY_SERVICE}", QUALIFY_KEY} <= {*base.configuration.absent}
+    assert QUALIFY_FOLDER in base.configuration.only
+    assert base.qualify_secret is None
+    assert not [file for file in base.configuration.files if "dport 862" in file.content or "qualify" in file.path]
+
+
+def test_the_far_end_starts_from_its_folder_and_reads_its_key_from_standard_input(tmp_path: Path) -> None:
+    """As the unit starts it, but for systemd."""
+    for file in far_end(SHIPPED.pilot.qualify).files:
+        if file.path.startswith(f"{QUALIFY_FOLDER}/"):
+            path = tmp_path / file.path.removeprefix(f"{QUALIFY_FOLDER}/")
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(file.content)
+    command = [sys.executable, "-s", "-B", "-m", "reflector", "--port", "0", "--key-file", "-", "--address", HERE]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, cwd=tmp_path, text=True, stdin=pipe, stdout=pipe) as program:
+        assert program.stdin is not None
+        assert program.stdout is not None
+        program.stdin.write("a key of 16 octets, and more\n")
+        program.stdin.close()
+        assert program.stdout.readline().startswith("ready on port ")
+        program.terminate()
+    assert program.returncode == 0
 
 
 @pytest.fixture

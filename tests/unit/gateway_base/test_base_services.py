@@ -40,13 +40,16 @@ def with_services(*declared: dict[str, Any], host: str = CENTRE) -> Declaration:
     return replace(SHIPPED, pilot=pilot, hosts={**SHIPPED.hosts, host: replace(box, device=device)})
 
 
+_OURS = {"SSH", "checklists of other sites", "measurements"}
+
+
 def opened(declaration: Declaration, host: str = CENTRE) -> dict[str, tuple[str, int, list[str]]]:
     """Name -> transport, port and sources of every rule of the firewall that opens a port to networks by a set."""
     configuration = gateway_base(declaration, declaration.hosts[host]).configuration
     (text,) = (file.content for file in configuration.files if file.path == "/etc/nftables.conf")
     rows = (match.groups() for match in _OPEN.finditer(text))
     found = {name: (transport, int(port), sources.split(", ")) for sources, transport, port, name in rows}
-    return {name: row for name, row in found.items() if name not in {"SSH", "checklists of other sites"}}
+    return {name: row for name, row in found.items() if name not in _OURS}
 
 
 @pytest.mark.parametrize(

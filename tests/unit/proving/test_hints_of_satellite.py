@@ -52,6 +52,10 @@ def reached(laptop: Laptop) -> list[str]:
         seen.append(f"{opened.hosts[0].name} {opened.arguments.flag('try-all')} {opened.arguments.optional('backup')}")
         raise NothingBehindIt("it would be tried")
 
+    def measured(opened: Any, _limits: object) -> None:  # noqa: ANN401 - a session
+        seen.append(f"{opened.hosts[0].name} {opened.arguments.optional('link')}")
+        raise NothingBehindIt("it would be measured")
+
     def adoption(arguments: Any, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - of the command
         seen.append(f"{host.name} {arguments.flag('replaced')}")
         raise NothingBehindIt("it would be looked for")
@@ -63,6 +67,7 @@ def reached(laptop: Laptop) -> list[str]:
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._trust_device", trust)
     laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", proof)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.qualify._measured", measured)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     return seen
 
@@ -150,6 +155,12 @@ SITUATIONS: dict[str, tuple[Callable[[Laptop], str], str, int, list[str]]] = {
         "`provision site=…` brings the filter back; `provision drift site=…` first tells what has changed",
         0,
         [],
+    ),
+    "the far end of measurements": (
+        lambda _at: prove(Fake()).left_out,
+        "provision qualify site={} link={}",
+        7,
+        ["coastal-router satellite"],
     ),
     "not tried": (not_tried, "`provision prove site={} --try-all`", 7, ["coastal-router True None"]),
     "rows that stay": (

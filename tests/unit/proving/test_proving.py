@@ -338,4 +338,8 @@ def test_json_holds_what_text_says() -> None:
     assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == ProbeOutcome.ANSWERED
     text = proof.as_text()
     assert all(finding.message in text for _, finding in proof.judged)
+    assert data["left_out"] == (
+        "far end of measurements (203.0.113.2 udp 862): `provision qualify site=coastal link=satellite` tries it"
+    )
+    assert f"SKIP         {data['left_out']}" in text
     assert "2 of 6 targets proved, 4 could not be tried" in text

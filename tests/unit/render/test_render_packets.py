@@ -33,7 +33,7 @@ def link(site: str, name: str) -> str:
 def allowed(site: str) -> set[tuple[str, str, int | None]]:
     satellite = next(b for b in DECLARED.sites[site].bearers if b.kind is BearerKind.SATELLITE)
     targets = admitted(DECLARED.pilot, satellite)
-    assert len(targets) == 1 + len(DECLARED.pilot.time_servers)
+    assert len(targets) == 2 + len(DECLARED.pilot.time_servers), "the VPN, the far end of measurements, and the time"
     return {(str(target.address), target.transport.value, target.port) for target in targets}
 
 
@@ -351,16 +351,17 @@ def test_a_robot_in_the_lan_reaches_the_vpn_and_answers(site: str) -> None:
     assert WALKS[site].accepts("forward", answer)
 
 
-def test_control_centre_forwards_the_vpn_from_every_side() -> None:
+@pytest.mark.parametrize(("port", "host"), [(1194, "10.64.0.10"), (862, "10.64.0.11")])
+def test_control_centre_forwards_the_vpn_and_measurements_from_every_side(port: int, host: str) -> None:
     walk = WALKS["scc"]
     for src, arrives in (("198.18.0.9", "ether1"), ("10.10.0.2", "ether2"), ("10.64.0.50", "bridge-lan")):
-        packet = Packet(src, "203.0.113.2", arrives, "", "udp", 1194)
-        assert walk.translation("dstnat", packet) == ("dst-nat", "10.64.0.10")
-        inside = Packet(src, "10.64.0.10", arrives, "bridge-lan", "udp", 1194, nat_state=frozenset({"dstnat"}))
+        packet = Packet(src, "203.0.113.2", arrives, "", "udp", port)
+        assert walk.translation("dstnat", packet) == ("dst-nat", host)
+        inside = Packet(src, host, arrives, "bridge-lan", "udp", port, nat_state=frozenset({"dstnat"}))
         assert walk.accepts("forward", inside)
-        back = Packet("10.64.0.10", src, "bridge-lan", arrives, "udp", 40000, "established", frozenset({"dstnat"}))
+        back = Packet(host, src, "bridge-lan", arrives, "udp", 40000, "established", frozenset({"dstnat"}))
         assert walk.accepts("forward", back)
-    unasked = Packet("198.18.0.9", "10.64.0.10", "ether1", "bridge-lan", "udp", 1194)
+    unasked = Packet("198.18.0.9", host, "ether1", "bridge-lan", "udp", port)
     assert not walk.accepts("forward", unasked)
 
 

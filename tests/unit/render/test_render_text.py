@@ -147,7 +147,7 @@ def test_an_address_is_listed_once_whatever_is_allowed_there() -> None:
     given = with_site(given, "te4sea", bearers=(given.sites["te4sea"].bearers[0], more))
     listed = [row for row in parsed("te4sea", given).statements if row.get("list") == "sat-allow"]
     assert [row.get("address") for row in listed] == ["203.0.113.2", "192.0.2.123", "192.0.2.124"]
-    assert listed[0].get("comment") == "atlantis: VPN server, VPN over TCP, also by satellite"
+    assert listed[0].get("comment") == "atlantis: VPN server, far end of measurements, VPN over TCP, also by satellite"
 
 
 def test_a_password_is_in_the_text_but_not_in_the_view() -> None:

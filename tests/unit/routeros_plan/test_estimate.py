@@ -51,7 +51,7 @@ def test_a_run_that_changes_nothing_costs_handshakes_login_and_one_batch() -> No
 def test_a_first_configuration_stays_within_its_round_trips() -> None:
     planned, there = first_configuration()
     cost = estimate(planned, IRIDIUM, there)
-    assert 14 <= cost.round_trips <= 23  # the engine itself stays within 22, and the estimate is at most one off
+    assert 14 <= cost.round_trips <= 25  # the engine itself stays within 24, and the estimate is at most one off
     assert cost.bytes_up > sum(len(action.menu) for action in planned.actions)
     assert estimate(planned, LAN, there).seconds < 5 < cost.seconds
 

@@ -55,7 +55,7 @@ def test_ansible_refuses_what_the_model_refuses() -> None:
 def test_every_secret_is_no_log() -> None:
     specs = yaml.safe_load(text("routeros"))["argument_specs"]["main"]["options"]
     secrets = [name for name, option in _walk(specs) if option.get("no_log")]
-    assert secrets == ["token", "token", "key", "password", "password", "key"]
+    assert secrets == ["token", "token", "key", "key", "password", "password", "key"]
 
 
 def test_every_option_is_described() -> None:

@@ -24,9 +24,9 @@ from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, 
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.network.path import answers
+from atlantis_netcfg.emulator.routeros.network.traffic import count_echoes
 from atlantis_netcfg.emulator.routeros.spec import Deviation, DeviceModeName
 from atlantis_netcfg.emulator.routeros.values import id_text
-from atlantis_netcfg.emulator.routeros.views import count_echoes
 
 if TYPE_CHECKING:
     from collections.abc import Collection

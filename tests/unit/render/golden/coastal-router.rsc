@@ -113,7 +113,7 @@ add address=10.64.1.10 comment="atlantis: coastal-gateway, ours, in the LAN" lis
 add address=10.80.0.0/16 comment="atlantis: tunnel addresses, behind the VPN" list=remote
 add address=10.64.0.0/24 comment="atlantis: scc LAN, behind the VPN" list=remote
 add address=10.64.2.0/24 comment="atlantis: te4sea LAN, behind the VPN" list=remote
-add address=203.0.113.2 comment="atlantis: VPN server, also by satellite" list=sat-allow
+add address=203.0.113.2 comment="atlantis: VPN server, far end of measurements, also by satellite" list=sat-allow
 add address=192.0.2.123 comment="atlantis: ntp1.example.org, also by satellite" list=sat-allow
 add address=192.0.2.124 comment="atlantis: ntp2.example.org, also by satellite" list=sat-allow
 # Filter. No fasttrack: its packets skip the filter, and with it the satellite's allow-list.
@@ -137,6 +137,7 @@ add action=jump chain=forward comment="atlantis: satellite, allow-list" jump-tar
 add action=return chain=to-satellite comment="atlantis: VPN server" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=1194 protocol=udp
 add action=return chain=to-satellite comment="atlantis: ntp1.example.org" dst-address=192.0.2.123 dst-address-list=sat-allow dst-port=123 protocol=udp
 add action=return chain=to-satellite comment="atlantis: ntp2.example.org" dst-address=192.0.2.124 dst-address-list=sat-allow dst-port=123 protocol=udp
+add action=return chain=to-satellite comment="atlantis: far end of measurements" dst-address=203.0.113.2 dst-address-list=sat-allow dst-port=862 protocol=udp
 add action=log chain=to-satellite comment="atlantis: what is kept off, a sample" limit=10/1m,5:packet log-prefix="drop satellite"
 add action=drop chain=to-satellite comment="atlantis: satellite, everything else"
 # What has come in is paid for already; only answers of the same targets go on, which also counts them one by one. An ICMP
@@ -146,6 +147,7 @@ add action=jump chain=forward comment="atlantis: satellite, what comes in" in-in
 add action=return chain=from-satellite comment="atlantis: answers of VPN server" connection-state=established protocol=udp src-address=203.0.113.2 src-address-list=sat-allow src-port=1194
 add action=return chain=from-satellite comment="atlantis: answers of ntp1.example.org" connection-state=established protocol=udp src-address=192.0.2.123 src-address-list=sat-allow src-port=123
 add action=return chain=from-satellite comment="atlantis: answers of ntp2.example.org" connection-state=established protocol=udp src-address=192.0.2.124 src-address-list=sat-allow src-port=123
+add action=return chain=from-satellite comment="atlantis: answers of far end of measurements" connection-state=established protocol=udp src-address=203.0.113.2 src-address-list=sat-allow src-port=862
 add action=return chain=from-satellite comment="atlantis: satellite, the terminal itself" connection-state=established src-address=10.10.2.0/29
 add action=return chain=from-satellite comment="atlantis: errors on the way" connection-state=related protocol=icmp
 add action=log chain=from-satellite comment="atlantis: what is turned away, a sample" limit=10/1m,5:packet log-prefix="drop from satellite"

@@ -126,6 +126,7 @@ add action=accept chain=forward comment="atlantis: technician by the best link" 
 add action=accept chain=forward comment="atlantis: technician to the radios" in-interface-list=MGMT out-interface-list=SERVED src-address=10.64.100.0/24
 add action=accept chain=forward comment="atlantis: wifi-ptp by our best link" in-interface=ether2 out-interface-list=WAN src-address=10.10.0.0/29
 add action=accept chain=forward comment="atlantis: forwarded to scc-vpn" connection-nat-state=dstnat dst-address=10.64.0.10 dst-port=1194 out-interface-list=LAN protocol=udp
+add action=accept chain=forward comment="atlantis: forwarded to scc-control" connection-nat-state=dstnat dst-address=10.64.0.11 dst-port=862 out-interface-list=LAN protocol=udp
 add action=log chain=forward comment="atlantis: what is dropped, a sample" limit=10/1m,5:packet log-prefix="drop forward"
 add action=drop chain=forward comment="atlantis: everything else"
 # Output is open but for the satellite: the router itself asks for time, pings its canaries and holds the tunnel.
@@ -137,6 +138,9 @@ add action=drop chain=forward comment="atlantis: everything else"
 add action=dst-nat chain=dstnat comment="atlantis: scc-vpn at uplink" dst-address=203.0.113.2 dst-port=1194 protocol=udp to-addresses=10.64.0.10
 # From the LAN by the outer address: the answer must come back through the router, or its sender would not be recognised.
 add action=masquerade chain=srcnat comment="atlantis: scc-vpn from the LAN" dst-address=10.64.0.10 dst-port=1194 out-interface-list=LAN protocol=udp src-address=10.64.0.0/24
+add action=dst-nat chain=dstnat comment="atlantis: scc-control at uplink" dst-address=203.0.113.2 dst-port=862 protocol=udp to-addresses=10.64.0.11
+# From the LAN by the outer address: the answer must come back through the router, or its sender would not be recognised.
+add action=masquerade chain=srcnat comment="atlantis: scc-control from the LAN" dst-address=10.64.0.11 dst-port=862 out-interface-list=LAN protocol=udp src-address=10.64.0.0/24
 add action=masquerade chain=srcnat comment="atlantis: uplinks" out-interface-list=WAN
 # The radios of a served link need no route to the technician.
 add action=masquerade chain=srcnat comment="atlantis: technician to the radios" out-interface-list=SERVED src-address=10.64.100.0/24

@@ -1,0 +1,267 @@
+"""`provision qualify`: measure whether a link of a site carries the mission."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.cli._arguments import ACCEPT_COST, ASK_VAULT_PASS, INVENTORY, JSON, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.core.language import translate
+
+if TYPE_CHECKING:
+    from decimal import Decimal
+
+    from atlantis_netcfg.bearers.cost import Preview
+    from atlantis_netcfg.cli._arguments import Arguments
+    from atlantis_netcfg.cli._session import CommandSession
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.events import Subscriber
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.qualify.result import QualifyResult
+    from atlantis_netcfg.qualify.measured_run import BudgetLimits, Selection
+
+QUALIFY = CommandSpec(
+    "qualify",
+    "measure whether a link carries the mission: delay, loss, gaps, rates",
+    group=Group.LINKS,
+    words=(
+        Word(
+            "site",
+            "the site, in whose LAN or management network this computer stands",
+            required=True,
+            example="coastal",
+        ),
+        Word("link", "the link, or `all`; may be left out where there is one", example="satellite"),
+        Word(
+            "profile",
+            "what is sent: small messages, images, as much as the link carries, or all of it (if left out: telemetry)",
+            choices=("telemetry", "images", "throughput", "all"),
+        ),
+        Word("over", "`vpn`: through the tunnel, over the link in use; otherwise beside it", choices=("vpn",)),
+        INVENTORY,
+    ),
+    flags=(
+        Flag("max-mb", "stop before more has passed, both ways together, in 10^6 bytes", takes="N"),
+        Flag("max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"),
+        Flag("max-minutes", "stop before it takes longer", takes="M"),
+        Flag("rehearse", "the same with an emulated router, link and far end, within seconds", harmless=True),
+        ACCEPT_COST,
+        ASK_VAULT_PASS,
+        JSON,
+    ),
+    details=(
+        "The site's traffic is not moved: for this computer's test packets alone the router gets a routing rule and "
+        "rows that count, under safe mode, and they are removed again. Exit code 0: every criterion passed, and the "
+        "router's counters prove the link; 6: one failed or is not proved; 7: nothing was sent."
+    ),
+    changes=True,
+    again="type the same again: rows that it has added go with its session, by the safe mode of the router",
+)
+
+
+def run_qualify(arguments: Arguments) -> ExitCode:
+    """Say what it costs, measure one link after the other, tell."""
+    import json
+
+    from atlantis_netcfg.cli._session import session
+    from atlantis_netcfg.core.errors import worst
+    from atlantis_netcfg.declaration import choose
+    from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, router_of
+
+    limits = _limits(arguments)
+
+    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+        site = arguments.word("site")
+        choose(declaration, site, ())
+        links_of_site(declaration, site, arguments.optional("link"))
+        far_end_of(declaration, over_vpn=arguments.optional("over") is not None)
+        return (router_of(declaration, site),)
+
+    with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", chosen=chosen) as opened:
+        results = _measured(opened, limits)
+    not_rehearsed = _not_rehearsed(opened)
+    code = worst([each.exit for each in results])
+    if opened.as_json:
+        document = {
+            "site": opened.site,
+            "exit": int(code),
+            "rehearsed": opened.rehearsed,
+            "not_rehearsed": not_rehearsed,
+            "links": [each.as_json() for each in results],
+        }
+        print(json.dumps(document, ensure_ascii=False))
+    else:
+        for line in (*(line for each in results for line in each.lines()), *not_rehearsed):
+            print(translate(line))
+    return code
+
+
+def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
+    if opened.rehearsal is None:
+        return ()
+    from atlantis_netcfg.operations.qualify.emulation import NOT_REHEARSED
+
+    return tuple(f"  not rehearsed: {each}" for each in NOT_REHEARSED)
+
+
+def _limits(arguments: Arguments) -> BudgetLimits:
+    """What a person allows for all links together. Raises UsageError."""
+    from decimal import Decimal
+
+    from atlantis_netcfg.qualify.measured_run import BudgetLimits
+
+    mb, eur, minutes = (_number(arguments, name) for name in ("max-mb", "max-eur", "max-minutes"))
+    return BudgetLimits(
+        max_bytes=None if mb is None else int(mb * 1_000_000),
+        max_price=None if eur is None else Decimal(eur),
+        max_seconds=None if minutes is None else float(minutes * 60),
+    )
+
+
+def _number(arguments: Arguments, name: str) -> Decimal | None:
+    from decimal import Decimal, InvalidOperation
+
+    from atlantis_netcfg.core.errors import UsageError
+
+    text = arguments.flags.get(name)
+    if text is None:
+        return None
+    try:
+        number = Decimal(text)
+    except InvalidOperation:
+        number = Decimal(0)
+    if not number.is_finite() or number <= 0:
+        raise UsageError(f"`--{name} {text}`: that is no number above 0", hint=f"type it like `--{name} 2.5`")
+    return number
+
+
+def _measured(opened: CommandSession, limits: BudgetLimits) -> list[QualifyResult]:
+    """Measure the links one after the other; a limit holds for all of them together, and a stop ends all."""
+    from contextlib import ExitStack
+
+    from atlantis_netcfg.cli._output import progress
+    from atlantis_netcfg.operations.qualify.run import links_of_site
+    from atlantis_netcfg.operations.request import refuse_examples
+    from atlantis_netcfg.qualify.measured_run import Selection
+    from atlantis_netcfg.qualify.session import EndReason
+
+    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
+    links = links_of_site(opened.declaration, opened.site, opened.arguments.optional("link"))
+    selection = Selection(opened.arguments.optional("profile") or Selection.TELEMETRY)
+    _pay(opened, links, selection, limits)
+    results: list[QualifyResult] = []
+    with ExitStack() as stack:
+        notify = stack.enter_context(progress(quiet=opened.as_json))
+        if opened.rehearsal is not None:
+            opened.configure_twins(strict=True)
+        stack.enter_context(opened.store.lock(opened.site, f"provision qualify site={opened.site}"))
+        for bearer in links:
+            found = _link(opened, bearer, selection, limits, notify)
+            results.append(found)
+            if found.run.reason != EndReason.DONE:
+                break
+            limits = _left(limits, found)
+    return results
+
+
+def _left(limits: BudgetLimits, found: QualifyResult) -> BudgetLimits:
+    """What a measured link leaves of the limits; nothing left is the least that can be."""
+    run = found.run
+    seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
+    used = run.sent_bytes + run.received_bytes
+    return limits.model_copy(
+        update={
+            "max_bytes": None if limits.max_bytes is None else max(0, limits.max_bytes - used),
+            "max_seconds": None if limits.max_seconds is None else max(0.0, limits.max_seconds - seconds),
+            "max_price": None
+            if limits.max_price is None
+            else max(limits.max_price - (run.price or 0), limits.max_price * 0),
+        }
+    )
+
+
+def _link(
+    opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits, notify: Subscriber
+) -> QualifyResult:
+    from contextlib import ExitStack
+    from datetime import UTC, datetime
+
+    from atlantis_netcfg.journal import make_private, new_run, os_errors_as
+    from atlantis_netcfg.operations import Mode
+    from atlantis_netcfg.operations.qualify.emulation import emulated_link
+    from atlantis_netcfg.operations.qualify.result import result
+    from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
+
+    now = datetime.now(UTC)
+    kept = opened.store.root / opened.site / "qualify"
+    with os_errors_as("the measurement", kept):
+        folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
+    with ExitStack() as stack:
+        over_vpn = opened.arguments.optional("over") is not None
+        emulated = None
+        if opened.rehearsal is not None:
+            key = far_end_of(opened.declaration, over_vpn=False)[2]
+            emulated = stack.enter_context(emulated_link(bearer, key, opened.rehearsal))
+        run = LinkRun(
+            opened.declaration,
+            opened.site,
+            bearer,
+            selection,
+            _capped(opened, bearer, limits),
+            folder,
+            over_vpn=over_vpn,
+            emulated=emulated,
+            notify=notify,
+        )
+        measured, measurement = run.measure(opened.request(Mode.DRIFT))
+    return result(measured, measurement.samples, run.plan.cells, measurement.rates, folder)
+
+
+def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
+    """Within the cap of a metered link, whatever a person allows; a limit in EUR needs a tariff, and means it alone."""
+    from atlantis_netcfg.operations.costs import link_of
+
+    link = link_of(opened.declaration, opened.site, bearer.name)
+    bounds = [each for each in (limits.max_bytes, link.cap_bytes) if each is not None]
+    price = limits.max_price if link.metered else None
+    return limits.model_copy(update={"max_bytes": min(bounds, default=None), "max_price": price})
+
+
+def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
+    """Say what is sent, how long it takes and what it costs; return when somebody pays. Raises CostRefused."""
+    from atlantis_netcfg.cli._consent import pay
+
+    previews = [_preview(opened, bearer, selection, limits) for bearer in links]
+    if not opened.as_json:
+        for each in previews:
+            print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
+    dear = [each.words for each in previews if each.link.metered]
+    if opened.rehearsed:
+        if dear and not opened.as_json:
+            print(translate(f"a real measurement asks first: {'; '.join(dear)}"))
+        return
+    pay(dear, accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+
+
+def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
+    """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
+    from atlantis_netcfg.bearers.cost import preview
+    from atlantis_netcfg.core.errors import UsageError
+    from atlantis_netcfg.operations.costs import link_of
+    from atlantis_netcfg.operations.qualify.plan import planned
+
+    link = link_of(opened.declaration, opened.site, bearer.name)
+    plan = planned(bearer, selection, rehearsed=opened.rehearsed)
+    if limits.max_price is not None and link.metered and (link.tariff is None or link.tariff.currency != "EUR"):
+        raise UsageError(
+            f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"
+        )
+    nbytes = plan.bytes if limits.max_bytes is None else min(plan.bytes, limits.max_bytes)
+    seconds = plan.seconds if limits.max_seconds is None else min(plan.seconds, limits.max_seconds)
+    found = preview(nbytes, seconds, link, at_most=True)
+    if found.over_cap and not opened.rehearsed:
+        cap = (link.cap_bytes or 0) / 1_000_000
+        refused = found.refusal()
+        refused.hint = f"add `--max-mb {cap:g}`: what is measured until then is kept; or raise {link.cap_key}"
+        raise refused
+    return found

@@ -1,0 +1,94 @@
+"""What a router counts of packets: its own pings, and what somebody else has carried in its place.
+
+No packet of the LAN passes through a twin. Who carries some past it (a relay of a rehearsal) says so, and the router
+sends them by its own routing rules and counts them by its own rows: where these lead them elsewhere, they count there.
+"""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
+from atlantis_netcfg.emulator.routeros.network.path import route_to
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.emulator.routeros.core import Core
+
+ECHO_BYTES = 84
+"""An echo request or its answer as an IP packet, with 56 bytes of data."""
+_FILTER, _MANGLE = "/ip/firewall/filter", "/ip/firewall/mangle"
+
+
+def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, answered: bool) -> None:
+    """Count echo requests on their way out, and their answers on their way in; one that is dropped is not sent."""
+    topology = core.topology
+    src = IPv4Address(source) if source else None
+    way = route_to(topology, target, src)
+    if way is None:
+        return
+    address = src or target
+    port = topology.interfaces[way].name
+    octets = number * ECHO_BYTES
+    request = Packet(address, target, "new", "icmp", out_interface=way)
+    if _met(core, _FILTER, "output", request, number, octets) is PacketVerdict.DROP:
+        return
+    core.count(port, received=False, size=octets)
+    if answered:
+        core.count(port, received=True, size=octets)
+        reply = Packet(target, address, "established", "icmp", in_interface=way)
+        _met(core, _FILTER, "input", reply, number, octets)
+
+
+def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
+    core: Core,
+    source: str,
+    source_port: int,
+    target: str,
+    target_port: int,
+    up: tuple[int, int],
+    down: tuple[int, int],
+) -> dict[str, Any]:
+    """Count a UDP flow of the LAN, packets and octets each way, and say by which port it went, and whether it passed.
+
+    Mangle stands before the filter, so what that drops is counted there all the same. The filter is asked about the
+    first packet, and about an answer: whether NAT has touched a later one is not known here.
+    """
+    topology = core.topology
+    src, dst = IPv4Address(source), IPv4Address(target)
+    way, entry = route_to(topology, dst, src), route_to(topology, src, None)
+    if way is None or entry is None:
+        return {"port": None, "passed": False}
+    out = Packet(
+        src, dst, "new", "udp", src_port=source_port, dst_port=target_port, in_interface=entry, out_interface=way
+    )
+    back = Packet(
+        dst,
+        src,
+        "established",
+        "udp",
+        src_port=target_port,
+        dst_port=source_port,
+        in_interface=way,
+        out_interface=entry,
+    )
+    name = topology.interfaces[way].name
+    _met(core, _MANGLE, "forward", out, *up)
+    if _met(core, _FILTER, "forward", out, *up) is not PacketVerdict.ACCEPT:
+        return {"port": name, "passed": False}
+    core.count(name, received=False, size=up[1])
+    _met(core, _MANGLE, "forward", back, *down)
+    core.count(name, received=True, size=down[1])
+    passed = _met(core, _FILTER, "forward", back, *down) is PacketVerdict.ACCEPT
+    return {"port": name, "passed": passed}
+
+
+def _met(  # noqa: PLR0913, PLR0917 - packets in a chain
+    core: Core, table: str, chain: str, packet: Packet, number: int, octets: int
+) -> PacketVerdict:
+    rules: list[int] = []
+    verdict = walk(core.topology, table, chain, packet, met=rules)
+    for rule in rules:
+        packets, bytes_met = core.met.get((table, rule), (0, 0))
+        core.met[table, rule] = packets + number, bytes_met + octets
+    return verdict

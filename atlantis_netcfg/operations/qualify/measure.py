@@ -1,0 +1,180 @@
+"""Send the stages of a run, one after the other, all within one budget; every sample is written as it comes."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.operations.qualify.plan import HIGHEST_HZ
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.messages import MessageStream
+from atlantis_netcfg.qualify.path_mtu import PathMtu, path_mtu
+from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
+from atlantis_netcfg.qualify.samples import MessageEnded, PacketSent, ReplyReceived
+from atlantis_netcfg.qualify.search import SustainedRate, sustained_rate
+from atlantis_netcfg.qualify.session import EndReason, Train, TrainPlan, run
+from atlantis_netcfg.qualify.transfers import message_figures
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from atlantis_netcfg.operations.qualify.plan import QualifyPlan, RateCell
+    from atlantis_netcfg.qualify.budget import BudgetGuard
+    from atlantis_netcfg.qualify.messages import MessagePlan
+    from atlantis_netcfg.qualify.samples import Sample
+    from atlantis_netcfg.qualify.session import PacketStream, ReflectorPeer
+    from atlantis_netcfg.qualify.transfers import MessageFigures
+    from atlantis_netcfg.qualify.transport import Arrival, DatagramTransport
+
+IDLE, LOADED, LOAD_UP = "idle", "loaded", "load up"
+
+
+class CountedTransport:
+    """A transport that counts what this computer took and what came, and ends a measurement when it is told to."""
+
+    def __init__(self, inner: DatagramTransport, stop: threading.Event | None = None) -> None:
+        self.headers = inner.headers
+        self.sent_packets = self.sent_bytes = 0
+        self.received_packets = self.received_bytes = 0
+        self._inner = inner
+        self._stop = threading.Event() if stop is None else stop
+
+    def now_ns(self) -> int:
+        """As the protocol has it."""
+        return self._inner.now_ns()
+
+    def unix_ns(self) -> int:
+        """As the protocol has it."""
+        return self._inner.unix_ns()
+
+    def send(self, datagram: bytes) -> str:
+        """As the protocol has it."""
+        refused = self._inner.send(datagram)
+        if not refused:
+            self.sent_packets += 1
+            self.sent_bytes += len(datagram) + self.headers
+        return refused
+
+    def receive(self, until_ns: int) -> Arrival | None:
+        """As the protocol has it. KeyboardInterrupt: somebody stops it, as a person at the keyboard does."""
+        if self._stop.is_set():
+            raise KeyboardInterrupt
+        arrival = self._inner.receive(until_ns)
+        if arrival is not None:
+            self.received_packets += 1
+            self.received_bytes += len(arrival.datagram) + self.headers
+        return arrival
+
+
+@dataclass(slots=True)
+class Measurement:
+    """A run under way; `samples` are those that were written."""
+
+    plan: QualifyPlan
+    peer: ReflectorPeer
+    transport: CountedTransport
+    guard: BudgetGuard
+    keep: Callable[[Sample], None]
+    say: Callable[[str, int, int], None] = lambda _message, _done, _total: None
+    samples: list[Sample] = field(default_factory=list)
+    mtu: PathMtu = field(default_factory=lambda: PathMtu(None, None, "not measured"))
+    rates: list[SustainedRate] = field(default_factory=list)
+    reason: str = EndReason.DONE
+    unanswered_sizes: int = 0
+    """Packets of the search for the path MTU that nobody answered: most were too long."""
+
+    @property
+    def lost(self) -> int:
+        """How many packets may be lost on the way, at most."""
+        return lost_packets(self.samples) + self.unanswered_sizes
+
+    def write(self, sample: Sample) -> None:
+        """Keep a sample, and remember it for the figures."""
+        self.keep(sample)
+        self.samples.append(sample)
+
+    def measure(self) -> str:
+        """Send everything; why it ended. What was measured until then is kept."""
+        stages: list[tuple[str, Callable[[], None]]] = [
+            ("round trips without load", self._idle),
+            ("path MTU", self._mtu),
+            *([("round trips beside a load", self._load)] if self.plan.load is not None else []),
+            *((cell.stream, partial(self._cell, cell)) for cell in self.plan.cells),
+            *((f"highest rate of {size} octets", partial(self._search, size)) for size in self.plan.sizes),
+        ]
+        for number, (name, stage) in enumerate(stages):
+            self.say(name, number, len(stages))
+            try:
+                stage()
+            except KeyboardInterrupt:
+                self.reason = EndReason.STOPPED
+            if self.reason != EndReason.DONE:
+                break
+        return self.reason
+
+    def _idle(self) -> None:
+        self._run_streams(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
+
+    def _mtu(self) -> None:
+        times = self.plan.times
+        timeout = min(3.0, times.timeout_s)
+        before = self.transport.sent_packets - self.transport.received_packets
+        self.mtu = path_mtu(self.transport, self.peer, self.guard, timeout_s=timeout, patience_s=times.give_up_s)
+        self.unanswered_sizes = max(0, self.transport.sent_packets - self.transport.received_packets - before)
+        if self.guard.limited_by is not None:
+            self.reason = self.guard.limited_by
+
+    def _load(self) -> None:
+        assert self.plan.load is not None  # noqa: S101 - `measure` has looked
+        idle = self.plan.idle
+        beside = TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
+        self._run_streams(
+            Train(LOADED, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
+        )
+
+    def _cell(self, cell: RateCell) -> None:
+        self._run_streams(self._stream(cell.stream, cell.plan))
+
+    def _stream(self, name: str, plan: TrainPlan | MessagePlan) -> PacketStream:
+        if isinstance(plan, TrainPlan):
+            return Train(name, plan, self.peer, self.transport, self.write)
+        return MessageStream(name, plan, self.peer, self.transport, self.write)
+
+    def _run_streams(self, *streams: PacketStream) -> None:
+        self.reason = run(self.transport, self.peer, streams, self.guard)
+
+    def _search(self, size: int) -> None:
+        idle = self._messages(f"rate {size} 0", size, None)
+        if idle is None or idle.latency is None:
+            return
+        found = sustained_rate(
+            size,
+            lambda rate: self._messages(f"rate {size} {rate:g}", size, rate),
+            idle_latency_s=idle.latency.p50,
+            idle_loss=self._idle_loss,
+            first_hz=self.plan.first_hz(size),
+            highest_hz=HIGHEST_HZ,
+        )
+        self.rates.append(found)
+
+    @property
+    def _idle_loss(self) -> float:
+        return train_figures(self.samples, IDLE).loss.share
+
+    def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
+        plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)
+        self._run_streams(self._stream(stream, plan))
+        return message_figures(self.samples, stream) if self.reason == EndReason.DONE else None
+
+
+def lost_packets(samples: Iterable[Sample]) -> int:
+    """Count what may have been lost on the way, at most: unanswered test packets, and chunks of messages not whole."""
+    kept: Sequence[Sample] = tuple(samples)
+    sent = {(each.stream, each.sequence) for each in kept if isinstance(each, PacketSent) and not each.error}
+    answered = {(each.stream, each.sequence) for each in kept if isinstance(each, ReplyReceived)}
+    chunks = sum(
+        each.chunks_sent for each in kept if isinstance(each, MessageEnded) and each.acknowledged_at_ns is None
+    )
+    return len(sent - answered) + chunks

@@ -1,0 +1,204 @@
+"""What a run sends, in which order and for how long: a pure function of the link and of what is selected.
+
+The seconds are those of docs/qualify.md, by the pace of the link. Sizes and rates that the link cannot carry by its
+declaration are left out: to send them for long costs money and shows nothing new.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.declaration.model import Pace
+from atlantis_netcfg.qualify.budget import IPV4_HEADERS
+from atlantis_netcfg.qualify.grids import (
+    IMAGE_RATES_HZ,
+    IMAGES,
+    TELEMETRY_RATES_HZ,
+    TELEMETRY_SIZES,
+    NominalImage,
+    image_plan,
+    message_bytes,
+    telemetry_plan,
+    train_bytes,
+)
+from atlantis_netcfg.qualify.measured_run import Selection
+from atlantis_netcfg.qualify.messages import MessagePlan
+from atlantis_netcfg.qualify.reflector.stamp import AUTHENTICATED_SIZE
+from atlantis_netcfg.qualify.search import FIRST_HZ, HALVINGS
+from atlantis_netcfg.qualify.session import TrainPlan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.declaration.model import Bearer
+
+IDLE_PACKETS: Final = 600
+"""As many as the shipped thresholds ask for (`min_samples`)."""
+HIGHEST_HZ: Final = 64.0
+"""No higher rate of messages is tried."""
+LOAD_SHARE: Final = 1.2
+"""Of the declared rate of the link: more than it carries, so that its queue fills."""
+LOAD_LIMIT_BPS: Final = 40e6
+"""The far end answers no source more than 50 Mbit/s."""
+CARRIED: Final = 1.5
+"""A cell of a grid that offers more than this share of the declared rate is not tried."""
+SEARCH_SIZES: Final = {Selection.TELEMETRY: 200, Selection.IMAGES: 6_000, Selection.THROUGHPUT: 20_000}
+"""Octets of the messages whose highest rate is looked for: 128 with RTPS around it, and two images."""
+_LEAST_MESSAGES: Final = 4
+_MTU_BYTES: Final = 2 * 3 * 11 * 1500
+"""Both searches in full, each size sent three times: about ten sizes between 576 and 1500."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageTimes:
+    """Seconds of each stage."""
+
+    idle_interval_s: float
+    timeout_s: float
+    cell_s: float
+    """A size at a rate of the telemetry."""
+    image_s: float
+    load_s: float
+    window_s: float
+    """Of the search for the highest rate."""
+    give_up_s: float
+    """After so long without a word a message is lost, and the search for the path MTU gives up."""
+
+
+TIMES: Final = {
+    Pace.FAST: StageTimes(0.05, 2, 10, 5, 10, 4, 10),
+    Pace.MOBILE: StageTimes(0.1, 3, 20, 8, 10, 4, 30),
+    Pace.SATELLITE: StageTimes(0.2, 5, 30, 10, 20, 8, 90),
+}
+REHEARSED: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
+
+
+@dataclass(frozen=True, slots=True)
+class RateCell:
+    """A size at a rate of one of the grids."""
+
+    stream: str
+    rate_hz: float
+    plan: TrainPlan | MessagePlan
+    image: NominalImage | None = None
+    octets: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class QualifyPlan:
+    """All stages of a run over one link."""
+
+    selection: Selection
+    times: StageTimes
+    up_bps: float
+    idle: TrainPlan
+    load: MessagePlan | None
+    cells: tuple[RateCell, ...]
+    left_out: int
+    """Cells that the link cannot carry by its declaration."""
+    sizes: tuple[int, ...]
+    """Whose highest rate is looked for."""
+
+    @property
+    def bytes(self) -> int:
+        """What goes over the link at most, both ways together, headers included; nothing is sent again."""
+        headers = IPV4_HEADERS
+        total = train_bytes(self.idle, headers) + _MTU_BYTES
+        if self.load is not None:
+            beside = TrainPlan(AUTHENTICATED_SIZE, self.idle.interval_s, self.times.load_s)
+            total += message_bytes(self.load, headers) + train_bytes(beside, headers)
+        for cell in self.cells:
+            each = cell.plan
+            total += train_bytes(each, headers) if isinstance(each, TrainPlan) else message_bytes(each, headers)
+        return total + sum(
+            message_bytes(window, headers) for size in self.sizes for window in (self.single(size), *self.windows(size))
+        )
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes on a link without gaps."""
+        wait, times = self.times.timeout_s, self.times
+        seconds = self.idle.duration_s + wait + 10 * wait
+        seconds += times.load_s + wait if self.load is not None else 0.0
+        seconds += sum(cell.plan.duration_s + wait for cell in self.cells)
+        for size in self.sizes:
+            seconds += sum(window.duration_s + wait for window in (self.single(size), *self.windows(size)))
+        return seconds
+
+    def single(self, size: int) -> MessagePlan:
+        """Messages that do not disturb each other: how long they take is the latency without load."""
+        rate = 1 / max(1.0, self.times.timeout_s)
+        return MessagePlan(size, rate, _LEAST_MESSAGES / rate, give_up_s=self.times.give_up_s)
+
+    def window(self, size: int, rate_hz: float) -> MessagePlan:
+        """Messages at a rate, of which the search asks whether the link sustains it."""
+        duration = max(self.times.window_s, _LEAST_MESSAGES / rate_hz)
+        return MessagePlan(size, rate_hz, duration, give_up_s=self.times.give_up_s)
+
+    def first_hz(self, size: int) -> float:
+        """Where the search begins: an eighth of what the link carries by its declaration."""
+        return max(FIRST_HZ, min(HIGHEST_HZ, self.carries_hz(size)) / 8)
+
+    def carries_hz(self, size: int) -> float:
+        """How many messages a second the declared rate has room for."""
+        return self.up_bps / 8 / (message_bytes(MessagePlan(size, 1, 1), IPV4_HEADERS))
+
+    def windows(self, size: int) -> Iterator[MessagePlan]:
+        """Every window that the search may need where the declared rate is true."""
+        rate, bad = self.first_hz(size), min(HIGHEST_HZ, 2 * self.carries_hz(size))
+        while rate <= HIGHEST_HZ:
+            yield self.window(size, rate)
+            if rate >= bad:
+                break
+            rate *= 2
+        for _ in range(HALVINGS):
+            yield self.window(size, min(rate, HIGHEST_HZ))
+
+
+def planned(bearer: Bearer, selection: Selection, *, rehearsed: bool = False) -> QualifyPlan:
+    """Pure."""
+    times = REHEARSED if rehearsed else TIMES[bearer.kind.traits.pace]
+    up_bps = bearer.rate.up_kbps * 1000
+    chosen = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
+    cells = [*_cells(chosen, times)]
+    carried = [cell for cell in cells if _offered_bps(cell) <= CARRIED * up_bps]
+    idle_s = IDLE_PACKETS * times.idle_interval_s
+    return QualifyPlan(
+        selection,
+        times,
+        up_bps,
+        TrainPlan(AUTHENTICATED_SIZE, times.idle_interval_s, idle_s, times.timeout_s),
+        _load(up_bps, times) if Selection.THROUGHPUT in chosen else None,
+        tuple(carried),
+        len(cells) - len(carried),
+        tuple(SEARCH_SIZES[part] for part in chosen),
+    )
+
+
+def _load(up_bps: float, times: StageTimes) -> MessagePlan:
+    """One message after the other, of a second each, at more than the link carries."""
+    pace = min(LOAD_SHARE * up_bps, LOAD_LIMIT_BPS)
+    return MessagePlan(round(pace / 8 / 2), 2.0, times.load_s, pace_bps=pace, give_up_s=times.give_up_s)
+
+
+def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]:
+    if Selection.TELEMETRY in chosen:
+        for octets in TELEMETRY_SIZES:
+            for rate in TELEMETRY_RATES_HZ:
+                made = telemetry_plan(octets, rate, max(times.cell_s, _LEAST_MESSAGES / rate))
+                plan = TrainPlan(made.size, made.interval_s, made.duration_s, times.timeout_s)
+                yield RateCell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
+    if Selection.IMAGES in chosen:
+        for image in IMAGES:
+            for rate in IMAGE_RATES_HZ:
+                made_of = image_plan(image, rate, max(times.image_s, _LEAST_MESSAGES / rate))
+                messages = MessagePlan(made_of.size, rate, made_of.duration_s, give_up_s=times.give_up_s)
+                yield RateCell(f"image {image.label} {rate:g}", rate, messages, image, image.octets)
+
+
+def _offered_bps(cell: RateCell) -> float:
+    plan = cell.plan
+    if isinstance(plan, TrainPlan):
+        return 8 * (plan.size + IPV4_HEADERS) * cell.rate_hz
+    return 8 * message_bytes(MessagePlan(plan.size, 1, 1), IPV4_HEADERS) * cell.rate_hz

@@ -1,0 +1,314 @@
+"""Measure one link of a declared site: this computer sends, the router leads and counts, a folder keeps it all."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import socket
+import threading
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
+from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
+from atlantis_netcfg.declaration.model import Router, ServerComputer
+from atlantis_netcfg.declaration.satellite_allow_list import far_end
+from atlantis_netcfg.journal import NoJournal
+from atlantis_netcfg.operations.allow_list_test.prove import temporarily
+from atlantis_netcfg.operations.costs import link_of, ports_of, ways_of
+from atlantis_netcfg.operations.jobs import device_job
+from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
+from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.way import MeasuredFlow, counters, first_rows, judge_way, link_counts, rows
+from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.judgement import QualifyProfile, profile
+from atlantis_netcfg.qualify.measured_run import (
+    SAMPLES_FILE,
+    BudgetLimits,
+    FarEnd,
+    LinkCount,
+    MeasuredRun,
+    Selection,
+    write_run,
+)
+from atlantis_netcfg.qualify.samples import SampleWriter
+from atlantis_netcfg.qualify.session import ReflectorPeer
+from atlantis_netcfg.qualify.transport import UdpTransport
+from atlantis_netcfg.routeros.api import Command, Session
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
+    from atlantis_netcfg.operations.qualify.plan import QualifyPlan
+    from atlantis_netcfg.operations.qualify.way import FlowCounts
+    from atlantis_netcfg.operations.request import Request
+    from atlantis_netcfg.qualify.transport import DatagramTransport
+
+_ALIVE_S: Final = 10.0
+"""How often the router is asked whether its session is there: without it the rows go, and packets stray."""
+_STOPS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+IN_TUNNEL: Final = "the packets are inside the VPN, where the router cannot count them apart"
+
+
+class NothingToQualify(NothingMatched):
+    """The site has no such link, no router that could lead the packets, or no far end is declared."""
+
+
+def links_of_site(declaration: Declaration, site: str, name: str | None) -> tuple[Bearer, ...]:
+    """The links that a person means: one, `all`, or the only one. Raises NothingToQualify."""
+    if site not in declaration.sites:
+        raise NothingToQualify("measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
+    bearers = declaration.sites[site].bearers
+    found = tuple(bearer for bearer in bearers if name in {bearer.name, "all"}) if name is not None else bearers
+    if not found or (name is None and len(found) > 1):
+        why = f"`{site}` has several links" if name is None else f"`{site}` has no link `{name}`"
+        raise NothingToQualify(why, hint=f"type one of: {', '.join(f'link={each.name}' for each in bearers)}, link=all")
+    return found
+
+
+def router_of(declaration: Declaration, site: str) -> Host:
+    """The router that leads the packets. Raises NothingToQualify."""
+    found = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    if found is None:
+        raise NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
+    return found
+
+
+def far_end_of(declaration: Declaration, *, over_vpn: bool) -> tuple[str, int, bytes]:
+    """Address and port of the far end, and the key that it has. Raises NothingToQualify."""
+    qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
+    if qualify is None or target is None:
+        hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
+        raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
+    address = target.address
+    if over_vpn:
+        device = declaration.hosts[qualify.reflector].device
+        inside = device.vpn_address if isinstance(device, ServerComputer) else None
+        if inside is None:
+            raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
+        address = inside
+    return str(address), qualify.port, qualify.key.reveal().encode().strip()
+
+
+def thresholds_of(bearer: Bearer) -> tuple[str, QualifyProfile]:
+    """What a link is held against, with the name that a person reads."""
+    declared = bearer.qualify
+    name = (declared.profile or bearer.kind.traits.thresholds).value
+    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
+    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
+    return shown, profile(name).model_copy(update=changes)
+
+
+def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
+    """This computer's address towards the far end. UsageError: it does not stand in a network of the site."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((far, port))  # no packet is sent by it
+            address = IPv4Address(probe.getsockname()[0])
+        except OSError as error:
+            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
+    place = declaration.sites[site]
+    if address not in place.lan.network and address not in place.management.network:
+        raise UsageError(
+            f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",
+            hint=f"plug it into the LAN ({place.lan.network}) or the management port ({place.management.network})",
+        )
+    return str(address)
+
+
+@dataclass(slots=True)
+class LinkRun:
+    """One link, and what a person allows for it."""
+
+    declaration: Declaration
+    site: str
+    bearer: Bearer
+    selection: Selection
+    limits: BudgetLimits
+    folder: Path
+    """Of this run: new and empty."""
+    over_vpn: bool = False
+    emulated: EmulatedLink | None = None
+    notify: Subscriber = lambda _event: None
+    stop: threading.Event = field(default_factory=threading.Event)
+    _before: FlowCounts | None = None
+    _after: FlowCounts | None = None
+    _remarks: list[str] = field(default_factory=list)
+
+    @property
+    def plan(self) -> QualifyPlan:
+        """What is sent."""
+        return planned(self.bearer, self.selection, rehearsed=self.emulated is not None)
+
+    def measure(self, request: Request) -> tuple[MeasuredRun, Measurement]:
+        """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
+        far, port, key = far_end_of(self.declaration, over_vpn=self.over_vpn)
+        router = router_of(self.declaration, self.site)
+        with self._transport(far, port) as (transport, flow):
+            counted = CountedTransport(transport, self.stop)
+            guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
+            with (self.folder / SAMPLES_FILE).open("a", encoding="utf-8") as file:
+                measurement = Measurement(
+                    self.plan, ReflectorPeer(key), counted, guard, SampleWriter(file), self._progress(router.name)
+                )
+                begun = self._begun(flow, datetime.now(UTC))
+                write_run(self.folder, begun)
+                try:
+                    asyncio.run(self._led(router, request, measurement, flow))
+                except NetcfgError as failure:
+                    self._remarks.append(str(failure))
+                    write_run(self.folder, self._ended(begun, measurement, router))
+                    raise
+            run = self._ended(begun, measurement, router)
+            write_run(self.folder, run)
+        return run, measurement
+
+    @contextmanager
+    def _transport(self, far: str, port: int) -> Iterator[tuple[DatagramTransport, MeasuredFlow]]:
+        if self.emulated is not None:
+            with self.emulated.transport() as transport:
+                source = str(self.declaration.sites[self.site].management.technician)
+                yield transport, MeasuredFlow(source, transport.source[1], far, port)
+            return
+        source = source_of(self.declaration, self.site, far, port)
+        with UdpTransport((far, port), source=source) as transport:
+            yield transport, MeasuredFlow(source, transport.source[1], far, port)
+
+    def _budget(self) -> Budget:
+        limits, tariff = self.limits, link_of(self.declaration, self.site, self.bearer.name).tariff
+        return Budget(
+            limits.max_bytes, limits.max_seconds, limits.max_price, tariff, closing_s=self.plan.times.timeout_s
+        )
+
+    async def _led(self, router: Host, request: Request, measurement: Measurement, flow: MeasuredFlow) -> None:
+        """Have the rows on the router while everything is sent, and read its counts before they go."""
+        job = device_job(self.declaration, router, request, NoJournal(), self.notify)
+        async with await Session.open(job.endpoint) as session:
+            self._before = await counters(session)
+            if self.over_vpn:
+                await self._carries_vpn(session, router)
+                await self._send(session, measurement)
+                return
+            ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
+            added = rows(flow, self.bearer.name, ports, *await first_rows(session))
+            async with temporarily(session, added):
+                await self._send(session, measurement)
+                if self.emulated is not None:
+                    self._remarks += self.emulated.tell(router.name, flow)
+                self._after = await counters(session)
+
+    async def _carries_vpn(self, session: Session, router: Host) -> None:
+        """The VPN follows the best link. Raises NothingToQualify where that is another one than is to be measured."""
+        read = Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",))
+        active = active_bearer((await session.command(read)).checked().rows, ways_of(self.declaration, router))
+        if active != self.bearer.name:
+            raise NothingToQualify(
+                f"the VPN goes over {active or 'another link'} now, not over {self.bearer.name}",
+                hint="measure the link that carries it, or leave `over=vpn` out",
+            )
+
+    async def _send(self, session: Session, measurement: Measurement) -> None:
+        """Send in a thread; where the router's session is lost, the rows are, too, and nothing more is sent."""
+        work = asyncio.ensure_future(asyncio.to_thread(measurement.measure))
+        with _stopped_by_signals(self.stop):
+            try:
+                while not (await asyncio.wait([work], timeout=_ALIVE_S))[0]:
+                    (await session.command(Command("/system/identity/print"))).checked()
+            finally:
+                if not work.done():
+                    self.stop.set()
+                await work
+
+    def _links(self, router: Host) -> Mapping[str, str]:
+        """Port to link, of the site's own links."""
+        bearers = {bearer.name for bearer in self.declaration.sites[self.site].bearers}
+        return {port: link for port, link in ports_of(router).items() if link in bearers}
+
+    def _progress(self, router: str) -> Callable[[str, int, int], None]:
+        return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
+
+    def _begun(self, flow: MeasuredFlow, now: datetime) -> MeasuredRun:
+        name, thresholds = thresholds_of(self.bearer)
+        qualify = self.declaration.pilot.qualify
+        assert qualify is not None  # noqa: S101 - `far_end_of` has looked
+        billing = self.bearer.billing if self.bearer.metered else None
+        return MeasuredRun(
+            id=self.folder.name,
+            tool=__version__,
+            site=self.site,
+            link=self.bearer.name,
+            kind=self.bearer.kind.value,
+            emulated=self.emulated is not None,
+            selection=self.selection,
+            far_end=FarEnd(
+                name=qualify.reflector,
+                address=flow.far,
+                port=flow.far_port,
+                over_vpn=self.over_vpn,
+                authenticated=True,
+                source=flow.source,
+            ),
+            begun=now,
+            ended=None,
+            reason="cut off",
+            clock_synchronised=False,
+            budget=self.limits,
+            currency=None if billing is None else billing.currency,
+            thresholds_name=name,
+            thresholds=thresholds,
+        )
+
+    def _ended(self, begun: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:
+        sent, mtu = measurement.transport, measurement.mtu
+        counts = () if self._before is None else link_counts(self._links(router), self._before, self._after)
+        way, why = (Verdict.INCONCLUSIVE, IN_TUNNEL) if self.over_vpn else self._judged(counts, measurement)
+        spent = measurement.guard.spent()
+        return begun.model_copy(
+            update={
+                "ended": datetime.now(UTC),
+                "reason": str(measurement.reason),
+                "sent_bytes": sent.sent_bytes,
+                "received_bytes": sent.received_bytes,
+                "price": spent.price if begun.currency is not None else None,
+                "counts": counts,
+                "way": way,
+                "way_reason": why,
+                "path_mtu_up": mtu.up,
+                "path_mtu_both": mtu.both,
+                "path_mtu_reason": mtu.why,
+                "remarks": (*self._remarks, *self._left_out()),
+            }
+        )
+
+    def _judged(self, counts: tuple[LinkCount, ...], measurement: Measurement) -> tuple[Verdict, str]:
+        sent = measurement.transport
+        return judge_way(self.bearer.name, counts, sent.sent_packets, sent.received_packets, measurement.lost)
+
+    def _left_out(self) -> Iterator[str]:
+        if number := self.plan.left_out:
+            yield f"{number} sizes and rates were not tried: the link cannot carry them by its declared rate"
+
+
+@contextmanager
+def _stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """Let Ctrl-C and the like end the measurement in order: what was measured is kept, and the rows are removed."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in _STOPS}
+    for number in _STOPS:
+        signal.signal(number, lambda _number, _frame: stop.set())
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,69 @@
+"""`provision qualify … --rehearse`, as a technician types it: an emulated router, a relay, and our far end."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import preforked
+import pytest
+
+from atlantis_netcfg.qualify.figures import train_figures
+from atlantis_netcfg.qualify.measured_run import SAMPLES_FILE, read_run
+from atlantis_netcfg.qualify.samples import read
+
+if TYPE_CHECKING:
+    import subprocess
+    from pathlib import Path
+
+
+def provision(state: Path, *typed: str, code: int) -> subprocess.CompletedProcess[str]:
+    done = preforked.run(["qualify", *typed], env={**os.environ, "ATLANTIS_STATE": str(state)})
+    assert done.returncode == code, f"exit {done.returncode}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
+@pytest.mark.slow
+def test_a_link_that_does_not_carry_the_traffic_is_measured_and_the_router_counts_it_alone(tmp_path: Path) -> None:
+    """The satellite is the last of three links, so only our routing rule can have led the packets there."""
+    typed = ("site=coastal", "link=satellite", "profile=throughput", "--max-mb", "0.4", "--rehearse", "--json")
+    told: dict[str, Any] = json.loads(provision(tmp_path, *typed, code=6).stdout)
+    (link,) = told["links"]
+    run = link["run"]
+    assert (told["rehearsed"], run["emulated"], run["reason"]) == (True, True, "bytes")
+    assert run["sent_bytes"] + run["received_bytes"] <= 400_000
+    assert run["way"] == "PASS", run["way_reason"]
+    counts = {each["link"]: each for each in run["counts"]}
+    assert counts.keys() == {"wifi-ptp", "4g", "satellite"}
+    assert counts["satellite"]["test_bytes_up"] == run["sent_bytes"]
+    assert counts["satellite"]["test_bytes_down"] >= run["received_bytes"]
+    assert [counts[name]["test_packets_up"] for name in ("wifi-ptp", "4g")] == [0, 0]
+    assert [counts[name]["port_bytes_up"] for name in ("wifi-ptp", "4g")] == [0, 0]
+    judged = {each["criterion"]: each for each in link["judged"]}
+    assert judged["FTD, round trip, 95 %"]["verdict"] == "PASS"
+    assert 0.7 <= judged["FTD, round trip, 95 %"]["measured"] < 0.9, "the link is declared with 700 ms"
+    assert (run["path_mtu_up"], run["path_mtu_both"]) == (1500, 1500)
+    folder = tmp_path / "rehearsal" / "coastal" / "qualify" / run["id"]
+    assert folder.samefile(link["folder"])
+    assert read_run(folder).model_dump(mode="json") == run
+    with (folder / SAMPLES_FILE).open(encoding="utf-8") as lines:
+        assert train_figures(read(lines), "idle").loss.received == 600
+
+
+@pytest.mark.parametrize(
+    ("typed", "code", "words"),
+    [
+        (("site=coastal", "--rehearse"), 7, "`coastal` has several links"),
+        (("site=coastal", "link=5g", "--rehearse"), 7, "type one of: link=wifi-ptp, link=4g, link=satellite, link=all"),
+        (("site=coastal", "link=4g", "--max-mb", "nothing"), 3, "that is no number above 0"),
+        (("site=coastal", "link=4g"), 3, "still holds example values"),
+        (("site=coastal", "link=4g", "profile=videos"), 3, "telemetry, images, throughput, all"),
+    ],
+)
+def test_what_cannot_be_measured_is_said_before_anything_is_sent(
+    typed: tuple[str, ...], code: int, words: str, tmp_path: Path
+) -> None:
+    done = provision(tmp_path, *typed, code=code)
+    assert words in done.stdout + done.stderr
+    assert not [*tmp_path.rglob(SAMPLES_FILE)]

@@ -1,0 +1,208 @@
+"""What a run plans, what it sends of it, and what is concluded: against a link of known truth, on a simulated clock."""
+
+from __future__ import annotations
+
+import threading
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from simulated_network import KEY, SECOND, SimulatedNetwork, network
+
+from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration import load
+from atlantis_netcfg.declaration.model import Bearer, LinkThresholds
+from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
+from atlantis_netcfg.operations.qualify.emulation import link_shapes
+from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
+from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned
+from atlantis_netcfg.operations.qualify.result import QualifyResult, result
+from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, source_of, thresholds_of
+from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
+from atlantis_netcfg.qualify.judgement import profile
+from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
+from atlantis_netcfg.qualify.samples import StreamEnded
+from atlantis_netcfg.qualify.session import ReflectorPeer
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.qualify.samples import Sample
+
+DECLARED = load(Path(__file__).parents[3] / "inventory")
+BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}
+
+
+def measurement(
+    bearer: Bearer, selection: Selection, budget: Budget | None = None, net: SimulatedNetwork | None = None
+) -> tuple[Measurement, SimulatedNetwork]:
+    net = network(*link_shapes(bearer)) if net is None else net
+    kept: list[Sample] = []
+    guard = BudgetGuard(budget or Budget(), lambda: net.now / SECOND)
+    plan = planned(bearer, selection, rehearsed=True)
+    return Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), guard, kept.append), net
+
+
+def described(measured: Measurement, selection: Selection, **changes: object) -> QualifyResult:
+    name, thresholds = thresholds_of(BEARERS["satellite"])
+    run = MeasuredRun(
+        id="satellite-1",
+        tool="1",
+        site="coastal",
+        link="satellite",
+        kind="satellite",
+        emulated=True,
+        selection=selection,
+        far_end=FarEnd(
+            name="scc-control", address="192.0.2.1", port=862, over_vpn=False, authenticated=True, source="192.0.2.2"
+        ),
+        begun=datetime(2026, 1, 1, tzinfo=UTC),
+        ended=datetime(2026, 1, 1, 0, 1, tzinfo=UTC),
+        reason=measured.reason,
+        clock_synchronised=False,
+        budget=BudgetLimits(),
+        sent_bytes=measured.transport.sent_bytes,
+        received_bytes=measured.transport.received_bytes,
+        way=Verdict.PASS,
+        thresholds_name=name,
+        thresholds=thresholds,
+    )
+    run = run.model_copy(update=changes)
+    return result(run, measured.samples, measured.plan.cells, measured.rates, Path("/nowhere"))
+
+
+@pytest.mark.parametrize("name", list(BEARERS))
+@pytest.mark.parametrize("selection", list(Selection))
+def test_a_plan_has_no_more_than_the_link_carries(name: str, selection: Selection) -> None:
+    plan = planned(BEARERS[name], selection)
+    whole = {Selection.TELEMETRY: 12, Selection.IMAGES: 24, Selection.THROUGHPUT: 0, Selection.ALL: 36}[selection]
+    assert len(plan.cells) + plan.left_out == whole
+    assert bool(plan.left_out) == (name == "satellite" and selection in {Selection.IMAGES, Selection.ALL})
+    assert plan.idle.packets >= profile("satellite").min_samples
+    assert (plan.load is not None) == (selection in {Selection.THROUGHPUT, Selection.ALL})
+    assert plan.bytes > 2 * 600 * (112 + HEADERS)
+    assert plan.seconds > plan.idle.duration_s
+
+
+@pytest.mark.parametrize("selection", [Selection.TELEMETRY, Selection.IMAGES, Selection.THROUGHPUT])
+def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> None:
+    measured, net = measurement(BEARERS["satellite"], selection)
+    assert measured.measure() == "done"
+    counted = measured.transport
+    assert counted.sent_bytes == net.up.sent_bytes
+    assert counted.sent_bytes + counted.received_bytes <= measured.plan.bytes
+    assert net.now / SECOND <= measured.plan.seconds + 30
+    streams = [sample.stream for sample in measured.samples if isinstance(sample, StreamEnded)]
+    assert streams[0] == "idle"
+    assert set(streams) >= {cell.stream for cell in measured.plan.cells}
+    assert (measured.mtu.up, measured.mtu.both) == (1500, 1500)
+    (rate,) = measured.rates
+    assert rate.size == measured.plan.sizes[0]
+    assert rate.rate_hz is not None
+
+
+def test_every_criterion_of_a_good_link_passes_and_the_tables_are_told() -> None:
+    measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY)
+    measured.measure()
+    found = described(measured, Selection.TELEMETRY)
+    assert {each.verdict for each in found.judged} == {Verdict.PASS}
+    assert len(found.rows) == 12
+    assert found.exit is ExitCode.DONE
+    lines = [*found.lines()]
+    assert max(map(len, lines)) <= 100
+    assert any("emulated: these figures say nothing of a real link" in line for line in lines)
+    assert found.as_json()["exit"] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"way": Verdict.INCONCLUSIVE}, ExitCode.CHECKS_FAILED),
+        ({"way": Verdict.FAIL}, ExitCode.CHECKS_FAILED),
+        ({"reason": "bytes"}, ExitCode.CHECKS_FAILED),
+        ({"reason": "stopped"}, ExitCode.CHECKS_FAILED),
+        ({"sent_bytes": 0}, ExitCode.NOTHING),
+    ],
+)
+def test_nothing_but_a_whole_run_by_the_right_way_is_done(changes: dict[str, object], code: ExitCode) -> None:
+    measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, Budget(max_bytes=200_000))
+    measured.measure()
+    assert described(measured, Selection.TELEMETRY, reason="done").exit is ExitCode.DONE
+    assert described(measured, Selection.TELEMETRY, **{"reason": "done", **changes}).exit is code
+
+
+def test_a_link_that_answers_nothing_is_never_green() -> None:
+    dead = network(LinkShape(loss=1.0), LinkShape())
+    measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
+    measured.measure()
+    found = described(measured, Selection.TELEMETRY)
+    assert {each.verdict for each in found.judged} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
+    assert {row.verdict for row in found.rows} == {Verdict.INCONCLUSIVE}
+    assert found.exit is ExitCode.CHECKS_FAILED
+    assert measured.lost >= 600
+
+
+def test_the_budget_ends_the_run_and_what_was_measured_is_kept() -> None:
+    measured, _ = measurement(BEARERS["satellite"], Selection.ALL, Budget(max_bytes=250_000))
+    assert measured.measure() == "bytes"
+    assert measured.transport.sent_bytes + measured.transport.received_bytes <= 250_000
+    found = described(measured, Selection.ALL)
+    assert found.exit is ExitCode.CHECKS_FAILED
+    assert any("the limit of bytes was reached; what was measured is kept" in line for line in found.lines())
+    assert [each.criterion for each in found.judged if each.verdict is Verdict.PASS]
+
+
+def test_a_stop_ends_the_run_and_what_was_measured_is_kept() -> None:
+    stop = threading.Event()
+    measured, net = measurement(BEARERS["satellite"], Selection.ALL)
+    measured.transport = CountedTransport(net, stop)
+    seen: list[str] = []
+
+    def say(message: str, _done: int, _total: int) -> None:
+        seen.append(message)
+        if message == "path MTU":
+            stop.set()
+
+    measured.say = say
+    assert measured.measure() == "stopped"
+    assert seen == ["round trips without load", "path MTU"]
+    assert lost_packets(measured.samples) == 0
+    assert described(measured, Selection.ALL).exit is ExitCode.CHECKS_FAILED
+
+
+def test_thresholds_are_those_of_the_kind_but_for_what_is_declared() -> None:
+    plain = BEARERS["4g"]
+    assert thresholds_of(plain) == ("lte", profile("lte"))
+    own = plain.model_copy(update={"qualify": LinkThresholds.model_validate({"profile": "wifi", "flr": 0.25})})
+    name, limits = thresholds_of(own)
+    assert name == "wifi, with its own flr"
+    assert limits == profile("wifi").model_copy(update={"flr": 0.25})
+
+
+def test_the_links_that_a_person_means() -> None:
+    assert [each.name for each in links_of_site(DECLARED, "coastal", "all")] == ["wifi-ptp", "4g", "satellite"]
+    assert [each.name for each in links_of_site(DECLARED, "coastal", "4g")] == ["4g"]
+    assert [each.name for each in links_of_site(DECLARED, "scc", None)] == ["uplink"]
+    for site, link, words in (
+        ("coastal", None, "several links"),
+        ("coastal", "5g", "no link `5g`"),
+        ("all", "4g", "one"),
+    ):
+        with pytest.raises(NothingMatched, match=words):
+            links_of_site(DECLARED, site, link)
+
+
+def test_the_far_end_is_the_public_address_or_that_in_the_vpn() -> None:
+    key = b"EXAMPLE-key-of-the-far-end"
+    assert far_end_of(DECLARED, over_vpn=False) == ("203.0.113.2", 862, key)
+    assert far_end_of(DECLARED, over_vpn=True) == ("10.80.0.2", 862, key)
+
+
+def test_a_computer_that_stands_elsewhere_is_refused_in_words() -> None:
+    with pytest.raises(UsageError, match=r"would send from 127\.0\.0\.1, and only packets from networks of `coastal`"):
+        source_of(DECLARED, "coastal", "127.0.0.1", 862)
+
+
+def test_a_plan_is_pure() -> None:
+    first: QualifyPlan = planned(BEARERS["4g"], Selection.ALL)
+    assert first == planned(BEARERS["4g"], Selection.ALL)

@@ -1,0 +1,140 @@
+"""Which rows lead and count the test packets, and what is concluded from what the router counted."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, cast
+
+import pytest
+
+from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.operations.allow_list_test.prove import MARK
+from atlantis_netcfg.operations.qualify.way import FlowCounts, MeasuredFlow, counters, judge_way, link_counts, rows
+from atlantis_netcfg.qualify.measured_run import LinkCount
+from atlantis_netcfg.routeros.api import Command, Reply
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.routeros.api import Session
+
+FLOW = MeasuredFlow("10.64.101.10", 40000, "203.0.113.2", 862)
+LINKS = {"ether1": "wifi", "ether2": "4g"}
+
+
+@dataclass
+class CountingRouter:
+    """Answers two questions: the counting rows, and the ports."""
+
+    counted: list[dict[str, str]] = field(default_factory=list)
+    ports: list[dict[str, str]] = field(default_factory=list)
+
+    async def flight(self, commands: Sequence[Command]) -> list[Reply]:
+        assert [command.path for command in commands] == ["/ip/firewall/mangle/print", "/interface/print"]
+        assert commands[0].queries == (f"?comment={MARK}",)
+        return [Reply(rows=tuple(self.counted)), Reply(rows=tuple(self.ports))]
+
+
+def read(router: CountingRouter) -> FlowCounts:
+    return asyncio.run(counters(cast("Session", router)))
+
+
+def test_the_flow_alone_is_led_over_the_link_and_counted_on_each_port_both_ways() -> None:
+    there = Reply(rows=({".id": "*9", "dynamic": "true"}, {".id": "*A"}, {".id": "*B"}))
+    rule, *counting = rows(FLOW, "4g", ["ether1", "ether2"], there, Reply())
+    assert (rule.path, dict(rule.arguments)) == (
+        "/routing/rule/add",
+        {
+            "action": "lookup-only-in-table",
+            "comment": MARK,
+            "src-address": "10.64.101.10/32",
+            "dst-address": "203.0.113.2/32",
+            "table": "via-4g",
+            "place-before": "*A",
+        },
+    )
+    told = [dict(command.arguments) for command in counting]
+    assert all(command.path == "/ip/firewall/mangle/add" for command in counting)
+    assert [(row.get("out-interface"), row.get("in-interface")) for row in told] == [
+        ("ether1", None),
+        (None, "ether1"),
+        ("ether2", None),
+        (None, "ether2"),
+    ]
+    assert {(row["action"], row["chain"], row["comment"], row["protocol"]) for row in told} == {
+        ("passthrough", "forward", MARK, "udp")
+    }
+    assert [(row["src-address"], row["src-port"], row["dst-address"], row["dst-port"]) for row in told[:2]] == [
+        ("10.64.101.10", "40000", "203.0.113.2", "862"),
+        ("203.0.113.2", "862", "10.64.101.10", "40000"),
+    ]
+
+
+def test_what_the_router_counted_is_told_by_link() -> None:
+    ports = [{"name": "radio", "default-name": "ether1", "rx-byte": "100", "tx-byte": "50"}]
+    before = read(CountingRouter(ports=ports))
+    counted = [
+        {"out-interface": "ether1", "packets": "7", "bytes": "980"},
+        {"in-interface": "ether1", "packets": "6", "bytes": "840"},
+        {"out-interface": "ether2", "packets": "0", "bytes": "0"},
+        {"in-interface": "ether2", "packets": "0", "bytes": "0"},
+    ]
+    after = read(CountingRouter(counted, [{**ports[0], "rx-byte": "1100", "tx-byte": "1250"}]))
+    wifi, mobile = link_counts(LINKS, before, after)
+    assert wifi == LinkCount(
+        link="wifi",
+        test_packets_up=7,
+        test_bytes_up=980,
+        test_packets_down=6,
+        test_bytes_down=840,
+        port_bytes_up=1200,
+        port_bytes_down=1000,
+    )
+    assert (mobile.test_packets_up, mobile.port_bytes_up) == (0, None)
+    assert link_counts(LINKS, before, None) == (LinkCount(link="wifi"), LinkCount(link="4g"))
+    assert link_counts(LINKS, after, before)[0].port_bytes_up is None, "a counter that began anew tells nothing"
+
+
+def test_a_row_without_a_count_is_told() -> None:
+    with pytest.raises(DeviceFailed, match="no count"):
+        read(CountingRouter([{"out-interface": "ether1"}]))
+
+
+def judged(
+    wifi: tuple[int | None, int | None], mobile: tuple[int, int], sent: int, received: int, lost: int = 0
+) -> tuple[Verdict, str]:
+    both = {"wifi": wifi, "4g": mobile}
+    counts = [LinkCount(link=link, test_packets_up=up, test_packets_down=down) for link, (up, down) in both.items()]
+    return judge_way("wifi", counts, sent, received, lost)
+
+
+@pytest.mark.parametrize(
+    ("wifi", "mobile", "sent", "received", "lost", "verdict"),
+    [
+        ((100, 100), (0, 0), 100, 100, 0, Verdict.PASS),
+        ((100, 95), (0, 0), 100, 90, 10, Verdict.PASS),
+        ((100, 0), (0, 0), 100, 0, 100, Verdict.PASS),
+        ((99, 99), (1, 0), 100, 99, 1, Verdict.FAIL),
+        ((100, 99), (0, 1), 100, 100, 0, Verdict.FAIL),
+        ((0, 0), (100, 100), 100, 100, 0, Verdict.FAIL),
+        ((0, 0), (0, 0), 100, 100, 0, Verdict.FAIL),
+        ((0, 0), (0, 0), 0, 0, 0, Verdict.INCONCLUSIVE),
+        ((0, 0), (0, 0), 100, 0, 50, Verdict.INCONCLUSIVE),
+        ((90, 90), (0, 0), 100, 90, 0, Verdict.INCONCLUSIVE),
+        ((130, 100), (0, 0), 100, 100, 0, Verdict.INCONCLUSIVE),
+        ((100, 90), (0, 0), 100, 100, 0, Verdict.INCONCLUSIVE),
+        ((100, 120), (0, 0), 100, 100, 0, Verdict.INCONCLUSIVE),
+        ((None, None), (0, 0), 100, 100, 0, Verdict.INCONCLUSIVE),
+    ],
+)
+def test_the_way_is_proved_by_the_routers_counts_alone(  # noqa: PLR0913, PLR0917 - a case
+    wifi: tuple[int | None, int | None],
+    mobile: tuple[int, int],
+    sent: int,
+    received: int,
+    lost: int,
+    verdict: Verdict,
+) -> None:
+    assert judged(wifi, mobile, sent, received, lost)[0] is verdict
