@@ -103,10 +103,10 @@ def record_of(kept: KeptRun, thresholds: tuple[str, QualifyProfile] | None = Non
     return make_record(kept.run, samples_of(kept.folder), digest, thresholds)
 
 
-def made_anew(folder: Path) -> tuple[QualifyRecord, list[Sample]]:
+def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
     """Make the figures of a run from its samples, and give these as well. SamplesUnreadable, StateDamaged."""
     samples = samples_of(folder)
-    return make_record(_run(folder), samples, _digest(folder)), samples
+    return make_record(_run(folder), samples, _digest(folder), thresholds), samples
 
 
 def _kept_record(folder: Path) -> QualifyRecord | None:

@@ -281,15 +281,21 @@ def _link_status(values: Mapping[str, Mapping[str, object]], question: LinkStatu
     return LinkStatusResult(None, "", values[question.bearer])
 
 
-def link_record(request: Request, question: LinkRecordRequest) -> LinkRecordResult:
-    """Judge the newest measurement of a real link anew, from its samples: a file of figures proves nothing."""
-    from atlantis_netcfg.qualify.kept import kept_runs, made_anew  # noqa: PLC0415 - few checklists ask for it
+def link_record(declaration: Declaration, request: Request, question: LinkRecordRequest) -> LinkRecordResult:
+    """Judge the newest measurement of a real link anew, by what is declared now, from its samples alone.
+
+    A file of figures proves nothing.
+    """
+    from atlantis_netcfg.operations.qualify.run import thresholds_of  # noqa: PLC0415 - few checklists ask for it
+    from atlantis_netcfg.qualify.kept import kept_runs, made_anew  # noqa: PLC0415 - as above
 
     now = datetime.now(UTC)
     try:
         kept = kept_runs(Store(request.state), question.site, question.bearer)
         real = [item for item in kept if not item.run.emulated]
-        return LinkRecordResult(None, "", made_anew(real[-1].folder)[0] if real else None, now)
+        bearers = declaration.sites[question.site].bearers
+        limits = next(thresholds_of(bearer) for bearer in bearers if bearer.name == question.bearer)
+        return LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
     except NetcfgError as error:
         return LinkRecordResult(Trouble.MISSING, in_words(error), None, now)
 
@@ -337,7 +343,7 @@ class RealEars:
     async def _ask_here(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Read what this computer keeps, and ask the rest by the program that listens."""
         kept = {
-            key: link_record(self.request, question)
+            key: link_record(self.declaration, self.request, question)
             for key, question in questions
             if isinstance(question, LinkRecordRequest)
         }

@@ -40,8 +40,7 @@ _AHEAD = timedelta(minutes=5)
 
 def link_qualified_checks(site: OwnSite) -> tuple[Step, ...]:
     """One step for each link, where the pilot declares who answers measurements; else none."""
-    # The merge with the declaration of `pilot.qualify` makes this `site.declaration.pilot.qualify is None`.
-    if getattr(site.declaration.pilot, "qualify", None) is None:
+    if site.declaration.pilot.qualify is None:
         return ()
     return tuple(
         step(

@@ -416,7 +416,7 @@ def healthy(declaration: Declaration, site: str) -> World:
     for host in declaration.site_hosts(site):
         if isinstance(host.device, Router | Switch):
             world.routers[host.name] = surroundings(declaration, host)
-    for bearer in declaration.sites[site].bearers:
+    for bearer in declaration.sites[site].bearers if declaration.pilot.qualify is not None else ():
         world.links[bearer.name] = MeasuredLink(bearer.name, bearer.kind)
     for key in vehicles:
         cell = Cell(declaration, site, key, "gps")

@@ -188,9 +188,9 @@ def put(state: Path, link: MeasuredLink, *, emulated: bool = False, rehearsed: b
     return place
 
 
-def ask(state: Path) -> LinkRecordResult:
+def ask(state: Path, declaration: Declaration = SHIPPED) -> LinkRecordResult:
     request = Request(state=state, mode=Mode.DRIFT, rehearsed=False)
-    ears = RealEars(SHIPPED, "coastal", request)
+    ears = RealEars(declaration, "coastal", request)
     heard: list[str] = []
     question = LinkRecordRequest("record", "coastal", "satellite")
     found = asyncio.run(ears.ask(Place.LAPTOP, None, [("key", question)], lambda key, _: heard.append(key)))
@@ -218,6 +218,22 @@ def test_the_newest_real_one_of_this_computer_is_read_and_judged_from_its_sample
     broken = ask(tmp_path)
     assert broken.trouble is Trouble.MISSING
     assert "is damaged" in broken.words
+
+
+def test_it_is_judged_by_what_is_declared_now(tmp_path: Path) -> None:
+    put(tmp_path, SATELLITE)
+    assert ask(tmp_path).record is not None
+    site = SHIPPED.sites["coastal"]
+    stricter = tuple(
+        bearer.model_copy(update={"qualify": bearer.qualify.model_copy(update={"ftd_s": 0.1})})
+        for bearer in site.bearers
+    )
+    declaration = replace(SHIPPED, sites={**SHIPPED.sites, "coastal": site.model_copy(update={"bearers": stricter})})
+    record = ask(tmp_path, declaration).record
+    assert record is not None
+    assert record.verdict is Verdict.FAIL
+    assert record.thresholds_name == "satellite, with its own ftd_s"
+    assert record.run.thresholds_name == "satellite"
 
 
 def test_a_rehearsal_says_that_its_link_is_emulated() -> None:
