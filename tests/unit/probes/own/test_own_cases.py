@@ -107,9 +107,9 @@ def test_where_nobody_is_declared_in_the_vpn_or_to_talk_dds_both_are_still_asked
     hosts = {name: host for name, host in declaration().hosts.items() if name != "scc-control"}
     server = hosts["scc-vpn"]
     hosts["scc-vpn"] = replace(server, device=server.device.model_copy(update={"vpn_address": None}))
-    pilot = declaration().pilot
+    pilot = declaration().pilot.model_copy(update={"qualify": None})
     silent = pilot.model_copy(update={"dds": None})
-    for whole in (replace(declaration(), hosts=hosts), replace(declaration(), hosts=hosts, pilot=silent)):
+    for whole in (replace(declaration(), hosts=hosts, pilot=each) for each in (pilot, silent)):
         found = {step.name: step for step in steps(Cell(whole, "scc", None, "site"))}
         assert {found[name].kind for name in ("vpn", "dds")} == {ItemKind.PERSON}
         assert not [name for name in ("vpn", "dds") if found[name].unless]

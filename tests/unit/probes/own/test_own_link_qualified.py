@@ -43,13 +43,10 @@ SATELLITE = MeasuredLink("satellite", BearerKind.SATELLITE)
 
 
 def declared(**settings: Any) -> Declaration:  # noqa: ANN401 - fields of the checklist's settings
-    """The shipped pilot, in which measurements are declared."""
+    """The shipped pilot, with other settings of the checklist."""
     site = SHIPPED.sites["coastal"]
     site = site.model_copy(update={"checklist": site.checklist.model_copy(update=settings)})
-    pilot = SHIPPED.pilot
-    if getattr(pilot, "qualify", None) is None:  # until the declaration of measurements is there
-        pilot = pilot.model_copy(update={"qualify": "EXAMPLE"})
-    return replace(SHIPPED, pilot=pilot, sites={**SHIPPED.sites, "coastal": site})
+    return replace(SHIPPED, sites={**SHIPPED.sites, "coastal": site})
 
 
 def item(declaration: Declaration, link: str = "satellite") -> Step:
@@ -171,9 +168,8 @@ def test_what_is_advised_can_be_typed(
     never = probe.judge({"record": answer(None)}).findings[0]
     (words,) = advised(never.hint or "")
     assert words == ["qualify", "site=coastal", "link=satellite"]
-    if "qualify" in COMMANDS:  # the part that measures brings it
-        name, rest = choose(words, COMMANDS)
-        assert parse(load_command(name, COMMANDS).command, rest).word("site") == "coastal"
+    name, rest = choose(words, COMMANDS)
+    assert parse(load_command(name, COMMANDS).command, rest).word("site") == "coastal"
 
 
 def put(state: Path, link: MeasuredLink, *, emulated: bool = False, rehearsed: bool = False) -> Path:
