@@ -79,11 +79,11 @@ class _LinkQualified:
         if record.run.emulated and not answer.rehearsed:
             message = f"the measurement of {self.bearer.name} was of an emulated link"
             return Judged((unknown("emulated", message, again),))
-        wrong = [*self._wrong(record, answer.now)]
+        wrong = [*self._wrong(record, answer.now, rehearsed=answer.rehearsed)]
         return Judged((*wrong,) or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
-    def _wrong(self, record: QualifyRecord, now: datetime) -> Iterator[BearerFinding]:
-        """Everything that keeps it from passing, what failed first."""
+    def _wrong(self, record: QualifyRecord, now: datetime, *, rehearsed: bool) -> Iterator[BearerFinding]:
+        """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
         run, name = record.run, self.bearer.name
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         failed = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
@@ -92,7 +92,7 @@ class _LinkQualified:
         if failed:
             message = f"{name} does not hold `{record.thresholds_name}`: {listed(failed)}"
             shown = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
-            yield fail("beyond-the-limit", message, shown)
+            yield fail("beyond-the-limit", message, again if rehearsed else shown)
         if run.way is Verdict.FAIL:
             yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:

@@ -237,9 +237,10 @@ def test_it_is_judged_by_what_is_declared_now(tmp_path: Path) -> None:
 def test_a_rehearsal_says_that_its_link_is_emulated() -> None:
     world = healthy(SHIPPED, "coastal")
     world.link("4g", age=timedelta(days=60))
+    world.link("wifi-ptp", slower=1.5)
     request = Request(state=Path("/EXAMPLE"), mode=Mode.DRIFT, rehearsed=True)
     ears = RehearsedEars(RealEars(SHIPPED, "coastal", request), None, (), "coastal", world.links)
-    for link, code in (("satellite", "qualified"), ("4g", "stale")):
+    for link, code in (("satellite", "qualified"), ("4g", "stale"), ("wifi-ptp", "beyond-the-limit")):
         probe = item(declared(), link).probe
         assert probe is not None
         (question,) = probe.asks()
@@ -248,6 +249,10 @@ def test_a_rehearsal_says_that_its_link_is_emulated() -> None:
         assert [each.code for each in result.findings] == [code]
         if code == "qualified":
             assert result.findings[0].message.endswith("measured yesterday, over an emulated link")
+        else:
+            assert result.findings[0].hint == f"`provision qualify site=coastal link={link}` measures it", (
+                "none is kept"
+            )
 
 
 def test_a_rehearsal_has_a_measurement_of_every_kind_of_link_that_holds() -> None:
