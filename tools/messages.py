@@ -32,6 +32,15 @@ PORTUGUESE = ROOT / PACKAGE / "locale" / "pt_PT" / "LC_MESSAGES" / "provision.po
 
 IN = (
     "asbuilt",
+    "qualify_pages",
+    "qualify/compare.py",
+    "qualify/grids.py",
+    "qualify/judgement.py",
+    "qualify/kept.py",
+    "qualify/record.py",
+    "qualify/samples.py",
+    "qualify/search.py",
+    "qualify/figures.py",
     "cli",
     "report",
     "checklist",
@@ -110,6 +119,7 @@ SHOWN = frozenset({"print", "line", "Word", "Flag", "CommandSpec", "translate", 
 """Functions whose texts are messages even where they are a single word."""
 SHOWN_NAMES = _set("""
     Stage DriftKind Owner PageText _TITLES _EVIDENCE _STATES _KINDS EVIDENCE KINDS PHASES
+    FigureTrend RateLimit
     """)
 """Classes and tables whose texts are messages even where they are a single word."""
 MODULE_DOCUMENTATION = frozenset({"DOCUMENTATION", "EXAMPLES", "RETURN"})
@@ -174,6 +184,17 @@ MADE = (
     "canaries {size}",
     "time {size}",
     "telemetry {size}",
+    "criterion",
+    "measured",
+    "limit",
+    "sent",
+    "received",
+    "goodput",
+    "sustained",
+    "size",
+    "verdict",
+    "direction",
+    "proved",
     "1 error in the answers; nothing was changed",
     "{findings} errors in the answers; nothing was changed",
     (

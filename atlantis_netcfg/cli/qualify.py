@@ -202,6 +202,7 @@ def _link(
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import result
     from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
+    from atlantis_netcfg.qualify_pages import write_pages
 
     now = datetime.now(UTC)
     kept = opened.store.root / opened.site / "qualify"
@@ -225,6 +226,7 @@ def _link(
             notify=notify,
         )
         measured, measurement = run.measure(opened.request(Mode.DRIFT))
+    write_pages(folder)
     return result(measured, measurement.samples, run.plan.cells, measurement.rates, folder)
 
 

@@ -205,6 +205,7 @@ class Store:
 
     def __init__(self, state: Path, *, rehearsed: bool = False, now: Callable[[], datetime] = utc_now) -> None:
         self.root = state / ("rehearsal" if rehearsed else "real")
+        self.rehearsed = rehearsed
         self._now = now
 
     @property

@@ -193,6 +193,15 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     )
 
 
+def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, float | None]]:
+    """Give when each packet was sent, in seconds since the first, and its round trip; None: it was not answered."""
+    mine = [sample for sample in samples if sample.stream == stream]
+    sent = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
+    pairs = answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
+    rtts = {pair.sequence: pair.rtt / _SECOND for pair in pairs}
+    return [((packet.sent_at_ns - sent[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in sent]
+
+
 def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[AnsweredPacket]:
     """Put packets and their first answers together, in the order of sending."""
     first: dict[int, ReplyReceived] = {}

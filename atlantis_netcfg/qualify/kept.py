@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import nearest
+from atlantis_netcfg.core.errors import UsageError, nearest
 from atlantis_netcfg.journal import NoSuchRun, StateDamaged, os_errors_as, write_atomically
 from atlantis_netcfg.journal.files import component
 from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.qualify.samples import Sample
 
 RECORD_FILE: Final = "record.json"
-_NAMED: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +36,11 @@ class KeptRun:
 
 
 def folder_of(store: Store, site: str) -> Path:
-    """Where the runs of a site are kept."""
-    return store.root / component(site) / "qualify"
+    """Where the runs of a site are kept. UsageError: no site can have this name."""
+    try:
+        return store.root / component(site) / "qualify"
+    except ValueError as error:
+        raise UsageError(f"`{site}` cannot be the name of a site", hint="type its name: `site=coastal`") from error
 
 
 def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
@@ -56,12 +58,11 @@ def kept_run(store: Store, site: str, run: str) -> KeptRun:
     folder = folder_of(store, site)
     names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
     if run not in names:
+        rehearsed = " --rehearsed" if store.rehearsed else ""
         near = nearest(run, names)
-        known = f"did you mean `{near}`? " if near else f"its latest: {', '.join(names[-_NAMED:])}; " if names else ""
-        raise NoSuchRun(
-            f"{site} has no measurement `{run}`",
-            hint=f"{known}`provision qualify history site={site}` lists them",
-        )
+        meant = f"did you mean `{near}`? " if near else ""
+        hint = f"{meant}`provision qualify history site={site}{rehearsed}` lists them" if names else None
+        raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
     return KeptRun(folder / run, _run(folder / run))
 
 
@@ -70,8 +71,8 @@ def _run(folder: Path) -> MeasuredRun:
         return read_run(folder)
     except (OSError, ValueError) as error:
         raise StateDamaged(
-            f"a measurement cannot be read: {folder / RUN_FILE}",
-            hint="it was cut off, or written by another version: put its folder aside",
+            f"the measurement in {folder} is damaged, or of another version",
+            hint="put this folder aside, and type the same again",
         ) from error
 
 
@@ -84,7 +85,8 @@ def samples_of(folder: Path) -> list[Sample]:
     except FileNotFoundError:
         return []
     except (OSError, UnicodeDecodeError) as error:
-        raise StateDamaged(f"samples cannot be read: {path}", hint="put the folder of that run aside") from error
+        hint = "put this folder aside, and type the same again"
+        raise StateDamaged(f"the samples in {folder} are damaged", hint=hint) from error
 
 
 def _digest(folder: Path) -> str:
@@ -99,6 +101,12 @@ def record_of(kept: KeptRun, thresholds: tuple[str, QualifyProfile] | None = Non
     if known is not None and known.samples_sha256 == digest and known.run == kept.run:
         return known
     return make_record(kept.run, samples_of(kept.folder), digest, thresholds)
+
+
+def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:
+    """Make the figures of a run from its samples, and give these as well. SamplesUnreadable, StateDamaged."""
+    samples = samples_of(folder)
+    return make_record(_run(folder), samples, _digest(folder), thresholds), samples
 
 
 def _kept_record(folder: Path) -> QualifyRecord | None:

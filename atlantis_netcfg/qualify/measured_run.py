@@ -5,7 +5,8 @@ tables, plots and verdicts are made of these two, so that they can be made again
 
 Streams of a run are named so that a reader of samples knows what they are: `idle` and `loaded` (trains), `load up` and
 `load down` (messages), `telemetry SIZE RATE`, `image LABEL RATE`, `rate SIZE RATE` (octets, and messages a second as
-`%g`; a label as `grids.NominalImage.label` has it).
+`%g`; a label as `grids.NominalImage.label` has it). `rate SIZE 0`: messages one after the other, without load, whose
+latency those of this size are compared with.
 """
 
 from __future__ import annotations
@@ -120,6 +121,8 @@ class MeasuredRun(RunPart):
     facts: dict[str, str] = {}
     """What the boxes said of the link at the beginning: signal, cell, firmware. Label to value."""
     remarks: tuple[str, ...] = ()
+    time_zone: str = ""
+    """The pilot's, as IANA names it, for pages; empty: UTC."""
 
 
 def write_run(folder: Path, run: MeasuredRun) -> None:

@@ -26,10 +26,10 @@ from atlantis_netcfg.qualify.grids import (
     train_bytes,
 )
 from atlantis_netcfg.qualify.judgement import Judgement, QualifyProfile, judge
-from atlantis_netcfg.qualify.measured_run import MeasuredRun
+from atlantis_netcfg.qualify.measured_run import MeasuredRun, Selection
 from atlantis_netcfg.qualify.messages import MessagePlan
 from atlantis_netcfg.qualify.samples import StreamEnded, TrainBegan
-from atlantis_netcfg.qualify.search import RateLimit, loss_of_chunks, sustained_rate
+from atlantis_netcfg.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.qualify.session import EndReason, TrainPlan
 from atlantis_netcfg.qualify.transfers import message_figures
 
@@ -46,11 +46,14 @@ _HOUR_S: Final = 3600
 _TELEMETRY: Final = re.compile(r"telemetry (\d+) (\S+)")
 _IMAGE: Final = re.compile(r"image (.+) (\S+)")
 _RATE: Final = re.compile(r"rate (\d+) (\S+)")
+_WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
+_UNDER_LOAD: Final = "buffer delay"
+"""The criterion that needs a load."""
 _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
 
 @dataclass(frozen=True, slots=True)
-class GridRow(RateRow):
+class MeasuredRate(RateRow):
     """A size at a rate, as `grids` judges it."""
 
     mb_per_hour: float
@@ -120,8 +123,8 @@ class QualifyRecord(BaseModel):
     rpm_under_load: float | None
     """Latency under load as one number: round trips a minute, higher is better."""
     load: tuple[LoadRow, ...]
-    telemetry: tuple[GridRow, ...]
-    images: tuple[GridRow, ...]
+    telemetry: tuple[MeasuredRate, ...]
+    images: tuple[MeasuredRate, ...]
     highest_rates: tuple[HighestRate, ...]
     grid_note: str = SHAPE_UNKNOWN
     wire_bytes: int
@@ -129,9 +132,9 @@ class QualifyRecord(BaseModel):
     mb_per_hour: float | None
     """Of the run itself; that of a size at a rate stands in its row."""
     judgements: tuple[Judgement, ...]
-    """Against the thresholds, by the figures without load and under load."""
+    """Against the thresholds, by the figures without load, and under load where that was to be measured."""
     verdict: Verdict
-    """The worst of the judgements and of `run.way`; without a judgement INCONCLUSIVE."""
+    """The worst of the judgements and of `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
 
 
 def make_record(
@@ -152,6 +155,9 @@ def make_record(
     idle, loaded = trains.get("idle"), trains.get("loaded")
     name, limits = thresholds or (run.thresholds_name, run.thresholds)
     judgements = tuple(judge(idle, limits, loaded)) if idle is not None else ()
+    if run.selection not in _WITH_LOAD:
+        judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
+    whole = Verdict.PASS if run.reason == EndReason.DONE else Verdict.INCONCLUSIVE
     seconds = (run.ended - run.begun).total_seconds() if run.ended is not None else 0.0
     wire = run.sent_bytes + run.received_bytes
     return QualifyRecord(
@@ -169,7 +175,7 @@ def make_record(
         wire_bytes=wire,
         mb_per_hour=wire / MB / seconds * _HOUR_S if seconds > 0 else None,
         judgements=judgements,
-        verdict=worst([run.way, *(item.verdict for item in judgements)]) if judgements else Verdict.INCONCLUSIVE,
+        verdict=worst([whole, run.way, *(item.verdict for item in judgements)]) if judgements else Verdict.INCONCLUSIVE,
     )
 
 
@@ -209,7 +215,7 @@ class _Measured:
                     figures.latency,
                 )
 
-    def telemetry(self) -> Iterable[GridRow]:
+    def telemetry(self) -> Iterable[MeasuredRate]:
         idle = self.trains.get("idle")
         reference = None if idle is None or idle.rtt is None else idle.rtt.p50
         for name, figures in self.trains.items():
@@ -219,7 +225,7 @@ class _Measured:
                 plan = TrainPlan(figures.size, 1 / rate_hz, _HOUR_S)
                 yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
 
-    def images(self) -> Iterable[GridRow]:
+    def images(self) -> Iterable[MeasuredRate]:
         known = {image.label: image for image in IMAGES}
         for name, figures in self.messages.items():
             if (found := _IMAGE.fullmatch(name)) is not None and found[1] in known:
@@ -227,59 +233,51 @@ class _Measured:
                 row = image_row(known[found[1]], rate_hz, figures, reference or 0.0)
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
-    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> GridRow:
+    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
         """Nothing passes that was compared with nothing, or that has not run to its end."""
         reason = self.reasons[name]
         if row.verdict is not Verdict.INCONCLUSIVE and reference is None:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=_NO_REFERENCE)
         elif row.verdict is Verdict.PASS and reason != EndReason.DONE:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=f"ended early: {reason}")
-        return GridRow(**asdict(row), mb_per_hour=hour_bytes / MB)
+        return MeasuredRate(**asdict(row), mb_per_hour=hour_bytes / MB)
 
     def _message_bytes(self, size: int, rate_hz: float) -> int:
         return message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
 
     def _reference(self, size: int) -> float | None:
-        """Latency of a message without load: of single ones, else of the slowest stream of this size.
-
-        Where its messages overlap, its quickest one stands for all.
-        """
-        single = self.messages.get(f"single {size}")
+        """Median latency of a message without load: of single ones, else the least median of all rates of this size."""
+        single = self.messages.get(f"rate {size} 0")
         if single is not None and single.latency is not None:
             return single.latency.p50
-        slowest = min(
-            (
-                (float(name.rpartition(" ")[2]), figures.latency)
-                for name, figures in self.messages.items()
-                if name.startswith(("image ", "rate ")) and figures.size == size and figures.latency is not None
-            ),
-            key=lambda item: item[0],
-            default=None,
-        )
-        if slowest is None:
-            return None
-        rate_hz, latency = slowest
-        return latency.p50 if latency.p50 < 1 / rate_hz else latency.min
+        medians = [
+            figures.latency.p50
+            for name, figures in self.messages.items()
+            if name.startswith(("image ", "rate ")) and figures.size == size and figures.latency is not None
+        ]
+        return min(medians, default=None)
 
     def highest_rates(self) -> Iterable[HighestRate]:
+        idle = self.trains.get("idle")
         rates: dict[int, dict[float, MessageFigures]] = defaultdict(dict)
         for name, figures in self.messages.items():
-            if (found := _RATE.fullmatch(name)) is not None and self.reasons[name] == EndReason.DONE:
+            found = _RATE.fullmatch(name)
+            if found is not None and float(found[2]) > 0 and self.reasons[name] == EndReason.DONE:
                 rates[int(found[1])][float(found[2])] = figures
         for size, windows in sorted(rates.items()):
             reference = self._reference(size)
             if reference is not None:
-                yield self._highest_rate(windows, reference, next(iter(windows.values())))
+                idle_loss = 0.0 if idle is None else idle.loss.share
+                yield self._highest_rate(windows, reference, idle_loss)
 
-    def _highest_rate(
-        self, windows: Mapping[float, MessageFigures], reference: float, first: MessageFigures
-    ) -> HighestRate:
+    def _highest_rate(self, windows: Mapping[float, MessageFigures], reference: float, idle_loss: float) -> HighestRate:
         """Go through the windows as the search did that measured them: it is judged anew, by the same rules."""
+        first = next(iter(windows.values()))
         found = sustained_rate(
             first.size,
             windows.get,
             idle_latency_s=reference,
-            idle_loss=self._idle_loss(first),
+            idle_loss=idle_loss,
             first_hz=min(windows),
         )
         limited_by = found.limited_by
@@ -296,16 +294,6 @@ class _Measured:
             None if found.rate_hz is None else self._message_bytes(first.size, found.rate_hz) / MB,
             tuple(_steps(found)),
         )
-
-    def _idle_loss(self, first: MessageFigures) -> float:
-        """Loss of messages of this size without load: counted, else by the loss of packets on their way up."""
-        single = self.messages.get(f"single {first.size}")
-        if single is not None:
-            return single.loss
-        idle = self.trains.get("idle")
-        if idle is None or not (known := idle.loss.sent - idle.loss.in_flight):
-            return 0.0
-        return loss_of_chunks((idle.loss.lost if idle.loss.up is None else idle.loss.up) / known, first.chunks)
 
 
 def _steps(found: SustainedRate) -> Iterable[RateStep]:

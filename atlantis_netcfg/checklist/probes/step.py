@@ -29,9 +29,11 @@ from atlantis_netcfg.declaration.model import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from datetime import datetime
 
     from atlantis_netcfg.bearers.status import Query
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.qualify.record import QualifyRecord
 
 
 class Place(StrEnum):
@@ -172,6 +174,16 @@ class AllowListTestRequest:
     place: Literal[Place.ROUTER] = Place.ROUTER
 
 
+@dataclass(frozen=True, slots=True)
+class LinkRecordRequest:
+    """The newest measurement of a link that this computer keeps: `provision qualify`. Nothing is sent."""
+
+    name: str
+    site: str
+    bearer: str
+    place: Literal[Place.LAPTOP] = Place.LAPTOP
+
+
 Question = (
     Listen
     | RunProgram
@@ -181,6 +193,7 @@ Question = (
     | RouterOsQuery
     | LinkStatusRequest
     | AllowListTestRequest
+    | LinkRecordRequest
 )
 
 
@@ -281,6 +294,20 @@ class AllowListTestResult:
 
 
 @dataclass(frozen=True, slots=True)
+class LinkRecordResult:
+    """The newest measurement of a link, judged from its samples."""
+
+    trouble: Trouble | None
+    words: str = ""
+    record: QualifyRecord | None = None
+    """None without trouble: there is none."""
+    now: datetime | None = None
+    """When it was read, by this computer's clock."""
+    rehearsed: bool = False
+    """A rehearsal's, of an emulated link; else such a measurement counts for nothing."""
+
+
+@dataclass(frozen=True, slots=True)
 class DhcpOffer:
     """What one DHCP server offers."""
 
@@ -345,6 +372,7 @@ Answer = (
     | Rows
     | LinkStatusResult
     | AllowListTestResult
+    | LinkRecordResult
     | DhcpOffers
     | DdsDiscoverResult
     | ReflectResult

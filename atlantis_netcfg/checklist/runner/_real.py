@@ -18,12 +18,15 @@ import json
 import sys
 import time
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.checklist.probes import (
     AllowListTestRequest,
     AllowListTestResult,
     Answer,
+    LinkRecordRequest,
+    LinkRecordResult,
     LinkStatusRequest,
     LinkStatusResult,
     Place,
@@ -38,6 +41,7 @@ from atlantis_netcfg.checklist.runner.remote_process import Carrier
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, unanswered
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.journal import Store
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.bearers import bearer_of
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -277,6 +281,25 @@ def _link_status(values: Mapping[str, Mapping[str, object]], question: LinkStatu
     return LinkStatusResult(None, "", values[question.bearer])
 
 
+def link_record(declaration: Declaration, request: Request, question: LinkRecordRequest) -> LinkRecordResult:
+    """Judge the newest measurement of a real link anew, by what is declared now, from its samples alone.
+
+    A file of figures proves nothing.
+    """
+    from atlantis_netcfg.operations.qualify.run import thresholds_of  # noqa: PLC0415 - few checklists ask for it
+    from atlantis_netcfg.qualify.kept import kept_runs, made_anew  # noqa: PLC0415 - as above
+
+    now = datetime.now(UTC)
+    try:
+        kept = kept_runs(Store(request.state), question.site, question.bearer)
+        real = [item for item in kept if not item.run.emulated]
+        bearers = declaration.sites[question.site].bearers
+        limits = next(thresholds_of(bearer) for bearer in bearers if bearer.name == question.bearer)
+        return LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
+    except NetcfgError as error:
+        return LinkRecordResult(Trouble.MISSING, in_words(error), None, now)
+
+
 @dataclass(slots=True)
 class RealEars:
     """Asks the devices of a site. Links that are paid by the byte carry nothing without `request.accept_cost`."""
@@ -307,7 +330,7 @@ class RealEars:
         self, place: Place, host: str | None, questions: Questions, result: OnAnswer
     ) -> Mapping[str, Answer]:
         if place is Place.LAPTOP:
-            return await ask_here(questions, result)
+            return await self._ask_here(questions, result)
         if place is Place.GATEWAY:
             gateway = self.declaration.computer_of(self.site)
             if gateway is None:
@@ -316,6 +339,18 @@ class RealEars:
         refuse_examples(self.declaration, rehearsed=self.request.rehearsed)
         routers = Routers(self.declaration, self.site, self.request, self.notify)
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
+
+    async def _ask_here(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+        """Read what this computer keeps, and ask the rest by the program that listens."""
+        kept = {
+            key: link_record(self.declaration, self.request, question)
+            for key, question in questions
+            if isinstance(question, LinkRecordRequest)
+        }
+        for key, answer in kept.items():
+            result(key, answer)
+        rest = [(key, question) for key, question in questions if key not in kept]
+        return {**kept, **(await ask_here(rest, result) if rest else {})}
 
     def _name(self, place: Place, host: str | None) -> str:
         names = {

@@ -18,6 +18,8 @@ from atlantis_netcfg.checklist.probes import (
     DdsDiscoverResult,
     DhcpDiscoverRequest,
     DhcpOffers,
+    LinkRecordRequest,
+    LinkRecordResult,
     LinkStatusRequest,
     LinkStatusResult,
     Listen,
@@ -59,6 +61,7 @@ _ANSWERS: Mapping[type, type[Answer]] = {
     DdsDiscoverRequest: DdsDiscoverResult,
     ReflectRequest: ReflectResult,
     RouterOsQuery: Rows,
+    LinkRecordRequest: LinkRecordResult,
     LinkStatusRequest: LinkStatusResult,
     AllowListTestRequest: AllowListTestResult,
 }

@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Annotated, Self
 
-from pydantic import BeforeValidator, Field, StrictFloat, model_validator
+from pydantic import BeforeValidator, Field, StrictFloat, StrictInt, model_validator
 
 from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed, names
 from atlantis_netcfg.declaration.model._base import Model, Name, Text, plain, text_like, wrong
@@ -183,6 +183,8 @@ class ChecklistSettings(Model):
     """Where they are then; None: positions are not compared with a place, and the report says so."""
     answer_within_s: Annotated[StrictFloat, Field(gt=0, le=60)] | None = None
     """What is sent to the control centre is answered in so many seconds, or the checklist fails; None: not judged."""
+    qualified_within_days: Annotated[StrictInt, Field(ge=1, le=3650)] = 30
+    """A measurement of a link (`provision qualify`) that is older proves nothing; 30 days are a proposal of ours."""
     items: tuple[SiteCheckItem, ...] = ()
     """What is asked here besides all else, in this order."""
     missions: tuple[Mission, ...] = ()

@@ -265,6 +265,7 @@ class LinkRun:
             currency=None if billing is None else billing.currency,
             thresholds_name=name,
             thresholds=thresholds,
+            time_zone=self.declaration.pilot.time_zone,
         )
 
     def _ended(self, begun: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:

@@ -25,7 +25,7 @@ from atlantis_netcfg.qualify.kept import (
     record_of,
     samples_of,
 )
-from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE
+from atlantis_netcfg.qualify.measured_run import RUN_FILE, SAMPLES_FILE, Selection
 from atlantis_netcfg.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.qualify.samples import SamplesUnreadable, read
 from atlantis_netcfg.qualify.search import RateLimit
@@ -126,6 +126,18 @@ def test_a_stream_that_was_cut_off_does_not_pass() -> None:
     assert rows[4.0].verdict is Verdict.PASS
 
 
+def test_a_run_that_was_cut_short_does_not_pass() -> None:
+    assert made(samples_text(), reason="stopped").verdict is Verdict.INCONCLUSIVE
+
+
+def test_a_load_is_judged_where_it_was_to_be_measured() -> None:
+    names = [item.criterion for item in made(idle_text(), selection=Selection.TELEMETRY).judgements]
+    assert not [name for name in names if name.startswith("buffer delay")]
+    record = made(idle_text())
+    assert record.judgements[-1].criterion.startswith("buffer delay")
+    assert record.verdict is Verdict.INCONCLUSIVE
+
+
 @pytest.mark.parametrize("way", [Verdict.FAIL, Verdict.INCONCLUSIVE])
 def test_a_run_whose_way_is_not_proved_does_not_pass(way: Verdict) -> None:
     assert made(samples_text(), way=way, way_reason="3 packets left by 4g").verdict is way
@@ -155,7 +167,7 @@ def test_an_empty_run_has_a_record() -> None:
     record = made("", ended=None, reason="stopped")
     assert record.verdict is Verdict.INCONCLUSIVE
     assert record.mb_per_hour is None
-    assert record.load == record.telemetry == record.images == record.highest_rates == ()
+    assert not any((record.load, record.telemetry, record.images, record.highest_rates))
 
 
 def test_the_json_is_stable_and_as_its_schema_says() -> None:

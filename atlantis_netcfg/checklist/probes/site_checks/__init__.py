@@ -25,6 +25,7 @@ from atlantis_netcfg.checklist.probes.site_checks.data_reaches import NAME as DA
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import data_reaches_check
 from atlantis_netcfg.checklist.probes.site_checks.dds import dds_check
 from atlantis_netcfg.checklist.probes.site_checks.factory import factory_defaults_check
+from atlantis_netcfg.checklist.probes.site_checks.link_qualified import link_qualified_checks
 from atlantis_netcfg.checklist.probes.site_checks.parse import by_hand, own_site
 from atlantis_netcfg.checklist.probes.site_checks.poe import poe_check
 from atlantis_netcfg.checklist.probes.site_checks.uplinks import default_route_check, satellite_filter_check
@@ -57,13 +58,13 @@ NAMES = tuple(_CHECKS)
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give every check: of what no program can see here a person is asked, what does not apply is skipped by name.
 
-    One more where a radio of the gateway opens a network.
+    One more where a radio of the gateway opens a network, and one for each link where measurements are declared.
     """
     site = own_site(cell)
     if site.router is None:
         do = "Look at it yourself: the site has no router of ours that could be asked."
         return tuple(by_hand(name, name.replace("-", " "), do, _HOLDS.format(name), (site.name,)) for name in NAMES)
-    return (*(make(site) for make in _CHECKS.values()), *access_point_check(site))
+    return (*(make(site) for make in _CHECKS.values()), *access_point_check(site), *link_qualified_checks(site))
 
 
 _HOLDS = "What docs/check.md says of `{}` holds."

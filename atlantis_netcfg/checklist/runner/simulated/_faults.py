@@ -491,5 +491,18 @@ _REMOTE = {
 }
 VEHICLE_FAULTS: Mapping[str, RehearsedFault] = {**_GPS, **_ACOUSTIC, **_REMOTE}
 
-FAULTS = {**VEHICLE_FAULTS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
+_LINKS: Mapping[str, RehearsedFault] = {
+    "link-measured-long-ago": RehearsedFault(
+        "the satellite was last measured 60 days ago",
+        ("SITE/site/link-qualified-satellite",),
+        lambda world: world.link("satellite", age=timedelta(days=60)),
+    ),
+    "link-too-slow": RehearsedFault(
+        "when it was measured, 4G was slower than it may be",
+        ("SITE/site/link-qualified-4g",),
+        lambda world: world.link("4g", slower=1.3),
+    ),
+}
+
+FAULTS = {**VEHICLE_FAULTS, **_LINKS, **GATEWAY_FAULTS, **ROUTER_FAULTS}
 """Name to fault; they may be put together."""

@@ -17,6 +17,7 @@ from atlantis_netcfg.checklist.probes import Cell
 from atlantis_netcfg.checklist.probes.bearer_probe import reserved_mac
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, NMEA_PORT
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_computers
+from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.declaration.model import (
     AcousticDriver,
     Column,
@@ -376,6 +377,8 @@ class World:
     autopilots: dict[str, Autopilot] = field(default_factory=dict)
     routers: dict[str, dict[str, Any]] = field(default_factory=dict)
     """Router to what stands around it."""
+    links: dict[str, MeasuredLink] = field(default_factory=dict)
+    """Link to what `provision qualify` would have measured."""
     acts: list[Act] = field(default_factory=list)
     """What is done to the RouterOS twins when all stands, in this order; taken back at the end."""
 
@@ -394,6 +397,10 @@ class World:
         item = self.autopilots[vehicle]
         self.autopilots[vehicle] = replace(item, spec=item.spec.model_copy(update=changes))
 
+    def link(self, name: str, **changes: Any) -> None:  # noqa: ANN401 - fields of MeasuredLink
+        """Change what was measured of a link."""
+        self.links[name] = replace(self.links[name], **changes)
+
     def gateway(self, change: Callable[[ComputerSpec], dict[str, Any]]) -> None:
         """Change the gateway computer: `change` gives the fields that are otherwise."""
         assert self.computer is not None  # noqa: S101 - faults of the gateway are offered where there is one
@@ -409,6 +416,8 @@ def healthy(declaration: Declaration, site: str) -> World:
     for host in declaration.site_hosts(site):
         if isinstance(host.device, Router | Switch):
             world.routers[host.name] = surroundings(declaration, host)
+    for bearer in declaration.sites[site].bearers if declaration.pilot.qualify is not None else ():
+        world.links[bearer.name] = MeasuredLink(bearer.name, bearer.kind)
     for key in vehicles:
         cell = Cell(declaration, site, key, "gps")
         world.receivers.update(_receiver(cell))

@@ -12,7 +12,7 @@ import shlex
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
@@ -23,6 +23,8 @@ from atlantis_netcfg.checklist.probes import (
     DdsDiscoverResult,
     DhcpDiscoverRequest,
     DhcpOffers,
+    LinkRecordRequest,
+    LinkRecordResult,
     Listen,
     Place,
     Question,
@@ -56,6 +58,7 @@ from atlantis_netcfg.operations.request import Mode, Request
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
     from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.operations.rehearsal import Rehearsal
 
@@ -71,6 +74,9 @@ class RehearsedEars:
     computer: Computer | None
     """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
     stands: Sequence[Stand]
+    site: str
+    links: Mapping[str, MeasuredLink]
+    """What would have been measured of each link."""
 
     async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
@@ -108,6 +114,9 @@ class RehearsedEars:
         return None if stand is None else replace(question, **stand.place())
 
     def _answer(self, question: Question) -> Answer:
+        return self._measured(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
+
+    def _of_computer(self, question: Question) -> Answer:
         if self.computer is None or isinstance(question, Listen):
             return unanswered(question, _NOBODY)
         if isinstance(question, RunProgram):
@@ -119,6 +128,11 @@ class RehearsedEars:
         if isinstance(question, ReflectRequest):
             return self._reflected(question, self.computer)
         return unanswered(question, _NOBODY)
+
+    def _measured(self, question: LinkRecordRequest) -> LinkRecordResult:
+        """Made up, and the record says that its link is emulated."""
+        now, link = datetime.now(UTC), self.links.get(question.bearer)
+        return LinkRecordResult(None, "", None if link is None else link.record(self.site, now), now, rehearsed=True)
 
     @staticmethod
     def _ran(question: RunProgram, computer: Computer) -> CommandResult:
@@ -227,7 +241,7 @@ def rehearsed_ears(
     request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
     with _routers(declaration, world, rehearsal), standing(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
-        yield RehearsedEars(RealEars(declaration, site, request, ignore), computer, stands)
+        yield RehearsedEars(RealEars(declaration, site, request, ignore), computer, stands, site, world.links)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from own_broken import LEAVE, lines_of, with_address
-from own_world import NETPLAN, SITE, World, computer, declaration
+from own_world import NETPLAN, SITE, World, computer, declaration, judged_here
 
 from atlantis_netcfg.checklist.probes import Cell, DhcpDiscoverRequest
 from atlantis_netcfg.checklist.probes.site_checks import steps
@@ -28,7 +28,7 @@ def with_gateway(**changes: Any) -> Declaration:  # noqa: ANN401 - fields of Gat
 
 
 def own(whole: Declaration) -> tuple[Step, ...]:
-    return steps(Cell(whole, SITE, None, "site"))
+    return judged_here(steps(Cell(whole, SITE, None, "site")))
 
 
 def of(world: World, name: str) -> list[str]:

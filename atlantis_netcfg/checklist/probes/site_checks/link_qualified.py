@@ -1,0 +1,137 @@
+"""Each link of the site was measured not long ago, and carries what it has to.
+
+Nothing is measured here: the newest measurement that this computer keeps (`provision qualify`) is judged anew, from its
+samples. Without one, or with an old one, nothing is known of the link as it is now, and that never passes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from atlantis_netcfg.checklist.probes.site_checks.parse import (
+    OwnSite,
+    fail,
+    good,
+    listed,
+    measured,
+    read,
+    step,
+    unknown,
+)
+from atlantis_netcfg.checklist.probes.step import Answer, Judged, LinkRecordRequest, LinkRecordResult, Question, Step
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.qualify.session import EndReason
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from datetime import datetime
+
+    from atlantis_netcfg.bearers import BearerFinding
+    from atlantis_netcfg.checklist.report import Evidence
+    from atlantis_netcfg.declaration.model import Bearer
+    from atlantis_netcfg.qualify.record import QualifyRecord
+
+NAME = "link-qualified"
+_AHEAD = timedelta(minutes=5)
+"""Clocks of two computers may differ by so much."""
+
+
+def link_qualified_checks(site: OwnSite) -> tuple[Step, ...]:
+    """One step for each link, where the pilot declares who answers measurements; else none."""
+    if site.declaration.pilot.qualify is None:
+        return ()
+    return tuple(
+        step(
+            f"{NAME}-{bearer.name}",
+            f"Link {bearer.name} was measured, and carries what it has to",
+            _LinkQualified(site, bearer),
+            (*site.hosts[:1], *((bearer.device,) if bearer.device else ())),
+        )
+        for bearer in site.declared.bearers
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _LinkQualified:
+    """The link was measured not long ago, and carries what it has to."""
+
+    site: OwnSite
+    bearer: Bearer
+
+    def asks(self) -> tuple[Question, ...]:
+        return (LinkRecordRequest("record", self.site.name, self.bearer.name),)
+
+    def judge(self, results: Mapping[str, Answer]) -> Judged:
+        answer = results["record"]
+        if not isinstance(answer, LinkRecordResult) or answer.trouble is not None or answer.now is None:
+            why = f": {answer.words}" if isinstance(answer, LinkRecordResult) and answer.words else ""
+            hint = f"look at `provision qualify history site={self.site.name} link={self.bearer.name}`"
+            return Judged(
+                (unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
+            )
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        record = answer.record
+        if record is None:
+            message = f"{self.bearer.name} was never measured by this computer"
+            return Judged((unknown("never-measured", message, again),))
+        if record.run.emulated and not answer.rehearsed:
+            message = f"the measurement of {self.bearer.name} was of an emulated link"
+            return Judged((unknown("emulated", message, again),))
+        wrong = [*self._wrong(record, answer.now, rehearsed=answer.rehearsed)]
+        return Judged((*wrong,) or (self._fine(record, answer.now),), tuple(_evidence(record)))
+
+    def _wrong(self, record: QualifyRecord, now: datetime, *, rehearsed: bool) -> Iterator[BearerFinding]:
+        """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
+        run, name = record.run, self.bearer.name
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        failed = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
+        open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
+        why = f": {run.way_reason}" if run.way_reason else ""
+        if failed:
+            message = f"{name} does not hold `{record.thresholds_name}`: {listed(failed)}"
+            shown = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
+            yield fail("beyond-the-limit", message, again if rehearsed else shown)
+        if run.way is Verdict.FAIL:
+            yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
+        elif run.way is not Verdict.PASS:
+            yield unknown("way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again)
+        if run.reason != EndReason.DONE:
+            yield unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
+        if open_ or not record.judgements:
+            what = listed(open_) or "it has no round trips without load"
+            yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
+        if run.kind != self.bearer.kind.value:
+            kinds = f"it was of kind {run.kind}, and is of kind {self.bearer.kind.value} now"
+            yield unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
+        yield from self._aged(run.begun, now)
+
+    def _aged(self, begun: datetime, now: datetime) -> Iterator[BearerFinding]:
+        days = self.site.declared.checklist.qualified_within_days
+        again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
+        if begun > now + _AHEAD:
+            message = f"the measurement of {self.bearer.name} is of the future: {begun:%Y-%m-%d %H:%M} UTC"
+            yield unknown("of-the-future", message, "look at this computer's clock, then measure again")
+        elif now - begun > timedelta(days=days):
+            age = (now - begun).days
+            old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
+            yield unknown("stale", old, again)
+
+    def _fine(self, record: QualifyRecord, now: datetime) -> BearerFinding:
+        count, age = len(record.judgements), (now - record.run.begun).days
+        since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
+        emulated = ", over an emulated link" if record.run.emulated else ""
+        message = (
+            f"{self.bearer.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}{emulated}"
+        )
+        return good("qualified", message)
+
+
+def _evidence(record: QualifyRecord) -> Iterator[Evidence]:
+    run = record.run
+    yield read("measurement", f"{run.id}, begun {run.begun:%Y-%m-%d %H:%M} UTC")
+    yield read("SHA-256 of its samples", record.samples_sha256)
+    for item in record.judgements:
+        value = "not known" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
+        yield measured(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")

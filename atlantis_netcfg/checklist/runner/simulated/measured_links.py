@@ -1,0 +1,91 @@
+"""A measurement of a link as a rehearsal shows it: made up, of an emulated link, and judged as a real one is.
+
+No packet was sent for it, and the item says that the link is emulated. `provision qualify --rehearse` measures one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg import __version__
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.declaration.model import BearerKind
+from atlantis_netcfg.qualify.judgement import profile
+from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
+from atlantis_netcfg.qualify.record import QualifyRecord, make_record
+from atlantis_netcfg.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from atlantis_netcfg.qualify.samples import Sample
+
+_SECOND: Final = 1_000_000_000
+_INTERVAL_S: Final = 0.25
+_SIZE: Final = 172
+_THRESHOLDS: Final = {
+    BearerKind.SATELLITE: "satellite",
+    BearerKind.LTE: "lte",
+    BearerKind.WIFI_PTP: "wifi",
+    BearerKind.ETHERNET: "wifi",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredLink:
+    """A link that holds its thresholds, until a fault changes it."""
+
+    name: str
+    kind: BearerKind
+    age: timedelta = timedelta(days=1)
+    slower: float = 0.5
+    """Its round trip, as a share of the one that its thresholds allow."""
+    way: Verdict = Verdict.PASS
+
+    def record(self, site: str, now: datetime) -> QualifyRecord:
+        """Give its measurement as it would be at this time."""
+        name = _THRESHOLDS[self.kind]
+        limits = profile(name)
+        begun = now - self.age
+        run = MeasuredRun(
+            id=f"{self.name}-{begun:%Y%m%dT%H%M%SZ}",
+            tool=__version__,
+            site=site,
+            link=self.name,
+            kind=self.kind.value,
+            emulated=True,
+            selection=Selection.ALL,
+            far_end=FarEnd(name="", address="", port=0, over_vpn=False, authenticated=True, source=""),
+            begun=begun,
+            ended=begun + timedelta(minutes=4),
+            reason="done",
+            clock_synchronised=False,
+            budget=BudgetLimits(),
+            way=self.way,
+            way_reason="" if self.way is Verdict.PASS else "the packets were counted on another link",
+            thresholds_name=name,
+            thresholds=limits,
+        )
+        return make_record(run, self.samples(now))
+
+    def samples(self, now: datetime) -> Iterator[Sample]:
+        """Yield a train without load, and a longer round trip in one beside a load."""
+        limits, begun = profile(_THRESHOLDS[self.kind]), now - self.age
+        rtt_s = self.slower * limits.ftd_s
+        yield from _train("idle", limits.min_samples, rtt_s, begun)
+        yield from _train("loaded", limits.min_samples // 10, rtt_s * (1 + limits.buffer_delay / 2), begun)
+
+
+def _train(stream: str, packets: int, rtt_s: float, begun: datetime) -> Iterator[Sample]:
+    """Yield a train of which every packet is answered after the same time, half of it each way."""
+    since, step, half = round(begun.timestamp()) * _SECOND, round(_INTERVAL_S * _SECOND), round(rtt_s / 2 * _SECOND)
+    yield TrainBegan(stream, 0, since, _SIZE, _INTERVAL_S, packets * _INTERVAL_S, 90.0, 28, True, False)
+    for number in range(packets):
+        sent = number * step
+        there = since + sent + half
+        yield PacketSent(stream, number, sent)
+        yield ReplyReceived(stream, number, sent + 2 * half, number, there, there, _SIZE, 64, 0)
+    yield ReflectorCounted(stream, packets, 0, 0, packets)
+    yield StreamEnded(stream, packets * step + round(90.0 * _SECOND), "done")

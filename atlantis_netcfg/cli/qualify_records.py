@@ -1,0 +1,183 @@
+"""Commands of measured links that are kept: `qualify show`, `qualify compare` and `qualify history`.
+
+Nothing is measured, and no device is contacted: they read what `provision qualify` has left in the state folder.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from atlantis_netcfg.cli._arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+
+if TYPE_CHECKING:
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.qualify.record import QualifyRecord
+
+_SITE = Word("site", "the site", required=True, example="coastal")
+_REHEARSED = Flag("rehearsed", "those of rehearsals instead of real ones")
+_THRESHOLDS = Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
+_RUN = "satellite-20261120T093000Z"
+
+QUALIFY_SHOW = CommandSpec(
+    "qualify show",
+    "show what a measurement of a link has found, and where its pages are",
+    group=Group.LINKS,
+    words=(
+        _SITE,
+        Word("run", "which one; the newest if left out", example=_RUN),
+        Word("link", "the newest of this link", example="satellite"),
+    ),
+    flags=(_REHEARSED, _THRESHOLDS, JSON),
+    details=(
+        "Exit code 0: every criterion holds, and the traffic left by the link that was meant; 6: not so, or not "
+        "proved; 7: there is no such measurement."
+    ),
+)
+QUALIFY_COMPARE = CommandSpec(
+    "qualify compare",
+    "put two measurements of links beside each other",
+    group=Group.LINKS,
+    words=(
+        _SITE,
+        Word("runs", "two of them, the earlier one first", required=True, many=True, example=f"{_RUN},{_RUN}"),
+    ),
+    flags=(_REHEARSED, JSON),
+    details="Differences of up to 5 % count as none. Exit code 7: there is no such measurement.",
+)
+QUALIFY_HISTORY = CommandSpec(
+    "qualify history",
+    "list the measurements of a site's links, the oldest first",
+    group=Group.LINKS,
+    words=(_SITE, Word("link", "only this link", example="satellite")),
+    flags=(_REHEARSED, JSON),
+    details="Exit code 7: there is no measurement.",
+)
+
+
+def run_qualify_show(arguments: Arguments) -> ExitCode:
+    """Print the figures of one run."""
+    import json
+    import sys
+
+    from atlantis_netcfg.core.errors import ExitCode, UsageError
+    from atlantis_netcfg.core.events import Verdict
+    from atlantis_netcfg.core.printable import show
+    from atlantis_netcfg.qualify.judgement import profile
+    from atlantis_netcfg.qualify.kept import kept_run, kept_runs, record_of
+    from atlantis_netcfg.qualify_pages.pages import rows
+
+    site, run, link = arguments.word("site"), arguments.optional("run"), arguments.optional("link")
+    if run is not None and link is not None:
+        raise UsageError("`run=` and `link=` name a measurement each", hint="leave one of them out")
+    name = arguments.value("thresholds")
+    thresholds = None if name is None else (name, profile(name))
+    store = _store(arguments)
+    kept = kept_run(store, site, run) if run is not None else next(reversed(kept_runs(store, site, link)), None)
+    if kept is None:
+        raise _nothing(arguments)
+    record = record_of(kept, thresholds)
+    code = ExitCode.DONE if record.verdict is Verdict.PASS else ExitCode.CHECKS_FAILED
+    if arguments.flag("json"):
+        values = {"exit": int(code), "errors": [], "folder": str(kept.folder), "record": record.model_dump(mode="json")}
+        print(json.dumps(values, ensure_ascii=False))
+    else:
+        show(rows(record, str(kept.folder)), sys.stdout)
+    return code
+
+
+def run_qualify_compare(arguments: Arguments) -> ExitCode:
+    """Print two runs beside each other."""
+    import json
+    import sys
+    from dataclasses import asdict
+
+    from atlantis_netcfg.core.errors import ExitCode, UsageError
+    from atlantis_netcfg.core.printable import show
+    from atlantis_netcfg.qualify.compare import compared
+    from atlantis_netcfg.qualify.kept import kept_run, record_of
+    from atlantis_netcfg.qualify_pages.several import comparison_rows
+
+    site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
+    if len(runs) != 2:  # noqa: PLR2004 - A and B
+        more = " --rehearsed" if store.rehearsed else ""
+        hint = f"type two of those that `provision qualify history site={site}{more}` lists, as in `runs=A,B`"
+        raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
+    first, second = (record_of(kept_run(store, site, run)) for run in runs)
+    comparison = compared(first, second)
+    if arguments.flag("json"):
+        values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": list(runs), **asdict(comparison)}
+        print(json.dumps(values, ensure_ascii=False))
+    else:
+        show(comparison_rows(first, second, comparison), sys.stdout)
+    return ExitCode.DONE
+
+
+def run_qualify_history(arguments: Arguments) -> ExitCode:
+    """Print the headline figures of every run."""
+    import json
+    import sys
+
+    from atlantis_netcfg.core.errors import ExitCode
+    from atlantis_netcfg.core.printable import show
+    from atlantis_netcfg.qualify.kept import kept_runs, record_of
+    from atlantis_netcfg.qualify_pages.several import history_rows
+
+    site = arguments.word("site")
+    kept = kept_runs(_store(arguments), site, arguments.optional("link"))
+    if not kept:
+        raise _nothing(arguments)
+    records = [record_of(item) for item in kept]
+    if arguments.flag("json"):
+        runs = [{**_headlines(record), "folder": str(item.folder)} for record, item in zip(records, kept, strict=True)]
+        print(json.dumps({"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": runs}, ensure_ascii=False))
+    else:
+        show(history_rows(records), sys.stdout)
+    return ExitCode.DONE
+
+
+def _headlines(record: QualifyRecord) -> dict[str, Any]:
+    from atlantis_netcfg.qualify.compare import HEADLINES
+
+    run = record.run
+    return {
+        "run": run.id,
+        "link": run.link,
+        "begun": run.begun.isoformat(),
+        "emulated": run.emulated,
+        "over_vpn": run.far_end.over_vpn,
+        "reason": run.reason,
+        "verdict": record.verdict.value,
+        "thresholds": record.thresholds_name,
+        "wire_bytes": record.wire_bytes,
+        "figures": {item.key: item.value(record) for item in HEADLINES},
+    }
+
+
+def _store(arguments: Arguments) -> Store:
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.journal import Store
+
+    return Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
+
+
+def _nothing(arguments: Arguments) -> Exception:
+    """There is no measurement; those of the other kind are named where there are any."""
+    from atlantis_netcfg.core import paths
+    from atlantis_netcfg.core.errors import NothingMatched
+    from atlantis_netcfg.journal import Store
+    from atlantis_netcfg.qualify.kept import kept_runs
+
+    site, link, rehearsed = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
+    known = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), rehearsed=rehearsed), site)})
+    others = kept_runs(Store(paths.state_dir(), rehearsed=not rehearsed), site, link)
+    if known:
+        hint = f"there are measurements of: {', '.join(known)}"
+    elif others:
+        hint = (
+            "there are real ones: leave out `--rehearsed`" if rehearsed else "`--rehearsed` shows those of rehearsals"
+        )
+    else:
+        hint = f"`provision qualify site={site}` makes the first one"
+    over = "" if link is None else f" of link `{link}`"
+    return NothingMatched(f"`{site}` has no {'rehearsed' if rehearsed else 'real'} measurement{over}", hint=hint)

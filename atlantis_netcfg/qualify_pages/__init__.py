@@ -1,0 +1,31 @@
+"""What a measured link looks like to a person: lines of a screen, a page, paper and plots."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from atlantis_netcfg.qualify.record import QualifyRecord
+
+__all__ = ["write_pages"]
+
+
+def write_pages(folder: Path) -> QualifyRecord:
+    """Write `record.json`, `page.html` and `page.pdf` of a run into its folder, from its samples, and give the record.
+
+    Raises JournalFailed, StateDamaged, SamplesUnreadable.
+    """
+    from atlantis_netcfg.journal import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
+    from atlantis_netcfg.qualify.kept import keep_record, made_anew  # noqa: PLC0415
+    from atlantis_netcfg.qualify_pages.pages import PAGE_FILE, PAPER_FILE, html, pdf  # noqa: PLC0415
+    from atlantis_netcfg.qualify_pages.plots import plots  # noqa: PLC0415
+
+    record, samples = made_anew(folder)
+    drawn = plots(record, samples)
+    keep_record(folder, record)
+    with os_errors_as("the page of the measurement", folder):
+        write_atomically(folder / PAGE_FILE, html(record, drawn))
+        write_atomically(folder / PAPER_FILE, pdf(record, drawn))
+    return record

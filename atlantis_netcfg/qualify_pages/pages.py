@@ -1,0 +1,205 @@
+"""A measured run as a person sees it: lines of a screen, a page that needs nothing else, and the same on paper."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from atlantis_netcfg.checklist.report._texts import page_language, unread
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
+from atlantis_netcfg.qualify_pages.sections import (
+    EMULATED,
+    FigureTable,
+    PageSection,
+    closing,
+    heading,
+    sections,
+    subtitle,
+)
+from atlantis_netcfg.report.drift import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.checklist.report._pdf._sheet import Paper
+    from atlantis_netcfg.qualify.record import QualifyRecord
+    from atlantis_netcfg.qualify_pages.plots import Plot
+
+PAGE_FILE: Final = "page.html"
+PAPER_FILE: Final = "page.pdf"
+_PLOT_MM = 160.0
+_INDENT = 2
+_LABEL = 34
+"""Column at which the values of a table of two columns begin."""
+_LAST = 12
+"""What the last column has at least; it goes on below."""
+_IN_WORDS = frozenset({"verdict", "why"})
+"""Columns that are not aligned as numbers are."""
+STYLES: Final = {
+    Verdict.PASS: Style.GOOD,
+    Verdict.WARN: Style.WARNING,
+    Verdict.FAIL: Style.BAD,
+    Verdict.ERROR: Style.BAD,
+    Verdict.INCONCLUSIVE: Style.WARNING,
+    Verdict.SKIP: Style.QUIET,
+}
+
+
+def rows(record: QualifyRecord, kept: str) -> Iterator[Row]:
+    """Every line of a screen; `kept`: where the run is."""
+    yield Styled(translate(heading(record)), Style.TITLE)
+    yield translate(subtitle(record))
+    if record.run.emulated:
+        yield Styled(translate(EMULATED), Style.WARNING)
+    for section in sections(record):
+        yield ""
+        yield Styled(translate(section.title), Style.TITLE)
+        for note in section.notes:
+            yield from wrapped(f"  {translate(note)}", NARROW, _INDENT)
+        if section.key == "verdicts":
+            yield from _judgements(record)
+        elif section.table is not None:
+            yield from table_rows(section.table)
+    yield ""
+    yield from wrapped(translate(f"kept: {kept}"), NARROW, _INDENT)
+    words = f": {translate(closing(record))}"
+    yield from wrapped((Styled(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
+
+
+def _judgements(record: QualifyRecord) -> Iterator[Row]:
+    table = next(section.table for section in sections(record) if section.key == "verdicts")
+    for criterion, measured, limit, verdict, reason in () if table is None else table.rows:
+        why = "" if verdict == Verdict.PASS else f"; {translate(reason)}"
+        limits = translate(f"limit {limit}")
+        words = f"{translate(criterion)}: {translate(measured)}, {limits}{why}"
+        yield from wrapped(("  ", Styled(f"{verdict:<13}", STYLES[Verdict(verdict)]), words), NARROW, 15)
+
+
+def table_rows(table: FigureTable) -> Iterator[Row]:
+    """A table within 80 columns; one that has no room is told row by row."""
+    cells = [[*map(translate, table.columns)], *(in_words(table, row) for row in table.rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    if len(widths) == 2:  # noqa: PLR2004 - a name and a value
+        yield from (line for name, value in cells[1:] for line in _labelled(name, value))
+    elif sum(widths[:-1]) + len(widths) + min(widths[-1], _LAST) + 1 <= NARROW:
+        indent = sum(widths[:-1]) + len(widths) + 1
+        words = table.columns[-1] in _IN_WORDS
+        for row in cells:
+            aligned = [f"{cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True)]
+            last = row[-1] if words else aligned[-1]
+            yield from wrapped(f"  {' '.join((f'{row[0]:<{widths[0]}}', *aligned[:-1], last))}", NARROW, indent)
+    else:
+        for row in cells[1:]:
+            pairs = (f"{column} {cell}" for column, cell in zip(cells[0][1:], row[1:], strict=True))
+            yield from wrapped(f"  {row[0]}: {'; '.join(pairs)}", NARROW, _INDENT + 2)
+
+
+def in_words(table: FigureTable, row: Sequence[str]) -> list[str]:
+    """A row in the language of the person; names stay as they are."""
+    return [cell if table.named and not place else translate(cell) for place, cell in enumerate(row)]
+
+
+def _labelled(name: str, value: str) -> Iterator[Row]:
+    if len(value) > NARROW - _LABEL and " " not in value:
+        yield from (f"  {name}", f"    {value}")
+    else:
+        yield from wrapped(f"  {name:<{_LABEL - 3}} {value}", NARROW, _LABEL)
+
+
+def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
+    """The page: no script, no request; the same for the same record."""
+    style = _environment().get_template("qualify.css.j2").render()
+    text = (
+        _environment()
+        .get_template("qualify.html.j2")
+        .render(
+            heading=heading(record),
+            subtitle=subtitle(record),
+            emulated=EMULATED if record.run.emulated else "",
+            verdict=record.verdict.value,
+            closing=closing(record),
+            sections=sections(record),
+            plots={plot.name: Markup(plot.svg()) for plot in plots},  # noqa: S704 - made by ElementTree, which escapes
+            style=Markup(style),  # noqa: S704 - a file of ours without anything from outside
+            style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+            language=page_language(),
+            unread=unread(),
+        )
+    )
+    return text.encode()
+
+
+@cache
+def _environment() -> Environment:
+    made = Environment(
+        loader=PackageLoader("atlantis_netcfg.qualify_pages"),
+        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
+        undefined=StrictUndefined,
+        finalize=_written_out,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(translate=translate)
+    made.globals.update(in_words=in_words)
+    return made
+
+
+def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
+    """Write out what cannot be seen, in all that is printed."""
+    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)
+
+
+def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
+    """The same on paper, with the same drawings; the same bytes for the same record."""
+    from atlantis_netcfg.checklist.report._pdf._sheet import Paper  # noqa: PLC0415 - fpdf2 takes long to import
+
+    paper = Paper(translate(heading(record)), record.run.tool, record.run.begun)
+    words = [translate(subtitle(record)), *([translate("EMULATED LINK")] if record.run.emulated else [])]
+    paper.head_line = "; ".join(words)
+    paper.foot_line = f"{record.verdict.value}; {translate(heading(record))}"
+    paper.add_page()
+    paper.tell(translate(heading(record)), size=17, bold=True)
+    if unread():
+        paper.tell(unread(), faint=True)
+    paper.tell(translate(subtitle(record)), faint=True)
+    if record.run.emulated:
+        paper.tell(translate(EMULATED), size=13, bold=True)
+    paper.tell(f"{record.verdict.value}: {translate(closing(record))}", size=11, bold=True)
+    by_name = {plot.name: plot for plot in plots}
+    for section in sections(record):
+        _on_paper(paper, section, [by_name[name] for name in section.plots if name in by_name])
+    return paper.written()
+
+
+def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None:
+    from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, printable  # noqa: PLC0415 - as above
+
+    paper.head(translate(section.title))
+    for note in section.notes:
+        paper.tell(translate(note))
+    if section.table is not None:
+        paper.plain(SMALL)
+        with paper.table(text_align="LEFT", line_height=4.2, padding=0.6, col_widths=_widths(section.table)) as table:
+            heads = [*map(translate, section.table.columns)]
+            for cells in (heads, *(in_words(section.table, row) for row in section.table.rows)):
+                row = table.row()
+                for cell in cells:
+                    row.cell(printable(cell))
+    for plot in plots:
+        height = _PLOT_MM * plot.height / plot.width
+        paper.set_y(paper.y + 3)
+        paper.room(height)
+        paper.image(io.BytesIO(plot.svg(FAMILY, described=False).encode()), x=paper.l_margin, w=_PLOT_MM)
+
+
+def _widths(table: FigureTable) -> tuple[int, ...]:
+    """Give the columns room by their longest cells, within reason."""
+    return tuple(min(32, max(7, *map(len, column))) for column in zip(table.columns, *table.rows, strict=True))

@@ -1,0 +1,371 @@
+"""What is said of a measured run, in order: sections with sentences, and tables whose cells are words.
+
+Screen, page and paper show the same sections. All of it is English; each of them translates where it prints.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.qualify.compare import loss_shares
+from atlantis_netcfg.qualify.figures import GAPS_S
+from atlantis_netcfg.qualify.session import EndReason
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from atlantis_netcfg.qualify.figures import DelayVariation, TrainFigures
+    from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
+
+UNKNOWN: Final = "not known"
+_MILLI_BELOW_S: Final = 10.0
+_FINE_BELOW_MS: Final = 10.0
+_KILO, _MEGA = 1_000, 1_000_000
+_COLUMNS: Final = {
+    "verdicts": ("criterion", "measured", "limit", "verdict", "why"),
+    "way": ("link", "packets up", "bytes up", "packets down", "bytes down", "port up", "port down"),
+    "figures": ("figure", "without load", "under load"),
+    "load": ("direction", "message size", "sent", "received", "goodput", "50 %", "95 %"),
+    "grid": ("size", "Hz", "sent", "received", "up %", "down %", "50 %", "95 %", "MB/h", "verdict"),
+    "highest": ("size", "highest rate", "limited by", "how sure", "on the wire"),
+    "used": ("what", "how much"),
+    "circumstances": ("what", "value"),
+}
+"""Of the tables, by what stands in them."""
+_DIRECTIONS = {"up": "to the far end", "down": "from the far end"}
+_LOSSES: Final = "up %, down %: what was lost each way; -: not known."
+_SHARES: Final = ("FLR", "AVAIL")
+
+
+@dataclass(frozen=True, slots=True)
+class FigureTable:
+    """Cells in words; the first column names its row."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    named: bool = False
+    """The first cells are names, which nobody translates."""
+
+
+@dataclass(frozen=True, slots=True)
+class PageSection:
+    """A heading, sentences below it, a table, and the names of the plots that belong there."""
+
+    key: str
+    title: str
+    notes: tuple[str, ...] = ()
+    table: FigureTable | None = None
+    plots: tuple[str, ...] = ()
+
+
+def heading(record: QualifyRecord) -> str:
+    """What it is."""
+    return f"Measured link: {record.run.link} of {record.run.site}"
+
+
+def subtitle(record: QualifyRecord) -> str:
+    """Which run, and when it was."""
+    return f"run {record.run.id}, {time_text(record.run.begun, record.run.time_zone)}"
+
+
+def closing(record: QualifyRecord) -> str:
+    """How it ended, in a sentence; the verdict stands before it."""
+    judged = [item.verdict for item in record.judgements]
+    if not judged:
+        return "nothing was judged: the run has no round trips without load"
+    passed = judged.count(Verdict.PASS)
+    words = f"{passed} of {len(judged)} criteria of `{record.thresholds_name}` hold"
+    way = (
+        "the traffic left by this link" if record.run.way is Verdict.PASS else "that it left by this link is not proved"
+    )
+    if record.run.way is Verdict.FAIL:
+        way = "the traffic left by another link"
+    short = "" if record.run.reason == EndReason.DONE else f"; it ended early: {record.run.reason}"
+    return f"{words}; {way}{short}{'; over an emulated link' if record.run.emulated else ''}"
+
+
+EMULATED: Final = "EMULATED LINK: these figures say nothing of a real one."
+
+
+def sections(record: QualifyRecord) -> list[PageSection]:
+    """Everything, in the order in which a person wants to know it."""
+    found = [_verdicts(record), _way(record), _figures(record), _load(record)]
+    if record.telemetry:
+        title = "Small telemetry, as Table 33 of the report may have been"
+        found.append(
+            PageSection("telemetry", title, (record.grid_note, _LOSSES), _grid(record.telemetry), ("telemetry",))
+        )
+    if record.images:
+        title = "Images, as Table 34 of the report may have been"
+        found.append(PageSection("images", title, (record.grid_note, _LOSSES), _grid(record.images), ("images",)))
+    if record.highest_rates:
+        found.append(_highest(record))
+    return [*found, _used(record), _circumstances(record)]
+
+
+def _verdicts(record: QualifyRecord) -> PageSection:
+    rows = tuple(
+        (
+            item.criterion,
+            _measure(item.criterion, item.measured, item.unit),
+            _measure(item.criterion, item.limit, item.unit),
+            item.verdict.value,
+            item.reason,
+        )
+        for item in record.judgements
+    )
+    notes = [f"Thresholds: {record.thresholds_name}. They are a proposal: the report gives none."]
+    if record.thresholds_name != record.run.thresholds_name:
+        notes.append(f"The run itself was judged by {record.run.thresholds_name}.")
+    return PageSection(
+        "verdicts",
+        "Verdicts by thresholds",
+        tuple(notes),
+        FigureTable(_COLUMNS["verdicts"], rows) if rows else None,
+    )
+
+
+def _measure(criterion: str, value: float | None, unit: str) -> str:
+    if value is None:
+        return UNKNOWN
+    if unit == "s":
+        return seconds(value)
+    return share(value) if criterion.startswith(_SHARES) else f"{value:.2f}"
+
+
+def _way(record: QualifyRecord) -> PageSection:
+    run = record.run
+    rows = tuple(
+        (
+            item.link,
+            *map(_count, (item.test_packets_up, item.test_bytes_up, item.test_packets_down, item.test_bytes_down)),
+            *map(_count, (item.port_bytes_up, item.port_bytes_down)),
+        )
+        for item in run.counts
+    )
+    why = f": {run.way_reason}" if run.way_reason else ""
+    notes = [f"{run.way.value}{why}"]
+    if rows:
+        notes.append("By the router's counters: packets of this run, and all bytes that passed the port meanwhile.")
+    return PageSection(
+        "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows, named=True) if rows else None
+    )
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else str(value)
+
+
+def _figures(record: QualifyRecord) -> PageSection:
+    trains = [record.idle, record.under_load]
+    rows = tuple((title, *("-" if train is None else take(train) for train in trains)) for title, take in _ROWS)
+    notes = [f"Loss each way: {train.loss.why}." for train in trains[:1] if train is not None]
+    if record.idle is not None and record.idle.reason != "done":
+        notes.append(f"The train without load ended early: {record.idle.reason}.")
+    plots = ("idle-time", "loaded-time", "shares", "gaps", "loss")
+    if record.idle is None and record.under_load is None:
+        return PageSection("figures", "Round trips, loss and gaps", ("No round trips were measured.",))
+    return PageSection(
+        "figures",
+        "Round trips, loss and gaps",
+        tuple(notes),
+        FigureTable(_COLUMNS["figures"], rows),
+        plots,
+    )
+
+
+def _variation(take: Callable[[DelayVariation], float], way: str) -> Callable[[TrainFigures], str]:
+    def words(train: TrainFigures) -> str:
+        variation = train.up if way == "up" else train.down
+        return UNKNOWN if variation is None else seconds(take(variation))
+
+    return words
+
+
+def _rtt(name: str) -> Callable[[TrainFigures], str]:
+    return lambda train: UNKNOWN if train.rtt is None else seconds(getattr(train.rtt, name))
+
+
+def _longest(train: TrainFigures) -> str:
+    return f"{seconds(train.gaps.longest_s)}{' or more' if train.gaps.open_end and train.gaps.above[0][1] else ''}"
+
+
+_ROWS: Final[tuple[tuple[str, Callable[[TrainFigures], str]], ...]] = (
+    ("packets sent", lambda train: str(train.loss.sent)),
+    ("packets answered", lambda train: str(train.loss.received)),
+    ("round trip, least", _rtt("min")),
+    ("round trip, 50 %", _rtt("p50")),
+    ("round trip, 90 %", _rtt("p90")),
+    ("round trip, 95 %", _rtt("p95")),
+    ("round trip, 99 %", _rtt("p99")),
+    ("round trip, greatest", _rtt("max")),
+    ("round trips a minute (RPM)", lambda train: UNKNOWN if train.rpm is None else f"{train.rpm:.0f}"),
+    ("loss up", lambda train: share(loss_shares(train)[0])),
+    ("loss down", lambda train: share(loss_shares(train)[1])),
+    ("loss, both ways together", lambda train: share(train.loss.share)),
+    ("late answers", lambda train: str(train.loss.late)),
+    ("in flight at the end", lambda train: str(train.loss.in_flight)),
+    ("refused by the reflector", lambda train: str(train.loss.limited)),
+    ("copies up", lambda train: _count(train.loss.copies_up)),
+    ("copies down", lambda train: str(train.loss.copies_down)),
+    ("reordered up", lambda train: share(train.reordered_up)),
+    ("reordered down", lambda train: share(train.reordered_down)),
+    ("delay above the least up, 95 %", _variation(lambda each: each.above_min.p95, "up")),
+    ("delay above the least down, 95 %", _variation(lambda each: each.above_min.p95, "down")),
+    ("jitter up (RFC 3550)", _variation(lambda each: each.rfc3550_mean_s, "up")),
+    ("jitter down (RFC 3550)", _variation(lambda each: each.rfc3550_mean_s, "down")),
+    ("IPDV up, 95 %", _variation(lambda each: each.ipdv_p95_s, "up")),
+    ("IPDV down, 95 %", _variation(lambda each: each.ipdv_p95_s, "down")),
+    ("longest gap", _longest),
+    *(
+        (f"gaps of more than {limit} s", lambda train, limit=limit: str(dict(train.gaps.above).get(limit, 0)))
+        for limit in GAPS_S
+    ),
+)
+
+
+def _load(record: QualifyRecord) -> PageSection:
+    run = record.run
+    rows = tuple(
+        (
+            _DIRECTIONS[row.way],
+            f"{row.size} B",
+            str(row.sent),
+            str(row.received),
+            rate(row.goodput_bps),
+            UNKNOWN if row.latency is None else seconds(row.latency.p50),
+            UNKNOWN if row.latency is None else seconds(row.latency.p95),
+        )
+        for row in record.load
+    )
+    why = f" ({run.path_mtu_reason})" if run.path_mtu_reason else ""
+    known = (run.path_mtu_up, run.path_mtu_both)
+    mtu = f"Path MTU: up {_octets(known[0])}, both ways {_octets(known[1])}{why}."
+    notes = [mtu, *([] if rows else ["Goodput was not measured."])]
+    return PageSection(
+        "load", "Goodput at the receiver, path MTU", tuple(notes), FigureTable(_COLUMNS["load"], rows) if rows else None
+    )
+
+
+def _octets(value: int | None) -> str:
+    return UNKNOWN if value is None else f"{value} octets"
+
+
+def _grid(rows: Sequence[MeasuredRate]) -> FigureTable:
+    return FigureTable(
+        _COLUMNS["grid"],
+        tuple(
+            (
+                row.label,
+                f"{row.rate_hz:g}",
+                str(row.sent),
+                str(row.received),
+                _short(row.loss_up),
+                _short(row.loss_down),
+                "-" if row.p50_s is None else f"{row.p50_s:.2f} s",
+                "-" if row.p95_s is None else f"{row.p95_s:.2f} s",
+                f"{row.mb_per_hour:.1f}",
+                row.verdict.value if row.reason == "sustained" else f"{row.verdict.value}: {row.reason}",
+            )
+            for row in rows
+        ),
+    )
+
+
+def _short(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.1f}"
+
+
+def _highest(record: QualifyRecord) -> PageSection:
+    rows = tuple(
+        (
+            row.label,
+            UNKNOWN if row.rate_hz is None else f"{row.rate_hz:g} Hz",
+            row.limited_by.value,
+            "proved" if row.proved else "not proved",
+            "-" if row.mb_per_hour is None else f"{row.mb_per_hour:.1f} MB/h",
+        )
+        for row in record.highest_rates
+    )
+    note = "Proved: this rate was sustained, and a higher one was seen to fail."
+    return PageSection(
+        "highest", "The highest rate that the link sustains", (note,), FigureTable(_COLUMNS["highest"], rows)
+    )
+
+
+def _used(record: QualifyRecord) -> PageSection:
+    run = record.run
+    lasted = None if run.ended is None else (run.ended - run.begun).total_seconds()
+    money = UNKNOWN if run.price is None else f"{run.price} {run.currency or ''}".rstrip()
+    rows = [
+        ("bytes sent, by this computer", str(run.sent_bytes)),
+        ("bytes received, by this computer", str(run.received_bytes)),
+        (
+            "bytes an hour, while it measured",
+            UNKNOWN if record.mb_per_hour is None else f"{record.mb_per_hour:.1f} MB/h",
+        ),
+        ("price of this run", money),
+        ("it lasted", UNKNOWN if lasted is None else f"{lasted:.0f} s"),
+        ("it ended because", run.reason),
+    ]
+    limits = run.budget
+    rows += [("budget in bytes", str(limits.max_bytes))] if limits.max_bytes is not None else []
+    rows += [("budget in seconds", f"{limits.max_seconds:g} s")] if limits.max_seconds is not None else []
+    rows += [("budget in money", f"{limits.max_price} {run.currency or ''}")] if limits.max_price is not None else []
+    return PageSection("used", "What it used, on the wire", (), FigureTable(_COLUMNS["used"], tuple(rows)))
+
+
+def _circumstances(record: QualifyRecord) -> PageSection:
+    run = record.run
+    end = run.far_end
+    rows = [
+        ("kind of link", run.kind),
+        ("far end", f"{end.name}, {end.address} port {end.port}"),
+        ("way to the far end", "through the VPN" if end.over_vpn else "beside the VPN"),
+        ("test packets", "authenticated with a key" if end.authenticated else "not authenticated"),
+        ("sent from", end.source),
+        ("this computer's clock", "synchronised" if run.clock_synchronised else "not known to be synchronised"),
+        ("it began", time_text(run.begun, run.time_zone)),
+        ("it ended", UNKNOWN if run.ended is None else time_text(run.ended, run.time_zone)),
+        ("what was measured", run.selection.value),
+        ("tool", f"atlantis-netcfg {run.tool}"),
+        ("SHA-256 of samples.jsonl", record.samples_sha256),
+        *run.facts.items(),
+    ]
+    return PageSection(
+        "circumstances",
+        "The link, and how it was measured",
+        tuple(run.remarks),
+        FigureTable(_COLUMNS["circumstances"], tuple(rows)),
+    )
+
+
+def seconds(value: float) -> str:
+    """`0.8 ms`, `596 ms`, `70.1 s`."""
+    if value >= _MILLI_BELOW_S:
+        return f"{value:.1f} s"
+    milli = 1000 * value
+    return f"{milli:.1f} ms" if milli < _FINE_BELOW_MS else f"{milli:.0f} ms"
+
+
+def rate(bps: float | None) -> str:
+    """`293 kbit/s`, `31.6 Mbit/s`."""
+    if bps is None:
+        return UNKNOWN
+    return f"{bps / _MEGA:.1f} Mbit/s" if bps >= _MEGA else f"{bps / _KILO:.0f} kbit/s"
+
+
+def share(value: float | None) -> str:
+    """`1.25 %`."""
+    return UNKNOWN if value is None else f"{100 * value:.2f} %"
+
+
+def in_unit(value: float | None, unit: str) -> str:
+    """A figure of `compare.HEADLINES` in words."""
+    if value is None:
+        return UNKNOWN
+    makers: dict[str, Callable[[float], str]] = {"s": seconds, "bit/s": rate, "": share}
+    return makers[unit](value) if unit in makers else f"{value:.0f}"

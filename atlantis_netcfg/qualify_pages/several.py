@@ -1,0 +1,55 @@
+"""Several measured runs on a screen: two beside each other, and a link over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
+from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.qualify.compare import HEADLINES, FigureTrend
+from atlantis_netcfg.qualify_pages.pages import STYLES
+from atlantis_netcfg.qualify_pages.sections import in_unit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from atlantis_netcfg.qualify.compare import RunComparison
+    from atlantis_netcfg.qualify.record import QualifyRecord
+
+_CHANGES: Final = {FigureTrend.BETTER: Style.GOOD, FigureTrend.WORSE: Style.BAD}
+_HISTORY: Final = ("rtt_p50", "rtt_p95", "loss", "longest_gap", "goodput_up", "goodput_down")
+_MARGIN = 6
+
+
+def _title(record: QualifyRecord) -> str:
+    emulated = "; over an emulated link" if record.run.emulated else ""
+    return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{emulated}"
+
+
+def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: RunComparison) -> Iterator[Row]:
+    """Every line of a screen on which two runs stand beside each other."""
+    for name, record in (("A", first), ("B", second)):
+        verdict = Styled(record.verdict.value, STYLES[record.verdict])
+        yield from wrapped((f"{name}  ", verdict, f"  {translate(_title(record))}"), NARROW, _MARGIN)
+    for remark in comparison.remarks:
+        yield from wrapped((Styled("!  ", Style.WARNING), translate(remark)), NARROW, 3)
+    yield ""
+    yield f"{translate('figure'):<26}{'A':>13}{'B':>13}{'B - A':>9}"
+    for item in comparison.figures:
+        values = "".join(f"{translate(in_unit(value, item.unit)):>13}" for value in (item.first, item.second))
+        difference = "" if item.difference is None else f"{100 * item.difference:+.0f} %"
+        word = Styled(translate(item.change.value), _CHANGES.get(item.change, Style.QUIET))
+        yield f"{translate(item.title):<26}{values}{difference:>9}  ", word
+
+
+def history_rows(records: Sequence[QualifyRecord]) -> Iterator[Row]:
+    """Two lines a run, the oldest first: what it was, and its figures."""
+    shown = {item.key: item for item in HEADLINES if item.key in _HISTORY}
+    for record in records:
+        verdict = Styled(f"{record.verdict.value:<13}", STYLES[record.verdict])
+        yield from wrapped((verdict, translate(_title(record))), NARROW, _MARGIN)
+        words = (
+            f"{translate(item.title)} {translate(in_unit(item.value(record), item.unit))}" for item in shown.values()
+        )
+        yield from wrapped(f"      {'; '.join(words)}", NARROW, _MARGIN)
