@@ -16,7 +16,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import Bearer, LinkThresholds
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.operations.qualify.emulation import link_shapes
+from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
 from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned
 from atlantis_netcfg.operations.qualify.result import QualifyResult, result
