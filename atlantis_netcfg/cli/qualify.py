@@ -200,7 +200,7 @@ def _link(
     from atlantis_netcfg.journal import make_private, new_run, os_errors_as
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
-    from atlantis_netcfg.operations.qualify.result import result
+    from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
     from atlantis_netcfg.qualify_pages import write_pages
 
@@ -225,9 +225,8 @@ def _link(
             emulated=emulated,
             notify=notify,
         )
-        measured, measurement = run.measure(opened.request(Mode.DRIFT))
-    write_pages(folder)
-    return result(measured, measurement.samples, run.plan.cells, measurement.rates, folder)
+        run.measure(opened.request(Mode.DRIFT))
+    return QualifyResult(write_pages(folder), folder)
 
 
 def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:

@@ -19,11 +19,12 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.operations.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
 from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned
-from atlantis_netcfg.operations.qualify.result import QualifyResult, result
+from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.run import far_end_of, links_of_site, source_of, thresholds_of
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.judgement import profile
 from atlantis_netcfg.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
+from atlantis_netcfg.qualify.record import make_record
 from atlantis_netcfg.qualify.samples import StreamEnded
 from atlantis_netcfg.qualify.search import RateLimit
 from atlantis_netcfg.qualify.session import ReflectorPeer
@@ -71,7 +72,7 @@ def described(measured: Measurement, selection: Selection, **changes: object) ->
         thresholds=thresholds,
     )
     run = run.model_copy(update=changes)
-    return result(run, measured.samples, measured.plan.cells, measured.rates, Path("/nowhere"))
+    return QualifyResult(make_record(run, measured.samples), Path("/nowhere"))
 
 
 @pytest.mark.parametrize("name", list(BEARERS))
@@ -124,8 +125,8 @@ def test_every_criterion_of_a_good_link_passes_and_the_tables_are_told() -> None
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY)
     measured.measure()
     found = described(measured, Selection.TELEMETRY)
-    assert {each.verdict for each in found.judged} == {Verdict.PASS}
-    assert len(found.rows) == 12
+    assert {each.verdict for each in found.record.judgements} == {Verdict.PASS}
+    assert len(found.record.telemetry) == 12
     assert found.exit is ExitCode.DONE
     lines = [*found.lines()]
     assert max(map(len, lines)) <= 100
@@ -155,8 +156,8 @@ def test_a_link_that_answers_nothing_is_never_green() -> None:
     measured, _ = measurement(BEARERS["satellite"], Selection.TELEMETRY, net=dead)
     measured.measure()
     found = described(measured, Selection.TELEMETRY)
-    assert {each.verdict for each in found.judged} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
-    assert {row.verdict for row in found.rows} == {Verdict.INCONCLUSIVE}
+    assert {each.verdict for each in found.record.judgements} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
+    assert {row.verdict for row in found.record.telemetry} == {Verdict.INCONCLUSIVE}
     assert found.exit is ExitCode.CHECKS_FAILED
     assert measured.lost >= 600
     assert [(rate.rate_hz, rate.limited_by) for rate in measured.rates] == [(None, RateLimit.SILENCE)]
@@ -169,7 +170,7 @@ def test_the_budget_ends_the_run_and_what_was_measured_is_kept() -> None:
     found = described(measured, Selection.ALL)
     assert found.exit is ExitCode.CHECKS_FAILED
     assert any("the limit of bytes was reached; what was measured is kept" in line for line in found.lines())
-    assert [each.criterion for each in found.judged if each.verdict is Verdict.PASS]
+    assert [each.criterion for each in found.record.judgements if each.verdict is Verdict.PASS]
 
 
 def test_a_stop_ends_the_run_and_what_was_measured_is_kept() -> None:
