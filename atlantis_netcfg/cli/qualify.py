@@ -202,10 +202,11 @@ def _link(
     from atlantis_netcfg.operations.qualify.emulation import emulated_link
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.run import LinkRun, far_end_of
+    from atlantis_netcfg.qualify.kept import folder_of
     from atlantis_netcfg.qualify_pages import write_pages
 
     now = datetime.now(UTC)
-    kept = opened.store.root / opened.site / "qualify"
+    kept = folder_of(opened.store, opened.site)
     with os_errors_as("the measurement", kept):
         folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:

@@ -282,10 +282,10 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
         )
     named = None if run is None else named_run(stores, site, run)
     links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
-    fits = []
+    fits, days = [], declaration.sites[site].checklist.qualified_within_days
     for bearer in _bearers(declaration, site, link, named):
         kept = named or (newest_run(stores[0], site, bearer) if stores else None)
-        capacity = capacity_of(bearer, kept, now)
+        capacity = capacity_of(bearer, kept, now, days)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
         fits.append(_Link(capacity, profile.messages, subscribers, other).fit(links[bearer.name], topics))

@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 USABLE: Final = 0.7
 """Of a capacity: facts/devices.md, section 9."""
-QUALIFIED_DAYS: Final = 30
-"""An older measurement says what the link was, not what it is."""
 _SOURCES: Final = {
     (True, True): "measured",
     (True, False): "measured up, declared down",
@@ -81,8 +79,11 @@ def _carried(record: QualifyRecord, way: str) -> float | None:
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
 
 
-def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity:
-    """What a run has measured, as far as it has; None: nobody has measured the bearer."""
+def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days: int) -> Capacity:
+    """What a run has measured, as far as it has; None: nobody has measured the bearer.
+
+    A measurement that is older than `within_days` says what the link was, not what it is.
+    """
     pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
     if kept is None:
         doubt = "only the declared rate is known: nobody has measured this link"
@@ -96,7 +97,7 @@ def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime) -> Capacity
         None if idle is None else _loss_up(idle.loss),
         _SOURCES[measured_up is not None, measured_down is not None],
         kept.run.id,
-        "; ".join(_doubts(kept.run, now, measured_up, measured_down)),
+        "; ".join(_doubts(kept.run, now - timedelta(days=within_days), measured_up, measured_down)),
     )
 
 
@@ -106,13 +107,13 @@ def _loss_up(loss: TrainLoss) -> float:
     return loss.share if loss.up is None or not known else loss.up / known
 
 
-def _doubts(run: MeasuredRun, now: datetime, up: float | None, down: float | None) -> Iterator[str]:
+def _doubts(run: MeasuredRun, oldest: datetime, up: float | None, down: float | None) -> Iterator[str]:
     if run.emulated:
         yield "the run was emulated: it says nothing of the real link"
     if run.way is not Verdict.PASS:
         yield f"the run does not prove that it went over {run.link}"
-    if now - run.begun > timedelta(days=QUALIFIED_DAYS):
-        yield f"the run is older than {QUALIFIED_DAYS} days"
+    if run.begun < oldest:
+        yield "the run is older than `qualified_within_days` of the checklist admits"
     if not up:
         yield "the run has no capacity from the site: the declared one is taken"
     if not down:

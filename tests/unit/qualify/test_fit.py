@@ -17,7 +17,7 @@ from atlantis_netcfg.declaration import load
 from atlantis_netcfg.declaration.model import TelemetryTopic
 from atlantis_netcfg.journal import NoSuchRun, Store
 from atlantis_netcfg.operations.fit import vehicle_fit
-from atlantis_netcfg.operations.link_capacity import QUALIFIED_DAYS, USABLE
+from atlantis_netcfg.operations.link_capacity import USABLE
 from atlantis_netcfg.operations.standing import standing_traffic
 from atlantis_netcfg.qualify.kept import folder_of
 
@@ -114,7 +114,7 @@ def test_all_that_a_word_of_success_needs(shipped: Declaration, tmp_path: Path) 
     [
         ({"way": Verdict.FAIL}, "the run does not prove that it went over satellite"),
         ({"way": Verdict.INCONCLUSIVE}, "the run does not prove that it went over satellite"),
-        ({"begun": NOW - timedelta(days=QUALIFIED_DAYS, seconds=1)}, "the run is older than 30 days"),
+        ({"begun": NOW - timedelta(days=30, seconds=1)}, "the run is older than `qualified_within_days`"),
     ],
 )
 def test_a_doubtful_run_proves_nothing(
