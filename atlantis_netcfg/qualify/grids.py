@@ -19,7 +19,7 @@ from atlantis_netcfg.qualify.reflector.stamp import (
     CHUNK_HEADER_SIZE,
     HMAC_TLV_SIZE,
 )
-from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, failed
+from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, failed
 from atlantis_netcfg.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ SHAPE_UNKNOWN: Final = (
 )
 RTPS_OCTETS: Final = 72
 """What RTPS adds to a small sample: 60 to 80 octets were counted."""
+FEW: Final = "few messages"
+"""One is lost, and of so few that it is more than may be: neither a failure nor proof."""
 TELEMETRY_SIZES: Final = (32, 128, 512)
 TELEMETRY_RATES_HZ: Final = (1.0, 2.0, 4.0, 10.0)
 IMAGE_RATES_HZ: Final = (0.2, 1.0, 2.0, 5.0)
@@ -130,10 +132,12 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
     elif loss.limited:
         verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
-    elif loss.lost > 1 and max(loss.share if up is None else up, down or 0.0) > MAX_LOSS:
+    elif (lossy := max(loss.share if up is None else up, down or 0.0) > MAX_LOSS) and loss.lost >= MIN_LOST:
         verdict, reason = Verdict.FAIL, "loss"
     elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
         verdict, reason = Verdict.FAIL, "latency"
+    elif lossy:
+        verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(
         f"{octets} B",
         octets,
@@ -153,7 +157,11 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
     """Judge a stream of the grid as the search for the highest rate does."""
     limit = failed(figures, idle_latency_s, 0.0)
     latency = figures.latency
-    silent = latency is None
+    verdict, reason = Verdict.PASS, "sustained"
+    if limit is not None:
+        verdict, reason = Verdict.INCONCLUSIVE if latency is None else Verdict.FAIL, limit.value
+    elif figures.loss > MAX_LOSS:
+        verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(
         image.label,
         figures.size,
@@ -164,8 +172,8 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
         None,
         None if latency is None else latency.p50,
         None if latency is None else latency.p95,
-        Verdict.INCONCLUSIVE if silent else Verdict.PASS if limit is None else Verdict.FAIL,
-        "sustained" if limit is None else limit.value,
+        verdict,
+        reason,
     )
 
 

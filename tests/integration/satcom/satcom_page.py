@@ -5,7 +5,6 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.qualify.figures import percentile
 from atlantis_netcfg.qualify.grids import SHAPE_UNKNOWN
 
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
 ROUND_TRIPS, RECEIVED = "satcom-round-trips.svg", "satcom-received.svg"
 _WIDTH, _HEIGHT, _LEFT, _BOTTOM, _TOP, _RIGHT = 640, 360, 60, 50, 40, 30
-_ENOUGH = 100
 _COLOURS = ("#1f5fa8", "#b3451c")
 Series = tuple[str, list[tuple[float, float]]]
 
@@ -155,9 +153,7 @@ def _packets(done: Campaign, kind: str) -> Iterator[str]:
 
 
 def _verdict(row: RateRow) -> str:
-    """Say what the grid says; one that was lost of a few proves no loss below a hundredth, nor above."""
-    if row.verdict is Verdict.PASS and row.received < row.sent < _ENOUGH:
-        return f"{Verdict.INCONCLUSIVE.value} (few messages)"
+    """Say what the grid says."""
     return row.verdict.value if row.reason == "sustained" else f"{row.verdict.value} ({row.reason})"
 
 

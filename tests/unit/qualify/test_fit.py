@@ -114,7 +114,10 @@ def test_all_that_a_word_of_success_needs(shipped: Declaration, tmp_path: Path) 
     [
         ({"way": Verdict.FAIL}, "the run does not prove that it went over satellite"),
         ({"way": Verdict.INCONCLUSIVE}, "the run does not prove that it went over satellite"),
-        ({"begun": NOW - timedelta(days=30, seconds=1)}, "the run is older than `qualified_within_days`"),
+        (
+            {"begun": NOW - timedelta(days=30, seconds=1)},
+            "the run is older than `qualified_within_days` of the checklist admits",
+        ),
     ],
 )
 def test_a_doubtful_run_proves_nothing(

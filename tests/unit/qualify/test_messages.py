@@ -13,6 +13,7 @@ from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.qualify.figures import train_figures
 from atlantis_netcfg.qualify.grids import (
+    FEW,
     IMAGES,
     SHAPE_UNKNOWN,
     image_plans,
@@ -198,6 +199,17 @@ def test_a_grid_beyond_the_link_fails() -> None:
     _, samples = run_train(network(replace(UP, rate_bps=30_000), DOWN), telemetry_plan(512, 10, 30))
     row = telemetry_row(512, 10, train_figures(samples, "train"), 0.6)
     assert row.verdict is Verdict.FAIL
+
+
+def test_one_that_is_lost_of_a_few_is_neither_a_failure_nor_proof() -> None:
+    early = network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN)
+    _, samples = run_train(early, telemetry_plan(32, 1, 20))
+    row = telemetry_row(32, 1, train_figures(samples, "train"), 0.6)
+    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, FEW)
+    figures = _sent(network(replace(UP, gaps_s=((0.0, 0.1),)), DOWN), MessagePlan(IMAGES[0].octets, 1, 20))
+    assert figures is not None
+    row = image_row(IMAGES[0], 1, figures, 0.8)
+    assert (row.sent - row.received, row.verdict, row.reason) == (1, Verdict.INCONCLUSIVE, FEW)
 
 
 def test_bytes_are_known_before_they_are_sent() -> None:
