@@ -104,9 +104,12 @@ class _CommandLine:
         language.use(language.of_environment() if chosen is None else language.named(chosen))
 
     def _group(self) -> str:
-        """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty."""
+        """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty.
+
+        One that is a command itself tells of the others in its own help.
+        """
         words = [argument for argument in self.typed if argument not in _HELP]
-        alone = len(words) == 1 and words != self.typed
+        alone = len(words) == 1 and words != self.typed and words[0] not in self.table
         return words[0] if alone and any(name.startswith(f"{words[0]} ") for name in self.table) else ""
 
     def _overview(self) -> ExitCode:

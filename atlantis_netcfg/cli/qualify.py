@@ -63,7 +63,8 @@ QUALIFY = CommandSpec(
     details=(
         "The site's traffic is not moved: for this computer's test packets alone the router gets a routing rule and "
         "rows that count, under safe mode, and they are removed again. Exit code 0: every criterion passed, and the "
-        "router's counters prove the link; 6: one failed or is not proved; 7: nothing was sent."
+        "router's counters prove the link; 6: one failed or is not proved; 7: nothing was sent. `provision "
+        "qualify show`, `compare` and `history` look at what was measured."
     ),
     changes=True,
     again="type the same again: rows that it has added go with its session, by the safe mode of the router",

@@ -74,7 +74,7 @@ def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
 def _carried(record: QualifyRecord, way: str) -> float | None:
     """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
     row = next((row for row in record.load if row.way == way), None)
-    if row is None or row.goodput_bps is None:
+    if row is None or row.goodput_bps is None or row.bounded:
         return None
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), IPV4_HEADERS) / row.size
 

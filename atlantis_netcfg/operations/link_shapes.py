@@ -139,5 +139,5 @@ def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Repla
     folders = [folder for root in roots for site in sites for folder in (root / site / "qualify").glob("*/")]
     known = sorted(folder.name for folder in folders)
     latest = f"its latest runs: {', '.join(known[-3:])}"
-    hint = latest if known else "`provision qualify` makes them; a path is taken too"
+    hint = latest if known else "measure the link first; the path of a run's folder is taken, too"
     raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and no such file is there", hint=hint)

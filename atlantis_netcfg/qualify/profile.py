@@ -309,7 +309,7 @@ def _rates(samples: Sequence[Sample], headers: int) -> tuple[float | None, float
 
 def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
     figures = message_figures(samples, stream)
-    if figures is None or figures.busy_bps is None:
+    if figures is None or figures.busy_bps is None or figures.is_bounded:
         return None
     payload = figures.size / figures.chunks
     overhead = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + CHUNK_HEADER_SIZE + headers
@@ -338,7 +338,7 @@ def read_profile(path: Path) -> LinkProfile:
         raise
     except (OSError, ValueError) as error:
         raise NoProfile(
-            f"{path} holds no run of `provision qualify` that can be replayed",
+            f"{path} holds no measured run that can be replayed",
             hint=f"name the folder of a run ({RUN_FILE}, {SAMPLES_FILE}), or its {PROFILE_FILE}",
         ) from error
     if profile.version != VERSION:

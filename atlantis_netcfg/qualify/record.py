@@ -73,6 +73,8 @@ class LoadRow:
     in_flight: int
     goodput_bps: float | None
     """By the receiver's count and clock."""
+    bounded: bool
+    """It says what the far end sends at most, and nothing of the link."""
     latency: Percentiles | None
 
 
@@ -212,6 +214,7 @@ class _Measured:
                     figures.lost + figures.unknown,
                     figures.in_flight,
                     figures.receiver_bps,
+                    figures.is_bounded,
                     figures.latency,
                 )
 

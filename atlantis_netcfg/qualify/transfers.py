@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _SECOND: Final = 1_000_000_000
 _QUARTER: Final = 4
+_NEAR: Final = 0.75
+"""Of a limit with headers: so much of it is goodput at least where the limit is reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,12 @@ class MessageFigures:
     """How much longer the last quarter of the messages took than the first, by their medians."""
     far_rate_bps: float | None = None
     """Down: what the far end sends at most. Goodput that comes near it is no figure of the link."""
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the goodput says what the far end sends at most, and nothing of the link."""
+        limit, goodput = self.far_rate_bps, self.busy_bps
+        return limit is not None and goodput is not None and goodput > _NEAR * limit
 
     @property
     def loss(self) -> float:

@@ -83,7 +83,8 @@ class QualifyResult:
         yield f"  path MTU: {mtu}"
         for row in self.record.load:
             had = "nothing arrived" if row.goodput_bps is None else f"{row.goodput_bps / 1000:.0f} kbit/s"
-            yield f"  goodput {row.way}, at the receiver: {had}"
+            bounded = ", as much as the far end sends: the link may carry more" if row.bounded else ""
+            yield f"  goodput {row.way}, at the receiver: {had}{bounded}"
         for rate in self.record.highest_rates:
             yield f"  {_rate(rate)}"
         if rows := (*self.record.telemetry, *self.record.images):

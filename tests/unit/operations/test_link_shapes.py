@@ -99,7 +99,7 @@ def test_a_run_is_found_by_its_name_or_by_its_path(tmp_path: Path) -> None:
     assert missing.value.hint == f"its latest runs: {profile.run}"
     with pytest.raises(UsageError, match="te4sea has no such run") as none:
         open_replay("satellite-1", roots, ["te4sea"])
-    assert none.value.hint == "`provision qualify` makes them; a path is taken too"
+    assert none.value.hint == "measure the link first; the path of a run's folder is taken, too"
 
 
 def test_a_run_of_a_link_that_the_site_has_not_is_refused() -> None:

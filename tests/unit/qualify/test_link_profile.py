@@ -163,10 +163,10 @@ def test_rates_are_those_of_the_messages_and_the_mtu_is_the_run_s() -> None:
 def test_a_run_that_holds_too_little_is_no_profile(tmp_path: Path) -> None:
     with pytest.raises(NoProfile, match="0 packets of its train `idle` were answered"):
         profile_of(measured_run(), measure(network(LinkShape(loss=1.0)), TrainPlan(172, 0.25, 60)).samples)
-    with pytest.raises(NoProfile, match="holds no run of `provision qualify`"):
+    with pytest.raises(NoProfile, match="holds no measured run"):
         read_profile(tmp_path)
     (tmp_path / "profile.json").write_text("{}")
-    with pytest.raises(NoProfile, match="holds no run of `provision qualify`"):
+    with pytest.raises(NoProfile, match="holds no measured run"):
         read_profile(tmp_path / "profile.json")
 
 

@@ -214,6 +214,7 @@ def test_the_far_end_says_what_it_sends_at_most() -> None:
     assert figures.far_rate_bps == 1e6
     assert figures.receiver_bps is not None
     assert figures.receiver_bps < 1e6
+    assert figures.is_bounded
     assert (figures.received, figures.lost) == (6, 0), "it waits, and drops nothing"
 
 
