@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 from pydantic import BaseModel, ConfigDict
 
+from atlantis_netcfg.bearers.cost import Tariff
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.qualify.judgement import QualifyProfile
 
@@ -104,6 +105,8 @@ class MeasuredRun(RunPart):
     clock_synchronised: bool
     budget: BudgetLimits
     currency: str | None = None
+    tariff: Tariff | None = None
+    """As the link is declared; None: nobody has declared it, or the link is not paid by the byte."""
     sent_bytes: int = 0
     """As they went over the wire, IP and UDP headers included; by this computer's count."""
     received_bytes: int = 0

@@ -9,10 +9,12 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from dataclasses import asdict, dataclass, replace
+from decimal import Decimal  # noqa: TC003 - dataclasses in a model
 from typing import TYPE_CHECKING, Final, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from atlantis_netcfg.bearers.cost import bill
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.qualify.budget import IPV4_HEADERS
 from atlantis_netcfg.qualify.figures import Percentiles, TrainFigures, train_figures
@@ -58,6 +60,8 @@ class MeasuredRate(RateRow):
 
     mb_per_hour: float
     """On the wire, both ways together, headers of IP and UDP included, where nothing is lost."""
+    price_per_hour: Decimal | None
+    """Of an hour as a session of its own, in the currency of the run's tariff; None: no tariff is declared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +108,7 @@ class HighestRate:
     reference_s: float
     """Latency without load, which the latencies are compared with."""
     mb_per_hour: float | None
+    price_per_hour: Decimal | None
     steps: tuple[RateStep, ...]
 
 
@@ -243,7 +248,11 @@ class _Measured:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=_NO_REFERENCE)
         elif row.verdict is Verdict.PASS and reason != EndReason.DONE:
             row = replace(row, verdict=Verdict.INCONCLUSIVE, reason=f"ended early: {reason}")
-        return MeasuredRate(**asdict(row), mb_per_hour=hour_bytes / MB)
+        return MeasuredRate(**asdict(row), mb_per_hour=hour_bytes / MB, price_per_hour=self._price(hour_bytes))
+
+    def _price(self, hour_bytes: int) -> Decimal | None:
+        tariff = self.run.tariff
+        return None if tariff is None else bill(hour_bytes, _HOUR_S, tariff).price
 
     def _message_bytes(self, size: int, rate_hz: float) -> int:
         return message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
@@ -286,6 +295,7 @@ class _Measured:
         limited_by = found.limited_by
         if limited_by is RateLimit.BUDGET and self.run.reason == EndReason.DONE:
             limited_by = RateLimit.HIGHEST
+        hour_bytes = None if found.rate_hz is None else self._message_bytes(first.size, found.rate_hz)
         label = next((image.label for image in IMAGES if image.octets == first.size), f"{first.size} B")
         return HighestRate(
             first.size,
@@ -294,7 +304,8 @@ class _Measured:
             limited_by,
             found.is_proved,
             reference,
-            None if found.rate_hz is None else self._message_bytes(first.size, found.rate_hz) / MB,
+            None if hour_bytes is None else hour_bytes / MB,
+            None if hour_bytes is None else self._price(hour_bytes),
             tuple(_steps(found)),
         )
 

@@ -16,8 +16,10 @@ from atlantis_netcfg.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from decimal import Decimal
 
     from atlantis_netcfg.qualify.figures import DelayVariation, TrainFigures
+    from atlantis_netcfg.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.qualify.record import MeasuredRate, QualifyRecord
 
 UNKNOWN: Final = "not known"
@@ -286,7 +288,7 @@ def _highest(record: QualifyRecord) -> PageSection:
             UNKNOWN if row.rate_hz is None else f"{row.rate_hz:g} Hz",
             row.limited_by.value,
             "proved" if row.proved else "not proved",
-            "-" if row.mb_per_hour is None else f"{row.mb_per_hour:.1f} MB/h",
+            "-" if row.mb_per_hour is None else f"{row.mb_per_hour:.1f} MB/h{_money(row.price_per_hour, record.run)}",
         )
         for row in record.highest_rates
     )
@@ -294,6 +296,11 @@ def _highest(record: QualifyRecord) -> PageSection:
     return PageSection(
         "highest", "The highest rate that the link sustains", (note,), FigureTable(_COLUMNS["highest"], rows)
     )
+
+
+def _money(price: Decimal | None, run: MeasuredRun) -> str:
+    """What an hour costs; nothing where no tariff is declared."""
+    return "" if price is None or run.tariff is None else f", {price:.2f} {run.tariff.currency}/h"
 
 
 def _used(record: QualifyRecord) -> PageSection:

@@ -17,7 +17,7 @@ class TestLibrouteros(Conversation):
     def test_queries_are_answered_as_it_builds_them(self, at: Stand) -> None:
         assert at.ask(self.client, do="queries") == {
             "and": PINGS,
-            "or": [*["return"] * 3, "log", *["return"] * 5, "log", "log", "log"],
+            "or": [*["return"] * 4, "log", *["return"] * 6, "log", "log", "log"],
             "in": ["atlantis: satellite, the terminal itself", "atlantis: satellite, allow-list"],
             "none": [],
             "fields": ["action", "chain"],

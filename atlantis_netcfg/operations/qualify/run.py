@@ -263,6 +263,7 @@ class LinkRun:
             clock_synchronised=False,
             budget=self.limits,
             currency=None if billing is None else billing.currency,
+            tariff=link_of(self.declaration, self.site, self.bearer.name).tariff,
             thresholds_name=name,
             thresholds=thresholds,
             time_zone=self.declaration.pilot.time_zone,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from simulated_network import KEY, Recording, network, unlimited
 
+from atlantis_netcfg.bearers.cost import Tariff
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import LinkShape
 from atlantis_netcfg.qualify.grids import IMAGES, image_plan, telemetry_plan
@@ -65,6 +66,7 @@ def measured_run(**changes: Any) -> MeasuredRun:  # noqa: ANN401 - fields of Mea
         "clock_synchronised": False,
         "budget": BudgetLimits(max_bytes=20_000_000),
         "currency": "EUR",
+        "tariff": Tariff(Decimal(8), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300),
         "sent_bytes": 1_500_000,
         "received_bytes": 500_000,
         "price": Decimal("12.34"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from datetime import timedelta
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 import jsonschema
@@ -72,6 +73,7 @@ def test_a_size_at_a_rate_says_what_it_costs_an_hour() -> None:
     rows = {(row.octets, row.rate_hz): row for row in made(samples_text()).telemetry}
     # An authenticated packet of at least 112 octets and 28 of headers, both ways, 4 a second.
     assert rows[32, 4.0].mb_per_hour == pytest.approx(2 * (112 + 28) * 4 * 3600 / 1e6)
+    assert rows[32, 4.0].price_per_hour == Decimal(8) * 2 * (112 + 28) * 4 * 3600 / 1_000_000
     assert rows[512, 10.0].verdict is Verdict.PASS
     assert rows[512, 10.0].reason == "sustained"
 
