@@ -187,8 +187,12 @@ class ProfileView:
 
     @property
     def announcing(self) -> Announcing:
-        """How its processes keep themselves known."""
-        return Announcing(self.processes, self.participants, self.tuning.announce_s, self.sizes)
+        """How its processes keep themselves known.
+
+        Cyclone DDS gives out indexes below `MaxAutoParticipantIndex`, and announces itself to the port of that one, too.
+        """
+        ports = self.participants + (self.middleware is RosMiddleware.CYCLONE_DDS)
+        return Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
 
     @property
     def messages(self) -> DdsMessages:

@@ -28,7 +28,7 @@ COMMON = [
     ("General/MaxMessageSize", "1200B"),
     ("General/FragmentSize", "1100B"),
     ("Discovery/ParticipantIndex", "auto"),
-    ("Discovery/MaxAutoParticipantIndex", "9"),
+    ("Discovery/MaxAutoParticipantIndex", "10"),
     ("Discovery/SPDPInterval", "20s"),
 ]
 PEERS = [("Discovery/Peers/Peer@Address", "10.80.0.2"), ("Discovery/Peers/Peer@Address", "10.80.0.21")]
