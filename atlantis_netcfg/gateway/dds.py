@@ -189,7 +189,7 @@ class ProfileView:
     def announcing(self) -> Announcing:
         """How its processes keep themselves known.
 
-        Cyclone DDS gives out indexes below `MaxAutoParticipantIndex`, and announces itself to the port of that one, too.
+        Cyclone DDS gives out indexes below `MaxAutoParticipantIndex`, and announces itself to that one's port, too.
         """
         ports = self.participants + (self.middleware is RosMiddleware.CYCLONE_DDS)
         return Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
