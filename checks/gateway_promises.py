@@ -163,6 +163,9 @@ def _secrets(declaration: Declaration, host: Host, values: Mapping[str, Any]) ->
     opened = host.device.access_point if isinstance(host.device, Gateway) else None
     if opened is not None and values.get("own_secret"):
         found[values["own_secret"]] = opened.key
+    qualify = declaration.pilot.qualify
+    if qualify is not None and values.get("qualify_secret"):
+        found[values["qualify_secret"]] = qualify.key
     declared = host.device.services if isinstance(host.device, ServerComputer) else ()
     boxes = [(each.name, each.container.environment) for each in declared if each.container is not None]
     found |= {secret_word(name, each.name): each.secret for name, rows in boxes for each in rows if each.secret}

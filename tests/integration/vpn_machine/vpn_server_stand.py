@@ -134,7 +134,7 @@ class Stand:
 
     @property
     def declaration(self) -> Declaration:
-        return load(self.inventory, decrypt=lambda _sealed: "a-real-word")
+        return load(self.inventory, decrypt=lambda _sealed: "a-real-word-long-enough")
 
     @property
     def vpn(self) -> Path:
