@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RTT_S = 0.7
 PLAIN = Shape(RTT_S / 2)
 PAGE = Path(__file__).parents[3] / "docs" / "benchmarks.md"
-GOALS = {Scenario.FIRST: (22, 169_000), Scenario.NOTHING: (5, 65_500), Scenario.FIREWALL: (14, 115_000)}
+GOALS = {Scenario.FIRST: (22, 169_000), Scenario.NOTHING: (5, 65_500), Scenario.FIREWALL: (14, 116_000)}
 """Round trips and bytes at most; 1.3 times the scripts are for the device's parser."""
 BYTES = 0.02
 """Certificates, times and counters differ from run to run."""
