@@ -141,7 +141,9 @@ def test_a_kind_of_bearer_is_a_row_of_one_table(product: Copy) -> None:
     model = "atlantis_netcfg/declaration/model/site.py"
     product.replace(model, '    ETHERNET = "ethernet"\n', '    ETHERNET = "ethernet"\n    LEO = "leo"\n')
     row = "    BearerKind.ETHERNET: BearerTraits("
-    product.replace(model, row, f"    BearerKind.LEO: BearerTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE),\n{row}")
+    product.replace(
+        model, row, f"    BearerKind.LEO: BearerTraits(Column.LTE, Pace.MOBILE, ThresholdsName.LTE),\n{row}"
+    )
     product.replace(
         "inventory/group_vars/scc.yml",
         "      kind: ethernet\n      metered: false\n",
