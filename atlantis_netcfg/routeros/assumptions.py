@@ -155,7 +155,7 @@ ASSUMPTIONS: Final = (
     Assumption(
         "safe-mode-counts-rows",
         "Each row that a script changes is one entry of the history, as if it had been typed alone.",
-        "How many changes go under one safe mode: 80 of the 100 that it remembers; fewer entries do no harm.",
+        "How many changes go under one safe mode: 82 of the 100 that it remembers; fewer entries do no harm.",
         TRY,
     ),
     Assumption(
@@ -179,7 +179,7 @@ ASSUMPTIONS: Final = (
     Assumption(
         "safe-mode-current",
         "`current` of `/safe-mode` is false as soon as its history overflowed and the session has left safe mode.",
-        "Whether a change is still protected: it is read with every turn of writing, beside the count of 80 entries.",
+        "Whether a change is still protected: it is read with every turn of writing, beside the count of 82 entries.",
         _person("take safe mode over the API, change one comment 101 times, print `/safe-mode` and `/system/history`"),
     ),
     Assumption(

@@ -28,8 +28,8 @@ PREFLIGHT: Final = 6
 """Sentences that ask about the device itself."""
 AGAIN: Final = 2
 """So many of them are asked when a run reads it a second time."""
-BUDGET: Final = 80
-"""Entries of history that one safe mode remembers; beyond them a checkpoint divides the plan."""
+BUDGET: Final = 82
+"""Entries of history that a safe mode is filled with, of the 100 that it remembers; beyond them a plan is divided."""
 SCRIPT: Final = 60_000
 """Bytes of one script at most."""
 HANDSHAKE_TRIPS: Final = 3

@@ -75,7 +75,7 @@ def test_a_stop_settles_the_device(at: Quay, number: signal.Signals) -> None:
         await_record(at.state, SENT)
         process.send_signal(number)
         text = ended(at, process, 4)
-    assert "the device is as before" in text
+    assert "taken back, the device is as before" in text
     assert f"STOPPED by {'Ctrl-C' if number == signal.SIGINT else number.name}" in text
     assert at.export().splitlines() == before.splitlines()
     assert [row["unfinished"] for row in at.runs()] == [False]
