@@ -19,6 +19,7 @@ from atlantis_netcfg.routeros.menus import MARK, MENUS
 from atlantis_netcfg.routeros.observe import HISTORY, LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
+from atlantis_netcfg.routeros.safe_mode import BUDGET
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -28,8 +29,6 @@ PREFLIGHT: Final = 6
 """Sentences that ask about the device itself."""
 AGAIN: Final = 2
 """So many of them are asked when a run reads it a second time."""
-BUDGET: Final = 82
-"""Entries of history that a safe mode is filled with, of the 100 that it remembers; beyond them a plan is divided."""
 SCRIPT: Final = 60_000
 """Bytes of one script at most."""
 HANDSHAKE_TRIPS: Final = 3

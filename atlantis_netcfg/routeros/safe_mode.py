@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.routeros.api._values import Channel
 
-BUDGET = 80
+BUDGET = 82
 """Entries of history that one safe mode may take. The device keeps 100 (manual, Configuration Management); beyond them
 it leaves safe mode without a word. Counted per row.
 

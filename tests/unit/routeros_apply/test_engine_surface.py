@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from atlantis_netcfg import journal, routeros
-from atlantis_netcfg.routeros import apply
+from atlantis_netcfg.routeros import apply, desired, fleet
 
 
 def test_the_surface_of_the_engine() -> None:
@@ -20,6 +20,7 @@ def test_the_surface_of_the_engine() -> None:
         "desired",
         "fleet",
     ]
+    assert (routeros.desired, routeros.fleet) == (desired, fleet), "modules of it, which whoever uses them imports"
     assert all(hasattr(routeros, name) for name in routeros.__all__)
     assert all(hasattr(apply, name) for name in apply.__all__)
 

@@ -14,6 +14,7 @@ from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, BearerProfile, Esti
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan, simulate
+from atlantis_netcfg.routeros.safe_mode import BUDGET
 
 LAN = BearerProfile("lan", 0.001, 100e6, 100e6, metered=False)
 IRIDIUM = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
@@ -65,15 +66,15 @@ def test_after_it_nothing_is_left_to_pay_but_the_reading() -> None:
 
 
 def test_round_trips_do_not_grow_with_the_number_of_rows_within_one_safe_mode() -> None:
-    assert estimate(pools(1), LAN).round_trips == estimate(pools(80), LAN).round_trips
-    assert estimate(pools(81), LAN).round_trips > estimate(pools(80), LAN).round_trips
+    assert estimate(pools(1), LAN).round_trips == estimate(pools(BUDGET), LAN).round_trips
+    assert estimate(pools(BUDGET + 1), LAN).round_trips > estimate(pools(BUDGET), LAN).round_trips
 
 
 def test_harmless_rows_go_beside_safe_mode_where_that_saves_a_checkpoint() -> None:
-    harmless = "/ip pool\n" + "".join(f"add name=p{n} ranges=10.0.0.{n}\n" for n in range(80))
+    harmless = "/ip pool\n" + "".join(f"add name=p{n} ranges=10.0.0.{n}\n" for n in range(BUDGET))
     one = plan("r", read(harmless + "/ip address\nadd address=10.0.0.1/24 interface=b"), observed(""))
     assert estimate(one, LAN).round_trips == estimate(pools(1), LAN).round_trips + 2
-    assert estimate(pools(81), LAN).round_trips == estimate(pools(1), LAN).round_trips + CHECKPOINT
+    assert estimate(pools(BUDGET + 1), LAN).round_trips == estimate(pools(1), LAN).round_trips + CHECKPOINT
 
 
 @pytest.mark.parametrize("field", ["rtt_s", "rate_up_bps", "rate_down_bps"])

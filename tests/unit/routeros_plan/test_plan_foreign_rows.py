@@ -12,10 +12,11 @@ from atlantis_netcfg.routeros.apply._protection import Protection
 from atlantis_netcfg.routeros.apply._state import digest
 from atlantis_netcfg.routeros.apply._work import cut
 from atlantis_netcfg.routeros.desired import read
-from atlantis_netcfg.routeros.estimate import BUDGET, BearerProfile, estimate
+from atlantis_netcfg.routeros.estimate import BearerProfile, estimate
 from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan, simulate
+from atlantis_netcfg.routeros.safe_mode import BUDGET
 
 LISTS, FILTER, DNS = "/ip/firewall/address-list", "/ip/firewall/filter", "/ip/dns/static"
 ROWS = {
@@ -23,7 +24,7 @@ ROWS = {
     FILTER: {"chain": "forward", "action": "drop", "src-address": "198.18.{}.{}"},
     DNS: {"name": "h{}-{}.example", "address": "198.18.0.1"},
 }
-MANY = 10_000
+MANY = 122 * BUDGET
 
 
 def declared(*menus: str) -> str:
