@@ -5,9 +5,8 @@ from __future__ import annotations
 import base64
 import hashlib
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from atlantis_netcfg.asbuilt.record import (
@@ -28,10 +27,12 @@ from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.report.page import page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from jinja2 import Environment
 
 _COLUMN = 26
 """At which the values of a screen begin."""
@@ -223,14 +224,7 @@ def table_words(table: ReportTable) -> str:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader("atlantis_netcfg.asbuilt"),
-        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
-        undefined=StrictUndefined,
-        finalize=_written_out,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = page_environment("atlantis_netcfg.asbuilt")
     made.filters.update(translate=translate)
     made.globals.update(
         heading=heading,
@@ -250,8 +244,3 @@ def _environment() -> Environment:
         anchor=anchor,
     )
     return made
-
-
-def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
-    """Write out what cannot be seen, in all that is printed."""
-    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)

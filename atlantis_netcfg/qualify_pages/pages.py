@@ -6,9 +6,8 @@ import base64
 import hashlib
 import io
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from atlantis_netcfg.checklist.report._texts import page_language, unread
@@ -24,10 +23,12 @@ from atlantis_netcfg.qualify_pages.sections import (
     sections,
     subtitle,
 )
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.report.page import page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from jinja2 import Environment
 
     from atlantis_netcfg.checklist.report._pdf._sheet import Paper
     from atlantis_netcfg.qualify.record import QualifyRecord
@@ -139,22 +140,10 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader("atlantis_netcfg.qualify_pages"),
-        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
-        undefined=StrictUndefined,
-        finalize=_written_out,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = page_environment("atlantis_netcfg.qualify_pages")
     made.filters.update(translate=translate)
     made.globals.update(in_words=in_words)
     return made
-
-
-def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
-    """Write out what cannot be seen, in all that is printed."""
-    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)
 
 
 def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:

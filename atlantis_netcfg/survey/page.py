@@ -14,19 +14,20 @@ import math
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
 from atlantis_netcfg.bearers.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
 from atlantis_netcfg.checklist.report._texts import page_language, unread
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.report.drift import clean
+from atlantis_netcfg.report.page import page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from jinja2 import Environment
 
     from atlantis_netcfg.survey.exports import Coast
     from atlantis_netcfg.survey.points import Survey, SurveyPoint
@@ -284,19 +285,7 @@ def html(survey: Survey, coast: Coast | None = None) -> bytes:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader("atlantis_netcfg.survey"),
-        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
-        undefined=StrictUndefined,
-        finalize=_written_out,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = page_environment("atlantis_netcfg.survey")
     made.filters.update(translate=translate)
     made.globals.update(shapes=SHAPES)
     return made
-
-
-def _written_out(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
-    """Write out what cannot be seen, in all that is printed."""
-    return value if isinstance(value, Markup) or not isinstance(value, str) else clean(value)

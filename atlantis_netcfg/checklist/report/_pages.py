@@ -24,7 +24,6 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 from PIL import Image, ImageOps
 
@@ -49,9 +48,12 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.report.drift import add, clean, count, skip, tell, written
+from atlantis_netcfg.report.page import page_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from jinja2 import Environment
 
     from atlantis_netcfg.checklist.report.document import Document, Evidence, Item
 
@@ -258,14 +260,7 @@ def _classes(tints: Mapping[ShownState | None, Any]) -> dict[str, Any]:
 
 @cache
 def _environment() -> Environment:
-    made = Environment(
-        loader=PackageLoader("atlantis_netcfg.checklist.report"),
-        autoescape=select_autoescape(enabled_extensions=("html.j2",)),
-        undefined=StrictUndefined,
-        finalize=_shown,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = page_environment("atlantis_netcfg.checklist.report")
     made.filters.update(title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code)
     made.filters.update(item_title=lambda item: _with_code(_texts.item_title(item)))
     made.globals.update(
@@ -296,13 +291,6 @@ def _message(message: str) -> Markup:
 def _with_code(text: str) -> Markup:
     shapes = {False: Markup("{}"), True: Markup("<code>{}</code>")}
     return Markup().join(shapes[is_code].format(clean(piece)) for piece, is_code in coded(text))
-
-
-def _shown(value: Any) -> Any:  # noqa: ANN401 - whatever a template prints
-    """Write out what cannot be seen, in all that is printed."""
-    if isinstance(value, Markup) or not isinstance(value, str):
-        return value
-    return clean(value)
 
 
 def _data_uri(photo: Photo) -> str:
