@@ -13,12 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.qualify.messages import DEFAULT_PACKET, MessagePlan
-from atlantis_netcfg.qualify.reflector.stamp import (
-    ACKNOWLEDGEMENT_SIZE,
-    AUTHENTICATED_SIZE,
-    CHUNK_HEADER_SIZE,
-    HMAC_TLV_SIZE,
-)
+from atlantis_netcfg.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, chunk_room, extended_size
 from atlantis_netcfg.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, failed
 from atlantis_netcfg.qualify.session import TrainPlan
 
@@ -114,10 +109,11 @@ def train_bytes(plan: TrainPlan, headers: int) -> int:
 
 def message_bytes(plan: MessagePlan, headers: int) -> int:
     """Give what authenticated messages put on the wire where nothing is lost, both ways together."""
-    base = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + CHUNK_HEADER_SIZE
-    answer = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + ACKNOWLEDGEMENT_SIZE
-    chunks = -(-plan.size // (min(plan.packet, DEFAULT_PACKET) - base))
-    return plan.messages * (plan.size + chunks * (base + headers) + answer + headers)
+    packet = min(plan.packet, DEFAULT_PACKET)
+    room = chunk_room(packet, authenticated=True)
+    answer = extended_size(authenticated=True) + ACKNOWLEDGEMENT_SIZE
+    chunks = -(-plan.size // room)
+    return plan.messages * (plan.size + chunks * (packet - room + headers) + answer + headers)
 
 
 def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
