@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NothingMatched, nearest
 from atlantis_netcfg.declaration.findings import choices
-from atlantis_netcfg.declaration.model import Gateway, ServerComputer
+from atlantis_netcfg.declaration.model import Gateway, Router, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -52,6 +52,10 @@ class Declaration:
     def site_hosts(self, site: str) -> tuple[Host, ...]:
         """The hosts of a site, in the order of hosts.yml."""
         return tuple(host for host in self.hosts.values() if host.site == site)
+
+    def router_of(self, site: str) -> Host | None:
+        """The router of a site; None: it has none."""
+        return next((host for host in self.site_hosts(site) if isinstance(host.device, Router)), None)
 
     def computer_of(self, site: str) -> Host | None:
         """The computer that programs look from: the site's gateway, else its control centre."""

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.bearers import LinkState
 from atlantis_netcfg.bearers.cost import preview
 from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, nearest
-from atlantis_netcfg.declaration.model import Router
 from atlantis_netcfg.operations.request import LinkOrder
 from atlantis_netcfg.routeros.link_use import SETTLED_S
 
@@ -61,7 +60,7 @@ def router_of(declaration: Declaration, site: str) -> Host:
             f"`site={site}`: a link is put in use at one site",
             hint=f"did you mean `site={near}`? {listed}" if near else listed,
         )
-    router = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    router = declaration.router_of(site)
     bearers = declaration.sites[site].bearers
     if router is None or len(bearers) < 2:  # noqa: PLR2004 - to choose among
         only = f"`{bearers[0].name}` is its only link" if bearers else "it has no links"

@@ -45,7 +45,7 @@ from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration import Declaration
     from atlantis_netcfg.declaration.model import Bearer, TelemetryTopic
     from atlantis_netcfg.gateway.dds import ProfileView
     from atlantis_netcfg.render.view import Uplink
@@ -72,7 +72,7 @@ def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraff
 
 
 def _uplinks(declaration: Declaration, site: str) -> tuple[Uplink, ...]:
-    router = _router(declaration, site)
+    router = declaration.router_of(site)
     return router_view(declaration, router).uplinks if router is not None else ()
 
 
@@ -102,10 +102,6 @@ def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...
     return found
 
 
-def _router(declaration: Declaration, site: str) -> Host | None:
-    return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
-
-
 def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic; `bearer`, because reliable topics depend on its pace."""
     clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
@@ -128,7 +124,7 @@ def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Ite
         yield _telemetry(declaration, site, computers[0][1], declared_pace(bearer))
     ping_s = TIMERS[site_link(declaration, site)][0]
     over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is DdsPath.LAN
-    router = _router(declaration, site)
+    router = declaration.router_of(site)
     every_s = computers[0][1].tuning.announce_s if announcements else None
     idle = keep_alive(ping_s, RENEGOTIATION_S, None, None)
     busy = keep_alive(ping_s, RENEGOTIATION_S, every_s, every_s)

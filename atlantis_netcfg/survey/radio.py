@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter, Router
+from atlantis_netcfg.declaration.model import BearerKind, LteDriver, LteRouter
 from atlantis_netcfg.operations.costs import ways_of
 from atlantis_netcfg.operations.links.look import session_to
 from atlantis_netcfg.operations.links.session import rows
@@ -103,11 +103,6 @@ class UnitRadio:
                 answers = rows(await session.command(_ROUTES))
             return None if answers is None else active_bearer(answers, ways_of(self.declaration, router))
         return None
-
-
-def router_of(declaration: Declaration, site: str) -> Host | None:
-    """The router that chooses among the links of a site, if it has one."""
-    return next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
 
 
 def sample_of(reading: LteReading) -> RadioSample:

@@ -19,7 +19,7 @@ from atlantis_netcfg.qualify.transport import UdpTransport
 from atlantis_netcfg.survey.measure import LinkTester, RunningSurvey
 from atlantis_netcfg.survey.points import SurveyHeader
 from atlantis_netcfg.survey.positions import MAX_AGE_S, MAX_HDOP, GpsdSource, NoPosition, gpsd_address, typed_position
-from atlantis_netcfg.survey.radio import UnitRadio, router_of
+from atlantis_netcfg.survey.radio import UnitRadio
 from atlantis_netcfg.survey.rehearsed import KEY, DeclaredRate, Voyage, VoyageRadio
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class SiteSurvey:
             transport = stack.enter_context(self._transport())
             tester = LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
             self.plan.test_every_s(transport.headers)
-        radio = UnitRadio(self.declaration, self.unit, self.request, self.store, router_of(self.declaration, self.site))
+        radio = UnitRadio(self.declaration, self.unit, self.request, self.store, self.declaration.router_of(self.site))
         positions = TypedPositions() if self.clicks else stack.enter_context(self._gpsd())
         return RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
 

@@ -528,7 +528,7 @@ class Cell:
     @property
     def router(self) -> Host | None:
         """The site's router."""
-        return next((host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Router)), None)
+        return self.declaration.router_of(self.site)
 
     @property
     def wifi(self) -> WifiEndpoint | None:

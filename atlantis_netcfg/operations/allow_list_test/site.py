@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.bearers.cost import Bill, Preview, preview
 from atlantis_netcfg.bearers.satellite import judge_names
-from atlantis_netcfg.declaration.model import Bearer, Router
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.bearers import BearerFinding
     from atlantis_netcfg.declaration import Declaration, Host
+    from atlantis_netcfg.declaration.model import Bearer
     from atlantis_netcfg.operations.request import Request
 
 
@@ -67,7 +67,7 @@ class Satellite:
 def satellite_of(declaration: Declaration, site: str, name: str | None) -> Satellite:
     """Find the satellite of a site: the one that is named, or the only one. Raises NothingToProve."""
     bearer = _bearer(declaration, site, name)
-    router = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    router = declaration.router_of(site)
     port = None
     if router is not None:
         port = next((port for port, link in ports_of(router).items() if link == bearer.name), None)

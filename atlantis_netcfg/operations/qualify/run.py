@@ -16,7 +16,7 @@ from atlantis_netcfg import __version__
 from atlantis_netcfg.bearers.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.declaration.model import Router, ServerComputer
+from atlantis_netcfg.declaration.model import ServerComputer
 from atlantis_netcfg.declaration.satellite_allow_list import far_end
 from atlantis_netcfg.journal import NoJournal
 from atlantis_netcfg.operations.allow_list_test.prove import temporarily
@@ -77,7 +77,7 @@ def links_of_site(declaration: Declaration, site: str, name: str | None) -> tupl
 
 def router_of(declaration: Declaration, site: str) -> Host:
     """The router that leads the packets. Raises NothingToQualify."""
-    found = next((host for host in declaration.site_hosts(site) if isinstance(host.device, Router)), None)
+    found = declaration.router_of(site)
     if found is None:
         raise NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
     return found
