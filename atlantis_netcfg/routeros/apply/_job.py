@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
+from secrets import token_hex
 from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg.core.errors import ExitCode
@@ -181,6 +183,8 @@ class DeviceJob:
     console: OpenConsole = open_console
     run: str = ""
     """What the journal calls this run: a run that was killed is known by it when it is resumed."""
+    nonce: str = field(default_factory=partial(token_hex, 3), compare=False)
+    """Of this attempt alone: two laptops may begin in the same second, and have one address behind a NAT."""
     history: History = field(default_factory=NoHistory)
     unprotected: bool = False
     """A person has said that a change may be made although nothing would take it back."""

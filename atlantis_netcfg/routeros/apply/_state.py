@@ -182,10 +182,10 @@ class RunSigner:
 
     @property
     def text(self) -> str:
-        """What the sign says: whose run it is, and from where."""
+        """What the sign says: whose run it is, from where, and which attempt at it."""
         user = self.job.endpoint.user
         who = f"{user}@{self.address}" if self.address else user
-        return f"run {self.job.run} of {who}" if self.job.run else f"a run of {who}"
+        return f"run {self.job.run} of {who} ({self.job.nonce})" if self.job.run else f"a run of {who}"
 
     def other(self, found: Iterable[Sign]) -> Sign | None:
         """Return the sign of somebody else who may be at work; none of a dead run that may be taken over."""

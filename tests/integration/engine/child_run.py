@@ -72,6 +72,7 @@ def main(asked: Mapping[str, Any]) -> None:
         patience=Patience(**{"first_poll_s": 0.05, "last_poll_s": 0.2, **asked.get("patience", {})}),
         ssh=_console(asked),
         run=opened.run,
+        history=Store(Path(asked["state"])).history("coastal", "router"),
     )
     if "bytes" in asked:
         resource.setrlimit(resource.RLIMIT_FSIZE, (asked["bytes"], asked["bytes"]))
