@@ -26,6 +26,7 @@ from atlantis_netcfg.declaration.model import (
     ServerComputer,
     ServiceContainer,
     ServiceProgram,
+    SiteComputer,
     SshHost,
 )
 from atlantis_netcfg.emulator import lab
@@ -114,6 +115,7 @@ def rehearsed_computers(
         authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
         result = (
             *((_CLOCK,) if serving else ()),
+            *((_NETWORK,) if any(map(_declares_network, computers)) else ()),
             *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
             *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
             *((_SERVICES,) if any(map(_hosted, serving)) else ()),
@@ -180,6 +182,10 @@ def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder:
 _NETWORK = "the declared network of the computers: a machine keeps the one that it was started with"
 _SERVICES = "services: the partners' programs; in their places stand-ins listen at the declared ports"
 _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
+
+
+def _declares_network(host: Host) -> bool:
+    return isinstance(host.device, SiteComputer) and host.device.network is not None
 
 
 def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
